@@ -68,9 +68,8 @@ def plain(what: str, given: Any, *, fill: float | None = None) -> npt.NDArray[An
 def real(what: str, given: Any, dtype: Any = None, *, fill: float | None = None) -> npt.NDArray[Any]:
     """Return a C-contiguous array in native single or double precision; copy only if necessary.
 
-    Single precision stays; all other real numbers become double precision. Masked entries become ``fill``; without ``fill`` they
-    are
-    refused.
+    Single precision is kept; all other real numbers become double precision. Masked entries become ``fill``; without ``fill``
+    they are refused.
     """
     array = plain(what, given, fill=fill)
     if array.dtype.kind not in "fiub":

@@ -10,6 +10,7 @@ from pysunstone import _native
 
 def main() -> None:
     """Run the command line in this process, like the program ``sunstone``."""
-    # The command itself handles Ctrl-C and finishes the work in flight. Python's handler would only run after the command.
+    # The command itself handles Ctrl-C and finishes the work in flight. Python's own handler would run only after the command
+    # ends.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(_native.command(["sunstone", *sys.argv[1:]]))

@@ -110,7 +110,7 @@ def sent(client: Any, luggage: Luggage) -> tuple[str, Any]:
     """
     from distributed import WorkerPlugin
 
-    # Each call uses its own name: otherwise the first of two calls to end would remove the scene of the other.
+    # Each call uses a unique name. Otherwise, the first of two calls that ends would remove the scene of the other call.
     name = f"sunstone-{luggage.key[:16]}-{uuid.uuid4().hex[:8]}"
 
     class Unpack(WorkerPlugin):

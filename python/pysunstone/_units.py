@@ -69,7 +69,7 @@ class Command:
     command
         The command; if None, the worker finds it.
     words
-        Its arguments.
+        Arguments of the command.
     below
         Arguments that are paths in the worker's own folder: their positions in ``words``, and the relative paths.
     may_refuse
@@ -84,8 +84,8 @@ class Command:
     def __call__(self) -> str:
         """Run the command.
 
-        Another process may hold the lock of the store, such as a worker that was believed dead. Then wait for it; if it has died,
-        the command takes over the lock.
+        Another process may hold the lock of the store, such as a worker that was believed dead. In this case, wait for the other
+        process. If that process has died, the command takes over the lock.
         """
         words = list(self.words)
         for at, name in self.below:
@@ -104,7 +104,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Made:
-    """Cost of making a unit; zero if the unit existed already."""
+    """Cost of making a unit; zero if the unit already existed."""
 
     seconds: float
     samples: int
@@ -124,7 +124,7 @@ class Unit:
     threads: int
 
     def __call__(self) -> Made:
-        """Make the unit, unless the unit exists already."""
+        """Make the unit, unless it already exists."""
         begun = time.perf_counter()
         if "://" in self.place:
             # A store at an address appears under its final name immediately and is locked while it is written. Resuming keeps the
@@ -141,7 +141,7 @@ class Unit:
             try:
                 os.rename(fresh, self.place)
             except OSError:
-                # Another worker was faster; its bytes are the same.
+                # Another worker was faster, and its result has the same bytes.
                 if not os.path.isdir(self.place):
                     raise
         finally:
@@ -205,14 +205,14 @@ class Meter:
 
 
 def finish(client: Any, units: Sequence[Unit], progress: Callable[[int, int], None] | None, meter: Meter) -> None:
-    """Make all units; repeat units whose worker died."""
+    """Run all units, and repeat units whose worker died."""
 
     def made(finished: int, of: int, made: Any) -> None:
         meter.made(finished, of, made)
         if progress is not None:
             progress(finished, of)
 
-    # The key depends on the place of the result, so that two concurrent calls for one result make it only once.
+    # The key depends on the location of the result, so that two concurrent calls for the same result compute it only once.
     _make(client, [(hashlib.sha256(unit.place.encode()).hexdigest()[:16], unit.place, unit) for unit in units], made)
 
 
@@ -255,5 +255,5 @@ def _make(client: Any, tasks: Sequence[tuple[str, str, Callable[[], Any]]], made
                 raise error
             raise RenderError(f"{task[1]}: {error}") from error
         if attempt + 1 >= ATTEMPTS:
-            raise RenderError(f"{task[1]}: its workers died {ATTEMPTS} times; they may have too little memory")
+            raise RenderError(f"{task[1]}: the workers died {ATTEMPTS} times; give the workers more memory")
         pending.add(submit(task, attempt + 1))

@@ -30,14 +30,14 @@ Kind = Literal["total", "linear", "circular"]
 
 
 def _polarized(data: xr.DataArray, kind: Kind) -> tuple[list[xr.DataArray], xr.DataArray]:
-    """Return the Stokes elements of the polarized part, and the intensity."""
+    """Return the Stokes elements of the polarized component, and the intensity."""
     if "stokes_in" in data.dims:
-        raise ValueError("these are Mueller matrices: choose the light with probe(state=...) first")
+        raise ValueError("the array contains Mueller matrices: choose the light with probe(state=...) first")
     if "stokes_out" not in data.dims or data.sizes["stokes_out"] != 4:
-        raise ValueError("the axis `stokes_out` must have four entries: render polarization `mueller`")
+        raise ValueError("the axis `stokes_out` must have four entries: render a slice with polarization `mueller`")
     which = {"total": (1, 2, 3), "linear": (1, 2), "circular": (3,)}
     if kind not in which:
-        raise ValueError(f"a degree of polarization is one of {', '.join(which)}, not `{kind}`")
+        raise ValueError(f"unknown degree of polarization `{kind}`: choose from {', '.join(which)}")
     data = data.astype(float)
     return [data.isel(stokes_out=i, drop=True) for i in which[kind]], data.isel(stokes_out=0, drop=True)
 
@@ -83,11 +83,11 @@ class SunstoneArray:
         ----------
         pattern
             Drive of every projector pixel, 0 to 1, or a mask, of shape (rows, columns) of the projector. Shape (K, rows, columns)
-            gives K patterns in one call, along a new axis `pattern`. Contracts `v` and `u`.
+            gives K patterns in one call, along a new axis `pattern`. A pattern contracts `v` and `u`.
         state
             Stokes vector of the projector's light: a name (``"unpolarized"``, ``"horizontal"``, ``"vertical"``, ``"plus45"``,
-            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states along a new axis `state`.
-            Contracts `stokes_in`; `stokes_out` of the result is the Stokes vector at the camera.
+            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states along a new axis `state`. A
+            state contracts `stokes_in`; along `stokes_out`, the result is the Stokes vector at the camera.
         pulse
             Full width at half maximum of a Gaussian pulse in picoseconds, or samples of a pulse at the slice's bin width. Light
             that the pulse moves out of the bins is lost (a data set keeps it as `shifted_out`).
@@ -106,7 +106,7 @@ class SunstoneArray:
 
         Notes
         -----
-        Probe before selecting: after a selection along `t`, a pulse treats the removed bins as dark.
+        Call `probe` before you select entries along `t`, because a pulse treats removed bins as dark.
         """
         return summed(contracted(self._data, pattern, state, pulse, None)[0], sum, None)
 
@@ -245,10 +245,11 @@ class SunstoneDataset:
         self._data = data
 
     def _fields(self) -> list[tuple[str, xr.DataArray, bool]]:
-        """Return the arrays of the slice: name, values, and whether they are standard errors. Arrays without errors are included.
+        """Return the arrays of the slice: name, values, and whether they are standard errors. Arrays without standard errors are
+        included.
         """
         if "mean" not in self._data:
-            raise ValueError("this is not a slice of a store: it has no `mean`")
+            raise ValueError("the data set is not a slice of a store: the array `mean` is missing")
         known = (("mean", False), ("std_error", True), ("overflow", False), ("overflow_std_error", True))
         return [(name, self._data[name], error) for name, error in known if name in self._data]
 
@@ -268,16 +269,16 @@ class SunstoneDataset:
         pattern, state, pulse, sum
             See `SunstoneArray.probe`.
         errors
-            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which share their samples. This holds for any correlation
-            and is what `sunstone probe` reports. ``"independent"``: √Σ(w·se)², too small if the elements are correlated. Over
-            camera pixels, both options add errors in quadrature.
+            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which are estimated from the same samples. This bound holds
+            for any correlation, and `sunstone probe` reports it. ``"independent"``: √Σ(w·se)², which is too small if the elements
+            are correlated. Over camera pixels, both options add errors in quadrature.
 
         Returns
         -------
         xarray.Dataset
-            `mean` and `std_error`. If time is resolved, also `overflow`: the light outside the bins, which no pulse moves. With a
-            pulse, also `shifted_out`: the light that the pulse moves out of the bins. `total_std_error` does not apply to the
-            result and is left out.
+            `mean` and `std_error`. If time is resolved, also `overflow`: the light outside the bins, with which the pulse is not
+            convolved. With a pulse, also `shifted_out`: the light that the pulse moves out of the bins. `total_std_error` does
+            not apply to the result and is omitted.
         """
         sum = list(sum)
         result: dict[str, xr.DataArray] = {}
@@ -353,7 +354,8 @@ class SunstoneDataset:
             parts, intensity = _polarized(mean, kind)
             errors, of_intensity = _polarized(self._data["std_error"], kind)
             size = _size(parts)
-            # The degree has no derivative where the polarized part is zero; there the error of the polarized part's size is used.
+            # The degree is not differentiable if the polarized component is zero. In this case the error of the component's
+            # magnitude is used.
             shares = [abs(part) / size.where(size > 0, 1) + (size == 0) for part in parts]
             intensity = intensity.where(intensity > 0)
             bound = sum(share * error for share, error in zip(shares, errors, strict=True)) / intensity
@@ -391,7 +393,7 @@ class SunstoneDataset:
 
 @xr.register_datatree_accessor("sunstone")  # type: ignore[no-untyped-call]
 class SunstoneTree(SunstoneDataset):
-    """Operations on the tree node of a slice, equal to the operations on the slice's data set.
+    """Operations on the tree node of a slice: the same as those on the slice's data set.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Applications of the tensor (Baek & Heide 2021) with baselines, and shape reconstruction from your own arrays.
 
 `run` renders the scenes of an application, fits every method on the training variants and evaluates it on the test variants, as
-`sunstone apply`. Functions on images alone: codes of structured light (`patterns`, `decode`), triangulation (`depth`), and
-normals from depths (`normals`) or from polarization (`polarization_cues`, `polarization_normals`). Depths are in metres along the
-camera's axis. Normals are unit vectors in the camera's frame (x right, y down, z forward) that point to the camera. Unknown
+`sunstone apply`. Other functions work on images only: codes of structured light (`patterns`, `decode`), triangulation (`depth`),
+and normals from depths (`normals`) or from polarization (`polarization_cues`, `polarization_normals`). Depths are in metres along
+the camera's axis. Normals are unit vectors in the camera's frame (x right, y down, z forward) that point to the camera. Unknown
 values are NaN.
 """
 
@@ -56,7 +56,7 @@ def applications() -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Picture:
-    """Result of a method for the first seed: ``values`` (rows, columns, channels) of the test variant ``variant``."""
+    """An image of a method's result for the first seed: ``values`` (rows, columns, channels) for the test variant ``variant``."""
 
     method: str
     name: str
@@ -80,7 +80,7 @@ class Report:
     captured
         The same tables for slices that a simulated rig captures, by the name of the capture chain.
     notes
-        Remarks for the reader.
+        Notes on the results.
     pictures
         Results of the methods for the first seed.
     attrs
@@ -136,7 +136,7 @@ def run(
     output: Path | None = None,
     progress: bool | Progress | None = None,
 ) -> Report:
-    """Run an application, as `sunstone apply` does. A preview takes minutes, a full run hours.
+    """Run an application, as `sunstone apply` does. A preview run takes minutes, a full run takes hours.
 
     Ctrl-C stops the run; finished renders are kept.
 
@@ -151,11 +151,12 @@ def run(
     preview
         Render small, noisy images.
     seeds
-        Number of repetitions of the whole run with different seeds.
+        Number of seeds. The whole run is repeated for each seed.
     capture
-        File of a capture chain (examples: ``rigs/chains``). Methods are then also evaluated on slices as a rig captures them.
+        File of a capture chain (examples: ``rigs/chains``). Methods are then also evaluated on slices that are captured by the
+        simulated rig of this file.
     output
-        Folder for tables and pictures, as the command writes them.
+        Folder for tables and images, as written by the command.
     progress
         True for a bar, or a function that is called with the finished and total tiles of the current render.
 
@@ -238,7 +239,7 @@ _DEFAULTS: dict[str, Any] = {"origin": (0.0, 0.0, 0.0), "axes": ((1.0, 0.0, 0.0)
 def _numbers(what: str, device: Mapping[str, Any]) -> Any:
     unknown, missing = set(device) - set(_KEYS), [k for k in _KEYS[:3] if k not in device]
     if unknown or missing:
-        wrong = f"there is no `{min(unknown)}`" if unknown else f"`{missing[0]}` is missing"
+        wrong = f"unknown key `{min(unknown)}`" if unknown else f"`{missing[0]}` is missing"
         raise InputError(f"{what}: {wrong}; give {', '.join(_KEYS)}")
     given = {key: real(f"{what}.{key}", device.get(key, _DEFAULTS.get(key)), np.float64) for key in _KEYS}
     for key, shape in zip(_KEYS, ((2,), (2,), (2,), (3,), (3, 3)), strict=True):
@@ -248,7 +249,7 @@ def _numbers(what: str, device: Mapping[str, Any]) -> Any:
 
 
 def _image(what: str, given: npt.ArrayLike, last: tuple[int, ...] = ()) -> Array:
-    """Return an image (rows, columns, channels) after a check of its trailing axes."""
+    """Check the trailing axes of an image and return it with shape (rows, columns, channels)."""
     array = real(what, given, np.float64)
     if array.ndim != 2 + len(last) or array.shape[2:] != last:
         raise InputError(f"{what}: the shape is {array.shape}; give {('rows', 'columns', *last)}".replace("'", ""))
@@ -258,8 +259,8 @@ def _image(what: str, given: npt.ArrayLike, last: tuple[int, ...] = ()) -> Array
 def patterns(code: Code, columns: int, *, periods: Sequence[float] | None = None) -> Array:
     """Return the patterns of a code of structured light: drives 0 to 1 of projector columns, (captures, columns).
 
-    ``periods``, in columns, apply to ``phase-shift`` (decreasing from ``columns``; by default each is a quarter of the one
-    before) and to ``micro-phase-shift``.
+    ``periods``, in columns, apply to ``phase-shift`` (decreasing from ``columns``; by default, each period is a quarter of the
+    previous one) and to ``micro-phase-shift``.
     """
     return _native.code_patterns(code, columns, _listed(periods))
 
@@ -302,7 +303,8 @@ def depth(devices: Devices, column: npt.ArrayLike) -> Array:
 def normals(devices: Devices, depth: npt.ArrayLike, *, radius: int = 2, robust: bool = True) -> Array:
     """Return normals (rows, columns, 3) of depths.
 
-    Each normal is that of a plane through a window of 2·``radius`` + 1 pixels, fitted with Tukey's biweight if ``robust``.
+    Each normal is that of a plane that is fitted to the depths in a square window with a side of 2·``radius`` + 1 pixels, with
+    Tukey's biweight if ``robust``.
     """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_depth(native, _image("depth", depth), radius, robust)
@@ -316,13 +318,14 @@ def polarization_cues(
     Parameters
     ----------
     matrices
-        (rows, columns, 4, 4): an image of a dielectric, in each pixel's own frame.
+        (rows, columns, 4, 4): an image of Mueller matrices of a dielectric object, in the frame of each pixel.
     index
         Refractive index of the dielectric.
     mirrored
-        Read the polarization of specular reflection (zenith angles below Brewster's), not of subsurface scattering.
+        Use the polarization of specular reflection (zenith angles below Brewster's angle) instead of subsurface scattering.
     mirrored_off
-        Remove light from a single specular reflection by M00 + M33, with the projector near the camera (Baek et al. 2018).
+        Exclude single specular reflection by using M00 + M33 as intensity, which requires a projector near the camera (Baek et
+        al. 2018).
 
     Returns
     -------
@@ -335,7 +338,8 @@ def polarization_cues(
 def polarization_normals(devices: Devices, cues: npt.ArrayLike, guess: npt.ArrayLike) -> Array:
     """Return normals (rows, columns, 3) from `polarization_cues`.
 
-    The cues allow two normals. Returns the normal nearer to ``guess``, such as the normal of a coarse scan.
+    The cues are consistent with two normals. The result is the one that is closer to ``guess``, such as the normal of a coarse
+    scan.
     """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_cues(native, _image("cues", cues, (3,)), _image("guess", guess, (3,)))

@@ -1,4 +1,4 @@
-"""Computes the device pixels of each axis entry. The coordinate of a bin is the mean of its pixel indices (CONVENTIONS.md)."""
+"""Computes the range of device pixels of each axis entry. A bin's coordinate is the mean of its pixel indices (CONVENTIONS.md)."""
 
 # pyright: basic
 from __future__ import annotations
@@ -17,8 +17,8 @@ def bins(centres: npt.ArrayLike, pixels: int | None = None) -> list[tuple[int, i
     centres
         Coordinates of the entries, in pixels, increasing.
     pixels
-        Pixels per bin, if known. 1 means that entries are single pixels, even if they are not consecutive. If unknown,
-        consecutive integer coordinates are pixels, and fractional coordinates are bins that tile the axis from pixel 0.
+        Pixels per bin, if known. If 1, entries are single pixels, even if they are not consecutive. If None, consecutive integer
+        coordinates are pixels, and fractional coordinates are bins that tile the axis from pixel 0.
 
     Raises
     ------
@@ -35,8 +35,8 @@ def bins(centres: npt.ArrayLike, pixels: int | None = None) -> list[tuple[int, i
     consecutive = bool(np.all(np.diff(coords) == 1))
     if pixels is None and whole and not consecutive:
         raise ValueError(
-            "it is unknown whether pixels are binned or listed: the attribute `projector_bin` is missing; "
-            "open the store with pysunstone.open_store, and probe before you change arrays"
+            "it is unknown whether projector pixels are binned, because the attribute `projector_bin` is missing; "
+            "open the store with pysunstone.open_store, and call `probe` before you change arrays"
         )
     if (pixels is not None and pixels <= 1) or (pixels is None and whole):
         if not whole or coords.size and coords[0] < 0:

@@ -18,7 +18,7 @@ def _posed(origin: Any, target: Any, keys: dict[str, Any]) -> dict[str, Any]:
 class SceneBuilder:
     """Builds a `Scene`.
 
-    Every method takes the keys of the corresponding table of a scene file (``docs/scene-files.md``) and returns the builder.
+    Every method accepts the keys of the corresponding table of a scene file (``docs/scene-files.md``) and returns the builder.
 
     Examples
     --------
@@ -64,11 +64,11 @@ class SceneBuilder:
         return self._listed("emitters", keys)
 
     def material(self, name: str, **keys: Any) -> SceneBuilder:
-        """Add a material, or replace the one with this name."""
+        """Add a material, or replace the material of this name."""
         return self._named("materials", name, keys)
 
     def medium(self, name: str, **keys: Any) -> SceneBuilder:
-        """Add a medium, or replace the one with this name."""
+        """Add a medium, or replace the medium of this name."""
         return self._named("media", name, keys)
 
     def object(self, **keys: Any) -> SceneBuilder:

@@ -36,17 +36,17 @@ class Scheme:
 
     @classmethod
     def drr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
-        """Return the scheme of dual rotating retarders (Azzam 1978): 5° and 25° per capture."""
+        """Return the scheme of dual rotating retarders (Azzam 1978), which rotate by 5° and 25° per capture."""
         return cls(_native.Scheme.preset("drr", captures, polarizer_array))
 
     @classmethod
     def qrpr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
-        """Return the scheme of four rotating elements (polarizers and retarders) at hand-picked angles."""
+        """Return a scheme of four rotating elements (two polarizers and two retarders) at hand-chosen angles."""
         return cls(_native.Scheme.preset("qrpr", captures, polarizer_array))
 
     @classmethod
     def lc(cls, captures: int = 16, *, polarizer_array: bool = False) -> Scheme:
-        """Return the scheme of liquid-crystal retarders, two per side."""
+        """Return a scheme with two liquid-crystal retarders each before and behind the scene."""
         return cls(_native.Scheme.preset("lc", captures, polarizer_array))
 
     def to_toml(self) -> str:
@@ -65,7 +65,7 @@ class Scheme:
 
     @property
     def channels(self) -> int:
-        """Values per pixel and capture: 1, or 4 for a polarizer array (0°, 45°, 90°, 135°)."""
+        """Number of values per pixel and capture: 1, or 4 for a polarizer array (0°, 45°, 90°, 135°)."""
         return self._native.channels
 
     @property
@@ -99,7 +99,7 @@ def _measured(scheme: Scheme) -> tuple[int, ...]:
 def _lanes(wavelengths_nm: float | Sequence[float], leading: tuple[int, ...]) -> list[float]:
     nm = [float(w) for w in np.atleast_1d(real("wavelengths_nm", wavelengths_nm, np.float64))]
     if len(nm) != 1 and (not leading or leading[-1] != len(nm)):
-        raise InputError(f"the last axis of shape {leading} is not as long as the {len(nm)} wavelengths")
+        raise InputError(f"got {len(nm)} wavelengths, but the last axis of shape {leading} has another length; pass one wavelength per entry")
     return nm
 
 
@@ -136,25 +136,25 @@ def simulate(
     wavelengths_nm
         One wavelength for all, or one for each entry of the last axis before the matrices.
     detector
-        A camera or a photon counter: the path of its file or of a calibration, or its content, ``{"cmos": {"full_well_e":
-        1e4}}``. Add ``demosaic`` for polarizers on the sensor's pixels.
+        A camera or a photon counter: the path of a detector file or a calibration, or the content of a detector file as a dict,
+        ``{"cmos": {"full_well_e": 1e4}}``. For a polarizer array, add ``demosaic``.
     noise, relative_noise
         Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00.
     seed
         Seed of the noise.
     fov_x_deg
-        Horizontal field of view of a pinhole: light passes plates and mirrors in the direction of each pixel. By default all
-        light passes along the axis.
+        Horizontal field of view of a pinhole camera, with which light passes plates and mirrors in the direction of each pixel.
+        By default, all light passes along the optical axis.
     bin_ps
         Width of the time bins in picoseconds; time is then the third axis. Required for a ``spad``.
     variance
-        Also return variances, as a camera reports them (infinite where saturated).
+        Also return the variances of a camera's readings (infinite for saturated readings).
 
     Returns
     -------
     numpy.ndarray, or two of them
-        (captures, ...), or (captures, 4, ...) for a polarizer array; half as many rows and columns with binning or superpixels.
-        Saturated intensities are NaN.
+        (captures, ...), or (captures, 4, ...) for a polarizer array; with binning or superpixels, half the number of rows and
+        columns. Saturated intensities are NaN.
     """
     found, variances = simulated(
         matrices,
@@ -170,7 +170,7 @@ def simulate(
     if not variance:
         return found
     if variances is None:
-        raise InputError("variance: a camera alone states variances; use a `cmos` detector, or pass `noise` to `reconstruct`")
+        raise InputError("variance: only a camera provides variances; use a `cmos` detector, or pass `noise` to `reconstruct`")
     return found, variances
 
 
@@ -231,7 +231,7 @@ def reconstruct(
     Parameters
     ----------
     intensities
-        (captures, ...), or (captures, 4, ...) for a polarizer array. NaN and masked entries (``numpy.ma``) are left out.
+        (captures, ...), or (captures, 4, ...) for a polarizer array. NaN and masked entries (``numpy.ma``) are excluded.
         Contiguous arrays of single or double precision are read without a copy.
     variance
         Variances of the intensities, of the same shape, used as weights.
@@ -240,15 +240,15 @@ def reconstruct(
     noise
         Standard deviation of the intensities, for errors, if there are no variances.
     saturation
-        Intensities at or above this value are left out.
+        Intensities at or above this value are excluded.
     realizable
         Return the nearest realizable matrices.
     errors
-        Also return standard errors. Without ``noise`` and ``variance`` they come from the residuals of the fit, which requires
-        more than 16 measurements.
+        Also return standard errors. Without ``noise`` and ``variance``, standard errors are estimated from the residuals of the
+        fit, which requires more than 16 measurements.
     prior
-        Expected matrices, for schemes with few captures: the second moment of matrices with M00 = 1, (16, 16), such as
-        `Materials.prior`, or the path of its file. Requires ``noise``.
+        Prior for the expected matrices, for schemes with few captures: the second moment of matrices with M00 = 1, (16, 16), such
+        as `Materials.prior`, or the path of its file. Requires ``noise``.
     fov_x_deg
         See `simulate`. The first two axes of the pixels are then rows and columns.
 
@@ -266,10 +266,10 @@ def reconstruct(
     flat = (scheme.captures * scheme.channels, int(np.prod(leading, dtype=np.int64)))
     weights = None
     if variance is not None:
-        # Entries without a variance are left out, like saturated ones of a camera.
+        # Entries without a variance are excluded, like saturated entries of a camera.
         weights = real("variance", variance, array.dtype, fill=np.inf)
         if weights.shape != array.shape:
-            raise InputError(f"variance: its shape is {weights.shape}, but the intensities have {array.shape}")
+            raise InputError(f"variance: the shape is {weights.shape}, but that of the intensities is {array.shape}")
         weights = weights.reshape(flat)
     view = None
     if fov_x_deg is not None:

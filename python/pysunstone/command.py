@@ -12,17 +12,17 @@ __all__ = ["CommandError", "find", "run"]
 
 
 class CommandError(ValueError):
-    """Error if the command failed or was not found; the text is the command's message."""
+    """The command failed or was not found. The text is the command's message."""
 
 
 def find() -> str:
-    """Return the command: the value of the variable SUNSTONE, else `sunstone` from this Python's scripts folder, else from the
-    PATH.
+    """Return the path of the command: the value of the environment variable SUNSTONE, else `sunstone` in this Python's scripts
+    folder, else on the PATH.
     """
     scripts = sysconfig.get_path("scripts")
     found = os.environ.get("SUNSTONE") or shutil.which("sunstone", path=scripts) or shutil.which("sunstone")
     if not found:
-        raise CommandError("there is no command `sunstone`: add it to the PATH, or set the variable SUNSTONE to its path")
+        raise CommandError("command `sunstone` not found: add its folder to the PATH, or set the environment variable SUNSTONE to its path")
     return found
 
 
@@ -36,7 +36,7 @@ def run(*words: object, command: str | None = None, tied: bool = False) -> str:
     command
         Path of the command; by default the result of `find`.
     tied
-        End the command when this process ends, where the operating system supports it.
+        End the command when this process ends, if the operating system supports it.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def run(*words: object, command: str | None = None, tied: bool = False) -> str:
     """
     name = command or find()
     if shutil.which(name) is None:
-        raise CommandError(f"there is no command `{name}`: install it, or give its path")
+        raise CommandError(f"no command `{name}`: install the command, or pass its path")
     ties = shutil.which("setpriv") if tied else None
     tie = [ties, "--pdeathsig", "KILL"] if ties else []
     done = subprocess.run([*tie, name, *map(str, words)], capture_output=True, text=True, check=False)

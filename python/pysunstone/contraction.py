@@ -1,14 +1,15 @@
 """Contraction of slices of T with projector patterns and Stokes states, I = Σ T P over s' and p', and convolution with a pulse
 along t.
 
-The theory is that of Baek & Heide 2021 (`eq:general_light_transport`). The sums equal the results of `sunstone probe`, on xarray
-arrays. They are lazy for lazy arrays and use double precision; results are float32, as in stores.
+The theory is that of Baek & Heide 2021 (`eq:general_light_transport`). The sums are computed on xarray arrays and equal the
+results of `sunstone probe`. They are lazy for lazy arrays and are computed in double precision. Results are float32, as in
+stores.
 
 **Standard errors.** The elements of one camera pixel are estimated from the same samples and may have any correlation. A weighted
-sum over them therefore has the error bound Σ|w|·se (``"bound"``, as `sunstone probe` reports). √Σ(w·se)² (``"independent"``)
-holds for independent elements. Projector pixels and time bins that share few paths are nearly independent. For correlated
-elements it is too small by up to √n. Different camera pixels have different samples: over y and x, errors add in quadrature in
-both cases.
+sum over them therefore has the error bound Σ|w|·se (``"bound"``, as `sunstone probe` reports). √Σ(w·se)² (``"independent"``) is
+valid for independent elements. Projector pixels and time bins that share few paths are nearly independent. For n correlated
+elements, this value is too small by a factor of up to √n. Different camera pixels have different samples, so over y and x, errors
+are added in quadrature in both cases.
 """
 
 # pyright: basic
@@ -27,7 +28,7 @@ from .boxes import bins
 
 __all__ = ["Errors", "STATES", "contracted", "kernel", "pattern_weights", "stokes_vector", "summed"]
 
-#: Method for the errors of sums over a pixel's elements.
+#: Method by which standard errors of sums over a pixel's elements are computed.
 Errors = Literal["bound", "independent"]
 #: Stokes vectors of unit power by name (the names of `sunstone probe --stokes`).
 STATES: Mapping[str, tuple[float, float, float, float]] = {
@@ -40,7 +41,7 @@ STATES: Mapping[str, tuple[float, float, float, float]] = {
     "left": (1, 0, 0, -1),
 }
 _CAMERA = ("y", "x")
-#: Tolerance for the rounding of Stokes vectors.
+#: Relative tolerance for rounding errors of Stokes vectors.
 _SLACK = 1e-4
 
 
@@ -59,14 +60,14 @@ def stokes_vector(state: str | npt.ArrayLike) -> xr.DataArray:
     """
     if isinstance(state, str):
         if state not in STATES:
-            raise ValueError(f"there is no state `{state}`; states are {', '.join(STATES)}, or four numbers")
+            raise ValueError(f"unknown state `{state}`: choose from {', '.join(STATES)}, or pass four numbers")
         state = STATES[state]
     found = real("state", state, np.float64)
     if found.shape[-1:] != (4,) or found.ndim > 2:
-        raise ValueError(f"a Stokes vector is four numbers, or several as an array (K, 4); this one is of shape {found.shape}")
+        raise ValueError(f"the Stokes vector is of shape {found.shape}: pass four numbers, or an array (K, 4) for several vectors")
     polarized = np.sqrt((found[..., 1:] ** 2).sum(-1))
     if not np.all((found[..., 0] > 0) & (polarized <= found[..., 0] * (1 + _SLACK))):
-        raise ValueError(f"no light has the Stokes vector {found.tolist()}: s0 must be above 0, and s1² + s2² + s3² at most s0²")
+        raise ValueError(f"the Stokes vector {found.tolist()} is not physical: s0 must be above 0, and s1² + s2² + s3² at most s0²")
     # Round to single precision, as the command does.
     found = found.astype(np.float32).astype(float)
     return xr.DataArray(found, dims=("state", "stokes_in")[-found.ndim :], coords={"stokes_in": np.arange(4)})
@@ -90,22 +91,22 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
     drive = real("pattern", pattern, np.float32)
     if drive.ndim not in (2, 3) or not np.all(np.isfinite(drive)):
         raise ValueError(
-            f"a pattern is a finite array (rows, columns) of the projector, or (K, rows, columns); this is of shape {drive.shape}"
+            f"the pattern is of shape {drive.shape}, or not finite: pass finite numbers of shape (rows, columns) or (K, rows, columns)"
         )
     if not {"v", "u"} <= set(data.dims):
         if np.all(drive == 1) and drive.ndim == 2:
             return None
-        raise ValueError('the slice has summed its projector pixels already: render it with `projector = "all"`')
+        raise ValueError('the slice is already summed over projector pixels: render a slice with `projector = "all"`')
     height, width = drive.shape[-2:]
     size = data.attrs.get("projector_size")
     if size is not None and [int(n) for n in size] != [width, height]:
-        raise ValueError(f"a pattern of {width} × {height} pixels for a projector of {size[0]} × {size[1]}")
+        raise ValueError(f"the pattern has {width} × {height} pixels, but the projector has {size[0]} × {size[1]}")
     binned = data.attrs.get("projector_bin") or (None, None)
     rows, columns = bins(data["v"].values, binned[1]), bins(data["u"].values, binned[0])
     for boxes, total, name in ((rows, height, "rows"), (columns, width, "columns")):
         if boxes[-1][1] >= total:
-            raise ValueError(f"the slice reaches projector pixel {boxes[-1][1]}, the pattern has {total} {name}")
-    # Sums over boxes are differences of cumulative sums from the corner.
+            raise ValueError(f"the slice contains projector pixel {boxes[-1][1]}, but the pattern has only {total} {name}")
+    # Sums over boxes are differences of cumulative sums from the upper left corner.
     corner = np.zeros((*drive.shape[:-2], height + 1, width + 1))
     corner[..., 1:, 1:] = drive.astype(float).cumsum(-2).cumsum(-1)
     first, last = np.array(rows).T
@@ -143,7 +144,7 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     shape = real("pulse", pulse, np.float64)
     if shape.ndim == 0:
         if not (np.isfinite(shape) and shape >= 0):
-            raise ValueError(f"the width of a pulse is a finite number of picoseconds, not negative; this one is {float(shape)}")
+            raise ValueError(f"the width of the pulse is {float(shape)} ps: pass a finite number of picoseconds, 0 or more")
         sigma = float(shape) / np.sqrt(8 * np.log(2)) / bin_ps
         reach = int(np.ceil(6 * sigma))
         later = range(-reach, reach + 1)
@@ -151,22 +152,22 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     elif shape.ndim == 1 and shape.size:
         later, weights = range(shape.size), shape.tolist()
     else:
-        raise ValueError(f"a pulse is a width in picoseconds or a list of samples; this one is of shape {shape.shape}")
+        raise ValueError(f"the pulse is of shape {shape.shape}: pass a width in picoseconds, or a list of samples")
     total = float(np.sum(weights))
     if not (np.isfinite(total) and total > 0):
-        raise ValueError("the pulse's samples have no positive, finite sum")
+        raise ValueError("the sum of the pulse's samples must be positive and finite")
     return [(k, w / total) for k, w in zip(later, weights, strict=True) if w != 0]
 
 
 def _smear(pulse: float | npt.ArrayLike, data: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Return the weights from every bin (t) to every bin (t_out), and the weights of the light that leaves the bins."""
     if "t" not in data.dims:
-        raise ValueError("the slice does not resolve time: render it with time bins")
+        raise ValueError("the slice does not resolve time: render a slice with time bins")
     n = data.sizes["t"]
     bin_ps = data.attrs.get("time_bin_ps")
     if bin_ps is None:
         if n < 2:
-            raise ValueError("the width of the time bin is unknown: the attribute `time_bin_ps` is missing")
+            raise ValueError("the width of the time bins is unknown, because the attribute `time_bin_ps` is missing")
         bin_ps = float(data["t"][1] - data["t"][0])
     matrix, outside = np.zeros((n, n)), np.zeros(n)
     for later, weight in kernel(pulse, float(bin_ps)):
@@ -219,10 +220,10 @@ def contracted(
         light = stokes_vector(state)
         if "stokes_in" in data.dims:
             if data.sizes["stokes_in"] != 4:
-                raise ValueError("a part of the axis `stokes_in` was selected: probe first, select then")
+                raise ValueError("entries of the axis `stokes_in` were selected: call `probe` first, then select")
             result = _dot(result, light, ("stokes_in",), errors)
         elif light.ndim > 1 or not np.array_equal(light, (1, 0, 0, 0)):
-            raise ValueError("the slice keeps intensity alone: give the state `unpolarized`, or render polarization `mueller`")
+            raise ValueError("the slice contains only intensity: pass the state `unpolarized`, or render a slice with polarization `mueller`")
     if pulse is not None:
         along, outside = _smear(pulse, data)
         shifted = _ordered(_dot(result, outside, ("t",), errors), data)
@@ -234,7 +235,7 @@ def summed(data: xr.DataArray, over: Iterable[Hashable], errors: Errors | None) 
     """Sum over axes, or combine errors: over a pixel's elements by the method `errors`, over camera pixels in quadrature."""
     over = list(over)
     if missing := [d for d in over if d not in data.dims]:
-        raise ValueError(f"there is no axis `{missing[0]}`; there are {', '.join(map(str, data.dims))}")
+        raise ValueError(f"no axis `{missing[0]}`; the axes are {', '.join(map(str, data.dims))}")
     result = data.astype(float)
     if errors is None:
         return _ordered(result.sum(over, skipna=False), data)

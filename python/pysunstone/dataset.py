@@ -1,10 +1,11 @@
 """Data sets for machine learning: variants of a scene in one Zarr store with an axis `sample`.
 
 A scene file with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is deterministic. `make`
-renders them one after another into one store and resumes where it was stopped. `images` reads the store for training.
+renders the variants one after another into one store, and resumes after an interruption. `images` reads the store for training.
 
-Layout: one group per slice, with `mean` (and `std_error`) over `sample` and the slice's axes. A chunk holds one sample if that is
-below 64 MiB. Coordinates along `sample` are `variant`, `seed` and every drawn parameter. `dataset.json` is the manifest.
+Layout: one group per slice, with `mean` (and `std_error`) over `sample` and the slice's axes. A chunk holds one sample if a
+sample is smaller than 64 MiB. Coordinates along `sample` are `variant`, `seed` and every drawn parameter. `dataset.json` is the
+manifest.
 """
 
 # pyright: basic
@@ -42,7 +43,7 @@ _UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad"
 
 
 class DatasetError(StoreError):
-    """Error if a data set cannot be made or read; the text gives the reason and the fix."""
+    """A data set cannot be made or read. The text states the reason and the fix."""
 
 
 def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -51,17 +52,17 @@ def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     NotAStoreError
-        If there is no data set.
+        If the folder contains no data set.
     """
     file = Path(path, _MANIFEST)
     try:
         found = json.loads(file.read_text())
     except (FileNotFoundError, NotADirectoryError):
-        raise NotAStoreError(f"{path} is not a data set: it has no {_MANIFEST}") from None
+        raise NotAStoreError(f"{path} is not a data set: the file {_MANIFEST} is missing") from None
     except ValueError as e:
         raise DatasetError(f"{file} is not valid JSON: {e}") from None
     if not isinstance(found, dict) or found.get("form") != _FORM:
-        raise DatasetError(f"{file} is not of form {_FORM}, the only form that this version of pysunstone reads")
+        raise DatasetError(f"{file} is not of form {_FORM}, the only form that this version of pysunstone reads: upgrade pysunstone, or make the data set again")
     return found
 
 
@@ -87,8 +88,8 @@ def make(
 ) -> Path:
     """Render variants of a scene into one data set.
 
-    Existing samples are not rendered again. Repeat a stopped call to resume it, even inside an unfinished render. A call with
-    more variants adds them.
+    Existing samples are not rendered again. Repeat a stopped call to resume it, even within an unfinished render. A call with
+    additional variants adds these to the data set.
 
     Parameters
     ----------
@@ -97,21 +98,21 @@ def make(
     output
         Folder of the data set. Renders stay in ``OUTPUT.parts`` until their samples are in the data set.
     variants
-        Numbers of the variants, or their count, from 0.
+        Numbers of the variants, or the number of variants, which are then counted from 0.
     slices
         Slices of the scene to keep. Their axes must be the same in all variants.
     spp
-        Samples per pixel, instead of the scene's.
+        Samples per pixel; by default those of the scene.
     seed
         Variant K is rendered with the seed `seed` + K, so that all samples have different noise.
     std_error
         Also keep standard errors.
     threads
-        Threads of a render; by default all cores.
+        Number of threads per render; by default one per core.
     command
-        The command; by default the value of the variable SUNSTONE, or `sunstone` on the PATH.
+        Path of the command; by default the value of the environment variable SUNSTONE, or `sunstone` on the PATH.
     keep
-        Keep the stores of the renders.
+        Keep the stores of the single renders.
     progress
         Called after every sample with the finished and total number of samples.
 
@@ -123,13 +124,13 @@ def make(
     Raises
     ------
     DatasetError
-        If the folder holds another data set, axes differ, or a render fails (with the command's message).
+        If the folder contains a different data set, axes differ between variants, or a render fails (with the command's message).
     """
     numbers = list(range(variants)) if isinstance(variants, int) else [int(k) for k in variants]
     if not numbers or len(set(numbers)) < len(numbers) or min(numbers) < 0:
-        raise DatasetError("variants must be different numbers from 0, at least one")
+        raise DatasetError("variants: pass at least one number, all different and 0 or more")
     if not slices:
-        raise DatasetError("name the slices to keep")
+        raise DatasetError("slices: pass the name of at least one slice")
     with _locked(Path(output)):
         return _make(Path(scene), Path(output), numbers, slices, spp, seed, std_error, threads, command, keep, progress)
 
@@ -161,7 +162,7 @@ def _make(
         for key, ours in settings.items():
             if content["settings"].get(key) != ours:
                 raise DatasetError(
-                    f"{path} was made with {key} {content['settings'].get(key)!r}, not {ours!r}: choose another output, or delete it"
+                    f"{path} was made with {key} {content['settings'].get(key)!r}, not {ours!r}: choose another output, or delete the data set"
                 )
         _sweep(path)
     order = [entry["variant"] for entry in content["samples"]]
@@ -206,11 +207,11 @@ def _locked(path: Path) -> Iterator[None]:
                 try:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except OSError:
-                    raise DatasetError(f"another process writes {path}: wait for it, or choose another output") from None
+                    raise DatasetError(f"another process writes {path}: wait until it ends, or choose another output") from None
             yield
             (parts / ".lock").unlink()
     finally:
-        # Renders in the folder may still be needed.
+        # Keep the folder if it still contains renders.
         if not any(parts.iterdir()):
             parts.rmdir()
 
@@ -230,7 +231,7 @@ def _rendered(
     words += ["--slices", ",".join(settings["slices"])]
     words += [] if settings["spp"] is None else ["--spp", str(settings["spp"])]
     words += [] if threads is None else ["--threads", str(threads)]
-    # `--resume` does nothing for a finished store and refuses the store of another scene.
+    # `--resume` has no effect on a finished store, and refuses the store of another scene.
     words += ["--resume"] if store.exists() else []
     try:
         run(*words, command=command)
@@ -259,7 +260,7 @@ def _value(text: str) -> Any:
 
 
 def _places(scene: Path) -> dict[str, str]:
-    """Return the scene keys (with dots) that the parameters set; empty if Python cannot parse TOML."""
+    """Return the dotted scene keys that the parameters set; empty if Python cannot parse the TOML file."""
     try:
         import tomllib
     except ImportError:
@@ -313,7 +314,7 @@ def _put_coordinates(group: zarr.Group, data: xr.Dataset, name: str, first: bool
             )
             array[:] = coordinate.values
         elif not np.array_equal(_values(group, dim), coordinate.values):
-            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: all samples need one shape")
+            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: keep slices whose axes are equal in all variants")
 
 
 def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
@@ -393,7 +394,7 @@ def _coordinates(
 
 
 def _units(place: str) -> str:
-    """Return the unit that the suffix of a name in a scene file gives; ``1`` if there is none."""
+    """Return the unit for the suffix of a name in a scene file; ``1`` if the name has no such suffix."""
     words = [word for word in place.replace('"', "").split(".") if not word.isdigit()]
     return _UNITS.get(words[-1].rsplit("_", 1)[-1], "1") if words else "1"
 
@@ -408,20 +409,20 @@ def open_dataset(path: str | os.PathLike[str], *, unfinished: bool = False, chun
     unfinished
         Also open a data set with missing samples; missing samples are omitted.
     chunks
-        ``"auto"``: Dask arrays in pieces of the stored chunks if Dask is installed. ``None``: no Dask.
+        ``"auto"``: Dask arrays whose chunks are the stored chunks, if Dask is installed. ``None``: Dask is not used.
 
     Raises
     ------
     UnfinishedStoreError
-        If the data set lacks samples.
+        If samples are missing in the data set.
     NotAStoreError
-        If there is no data set.
+        If the folder contains no data set.
     """
     content = manifest(path)
     finished, samples = bool(content["finished"]), content["samples"]
     if not finished and not unfinished:
         raise UnfinishedStoreError(
-            f"{path} is not finished: {len(samples)} samples are there; repeat the call that made it, or pass unfinished=True"
+            f"{path} is not finished: {len(samples)} samples exist; repeat the call of `make`, or pass unfinished=True"
         )
     lazily = chunks
     if chunks == "auto":

@@ -1,13 +1,13 @@
 """Distributes renders over processes or machines with Dask.
 
-A unit of work is a part of one render: some of its tiles (``sunstone render --part K/N``). It is a pure function of scene,
+A unit of work is a part of one render: a subset of the tiles (``sunstone render --part K/N``). Its result depends only on scene,
 options and part. Retries, dying workers and duplicate runs therefore do not change the result. In a folder, a part is written to
 a temporary store and then renamed; at an address, it is written under the lock of its store. Light subpaths can reach the pixels
-of any part, so that all parts share them (``--light``). ``sunstone merge`` joins the parts to the same bytes as one render on one
-machine.
+of any part, so all parts share the subpaths (``--light``). ``sunstone merge`` joins the parts to the same bytes as one render on
+one machine.
 
-Workers need the command ``sunstone`` and a shared file system, which holds the scene and receives the result. If the result goes
-to an object store, they need no shared file system: the scene is then sent to them with all its files.
+Workers need the command ``sunstone`` and a shared file system, which holds the scene and receives the result. If the result is
+written to an object store, no shared file system is required: the scene is then sent to the workers with all its files.
 
 Examples
 --------
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 __all__ = ["TOPIC", "Job", "Metrics", "RenderError", "render", "render_many"]
 
 PARTS_PER_WORKER = 4
-"""Parts per worker thread. With several parts per thread, threads wait less for the last part."""
+"""Parts per worker thread. With several parts per thread, the idle time at the end is shorter."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Job:
     scene
         Scene file.
     name
-        Name of its store in the common folder, without ``.zarr``; by default the name of the scene's folder with variant and
+        Name of the store in the common folder, without ``.zarr``; by default the name of the scene's folder with variant and
         seed.
     spp, seed, variant, integrator
         As the options of ``sunstone render``; ``None`` uses the scene's values.
@@ -121,10 +121,10 @@ def render(
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[Metrics], None] | None = None,
 ) -> Path | str:
-    """Render a scene on all workers into one store, byte-identical to that of ``sunstone render``.
+    """Render a scene on all workers into one store, which is byte-identical to that of ``sunstone render``.
 
-    With ``target_error``, rounds of samples are rendered until a slice reaches that relative error, in the tiles that need them.
-    The store then equals that of ``sunstone render --target-error``.
+    With ``target_error``, rounds of samples are rendered until a slice reaches this relative error. Later rounds render only the
+    tiles that need more samples. The store then equals that of ``sunstone render --target-error``.
 
     Finished parts are kept next to ``path`` (in ``path.parts``) until all parts are finished. Repeat a stopped call to resume it.
 
@@ -133,9 +133,9 @@ def render(
     scene
         Scene file, at the same path for all workers if ``path`` is a folder; or a `Scene`, which is sent to them.
     path
-        Store to write, on a file system that all workers share, or an address (``s3://``, ``gs://``, ``az://``) that all workers
-        can write to, each with the settings of its own environment (docs/object-stores.md). At an address no shared file system
-        is needed: the scene is sent to the workers.
+        Store to write, on a file system that all workers share, or an address (``s3://``, ``gs://``, ``az://``) to which all
+        workers can write, each with the credentials of its own environment (docs/object-stores.md). At an address no shared file
+        system is needed: the scene is sent to the workers.
     spp, seed, variant, integrator, slices
         As the options of ``sunstone render``.
     parts
@@ -146,7 +146,7 @@ def render(
         Threads per part.
     command
         The command ``sunstone`` on the workers; by default the value of SUNSTONE, else the command in Python's scripts folder,
-        else on the PATH. It is searched in this process if a file system is shared, else on each worker.
+        else on the PATH. If a file system is shared, this process searches for the command; otherwise each worker does.
     overwrite
         Replace a store at ``path``.
     target_error, target_slice, target_share, most_spp
@@ -164,8 +164,7 @@ def render(
     Raises
     ------
     RenderError
-        If the command fails, a part repeatedly loses its worker, or the scene names a file by an absolute path and cannot be
-        sent.
+        If the command fails, if the worker of a part dies repeatedly, or if a scene to be sent contains an absolute path.
     FileExistsError
         If ``path`` exists.
     """
@@ -176,7 +175,7 @@ def render(
         variant = variant_of(scene)
     job = Job("" if isinstance(scene, Scene) else scene, None, spp, seed, variant, integrator, tuple(slices))
     if parts is not None and parts < 1:
-        raise ValueError(f"parts is {parts}; give at least 1")
+        raise ValueError(f"parts is {parts}; pass at least 1")
     text = os.fspath(path)
     place = _Address(text, command) if "://" in text else _Folder(Path(text).resolve(), _command(command))
     if isinstance(place, _Folder) and place.path.exists() and not overwrite:
@@ -190,7 +189,7 @@ def render(
             packed = pack(scene if isinstance(scene, Scene) else Scene.load(scene, variant))
             content = packed.key.encode()
             luggage, back = sent(on, packed)
-            # A worker that left needs no cleanup.
+            # Workers that have left the cluster need no cleanup.
             at_end.callback(_quietly, back)
             source = Command(place.command, ("render", "", *job.choices()), ((1, os.path.join(luggage, packed.file)),))
         place.begin(on, overwrite)
@@ -228,7 +227,7 @@ def _quietly(work: Callable[[], Any]) -> None:
 
 
 class _Folder:
-    """A result on a shared file system. This process itself performs the operations on it."""
+    """A result on a shared file system. This process itself performs all operations on the result."""
 
     def __init__(self, path: Path, command: str) -> None:
         self.path, self.command = path, command
@@ -270,14 +269,15 @@ class _Folder:
 
 
 class _Address:
-    """A result at an address. Workers perform all operations on it, so that this process needs no write access."""
+    """A result at an address. Workers perform all operations on the result, so that this process does not need write access."""
 
     def __init__(self, path: str, command: str | None) -> None:
         self.path, self.command, self._overwrite = path.rstrip("/"), command, False
 
     def begin(self, client: Any, overwrite: bool) -> None:
         self._overwrite = overwrite
-        # `info` fails if nothing finished is there. It also fails without access; then the first part reports the reason.
+        # `info` fails if the address has no finished store. It also fails without access; in this case the first part reports the
+        # reason.
         if once(client, Command(self.command, ("info", self.path), may_refuse=True)) and not overwrite:
             raise FileExistsError(_there(self.path))
 
@@ -297,9 +297,9 @@ class _Address:
 
     def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
         if whole == self.path:
-            # Something else may have been written there in the meantime.
+            # Another program may have written to the address in the meantime.
             self.begin(client, self._overwrite)
-        # A worker may die after the merge but before it reports. The next attempt then finds the result there.
+        # A worker may die after the merge but before it reports. The next attempt then finds the finished result.
         self.run(client, "merge", *parts, "-o", whole, "--force")
         self.remove(client, parts)
 
@@ -324,14 +324,14 @@ def _to_error(
     meter: Meter,
     overwrite: bool,
 ) -> None:
-    """Render rounds until the target error is reached, and pool the rounds."""
+    """Render rounds until the target error is reached, and merge the rounds."""
 
     def ask(*more: str) -> str:
         """Run the command on a worker that has the scene, and return the output."""
         return once(client, Command(asked.command, (*asked.words, *more), asked.below))
 
     rounds, whole = place.rounds(key)
-    # An earlier call may have pooled the rounds without renaming the store.
+    # An earlier call may have merged the rounds but not renamed the store.
     pooled = isinstance(place, _Folder) and Path(whole).exists()
     while not pooled:
         standing = json.loads(ask("--rounds", rounds))
@@ -376,13 +376,13 @@ def render_many(
     -------
     Path
         The manifest ``manifest.json``: a list, in the order of ``scenes``, of ``store``, ``scene``, ``scene_sha256``,
-        ``variant``, ``seed``, ``samples_per_pixel`` and ``checksum``. The checksum is the SHA-256 of the store's own manifest
-        without the line of the root's metadata, which contain the render time.
+        ``variant``, ``seed``, ``samples_per_pixel`` and ``checksum``. The checksum is the SHA-256 of the store's manifest,
+        without the line for the root's metadata, which contains the render time.
 
     Raises
     ------
     RenderError
-        If the command refuses a render, or a render repeatedly loses its worker.
+        If the command refuses a render, or the worker of a render dies repeatedly.
     ValueError
         If two renders have the same name.
     """
@@ -390,7 +390,7 @@ def render_many(
     names = [job.store for job in jobs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise ValueError(f"two renders would write {twice}: give each a different name (Job(scene, name=...))")
+        raise ValueError(f"two renders would write {twice}: pass a different name for each (Job(scene, name=...))")
     into = _local(folder)
     into.mkdir(parents=True, exist_ok=True)
     name = _command(command)
@@ -464,7 +464,7 @@ def _client(given: Client | None) -> Generator[Any, None, None]:
         made.LocalCluster(threads_per_worker=1, n_workers=count, dashboard_address=None) as cluster,
         made.Client(cluster) as client,
     ):
-        # Dask gives up on a worker that dies during its start. Adaptive scaling replaces it; otherwise the call could wait
-        # forever.
+        # Dask does not restart a worker that dies during its start. Adaptive scaling replaces the worker; otherwise the call
+        # could wait forever.
         cluster.adapt(minimum=count, maximum=count)
         yield client

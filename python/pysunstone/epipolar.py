@@ -1,4 +1,5 @@
-"""Epipolar geometry of camera and projector: the projector pixels that can directly illuminate what a camera pixel sees.
+"""Epipolar geometry of camera and projector: the projector pixels that can directly illuminate the point that a camera pixel
+observes.
 
 The essential matrix maps a camera pixel's normalized coordinates to a line on the projector's plane z = 1 (Hartley & Zisserman
 2004, ch. 9). The focal lengths map that line to the projector's pixels.
@@ -23,11 +24,11 @@ _Numbers = npt.NDArray[np.float64]
 def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _Numbers, _Numbers]:
     """Return the axes (columns), centre (metres), focal lengths and principal point (pixels) of a device."""
     if "pixels_per_m" in device:
-        raise ValueError(f"the {name} is orthographic: it has no centre, and therefore no epipolar lines")
+        raise ValueError(f"the {name} is orthographic and has no centre of projection, so there are no epipolar lines")
     if any(device.get("distortion", {}).values()):
         raise ValueError(
-            f"the lens of the {name} distorts, so that epipolar lines are not straight: "
-            "render a slice with `projector = { epipolar = { half_width_px = ... } }`, which knows the distortion"
+            f"the lens of the {name} distorts, so epipolar lines are not straight: "
+            "render a slice with `projector = { epipolar = { half_width_px = ... } }`, which includes the distortion"
         )
     axes = np.array([device[key] for key in ("right", "down", "forward")], dtype=float).T
     origin, focal, principal = (np.array(device[key], dtype=float) for key in ("origin_m", "focal_px", "principal_px"))
@@ -42,7 +43,7 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
     camera, projector
         Devices, as in the root attributes `camera` and `projector` of a store.
     y, x
-        Pixel indices of the camera. The centre of a bin gives the line of that centre.
+        Pixel indices of the camera. Coordinates of bins yield the line of the bin's centre.
 
     Returns
     -------
@@ -53,7 +54,7 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
     axes, origin, focal, principal = _device(projector, "projector")
     baseline = origin - camera_origin
     if np.linalg.norm(baseline) < 1e-9:
-        raise ValueError("camera and projector are at the same position: there are no epipolar lines")
+        raise ValueError("camera and projector are at the same position, so there are no epipolar lines")
     a, b, c = baseline / np.linalg.norm(baseline)
     essential = axes.T @ np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]]) @ camera_axes
     seen_y = (np.asarray(y, dtype=float) + 0.5 - camera_principal[1]) / camera_focal[1]
@@ -67,7 +68,8 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
 
 
 def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, Any], half_width_px: float) -> xr.DataArray:
-    """Return whether a projector pixel lies within ``half_width_px`` of the camera pixel's epipolar line, over (y, x, v, u).
+    """Return a mask over (y, x, v, u): whether the projector pixel is within ``half_width_px`` of the camera pixel's epipolar
+    line.
 
     Raises
     ------
@@ -77,17 +79,17 @@ def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, 
     kept = ("y", "x", "v", "u")
     if missing := [d for d in kept if d not in data.dims]:
         raise ValueError(
-            f'the slice has no axis `{missing[0]}`: an epipolar sum needs s and s\' (`camera = "all"`, `projector = "all"`), '
+            f'the slice has no axis `{missing[0]}`: an epipolar sum requires s and s\' (`camera = "all"`, `projector = "all"`), '
             "or render epipolar light (`projector = { epipolar = { half_width_px = 1.5 } }`)"
         )
     if any(n != 1 for n in data.attrs.get("projector_bin", (1, 1))) or data.attrs.get("pixels_per_element", 1) != 1:
-        raise ValueError("the slice has bins of pixels, which span several lines: render single pixels, or an epipolar slice")
+        raise ValueError("the slice has bins of pixels, and each bin spans several epipolar lines: render single pixels, or an epipolar slice")
     found = lines(camera, projector, data["y"].values, data["x"].values)
     at = {"y": data["y"], "x": data["x"]}
     a, b, c = (xr.DataArray(found[..., k], dims=("y", "x"), coords=at) for k in range(3))
     rows, columns = (xr.DataArray(data[d].values, dims=d, coords={d: data[d]}) for d in ("v", "u"))
     if data.chunks is not None:
-        # As lazy as the array and with the same chunks, because the mask may exceed the memory.
+        # The mask is lazy if the array is lazy, with the same chunks, because the mask may exceed the memory.
         cuts: dict[Hashable, tuple[int, ...]] = {d: data.chunksizes[d] for d in kept}
         a, b, c, rows, columns = (part.chunk({d: cuts[d] for d in part.dims}) for part in (a, b, c, rows, columns))
     return abs(a * columns + b * rows + c) <= half_width_px

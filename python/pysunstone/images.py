@@ -1,4 +1,4 @@
-"""Reads Mueller images for PyTorch from a data set of variants. This module does not import PyTorch."""
+"""Provides Mueller images of a data set of variants to PyTorch. This module does not import PyTorch."""
 
 # pyright: basic
 from __future__ import annotations
@@ -28,11 +28,11 @@ class MuellerImages:
     parameters
         Names of the parameters to return, in this order; by default all numeric parameters.
     wavelength
-        Nanometres: return only the nearest wavelength.
+        Wavelength in nanometres: return only the nearest wavelength of the data set.
     normalized
-        Divide images by M00, except M00 itself; 0 where there is no light. Requires Mueller matrices.
+        Divide images by M00, except M00 itself; pixels without light are 0. Requires Mueller matrices.
     transform
-        Called with every image.
+        Function that is applied to every image.
 
     Notes
     -----
@@ -57,14 +57,14 @@ class MuellerImages:
     ) -> None:
         data = open_dataset(path, chunks=None)
         if slice not in data.children:
-            raise DatasetError(f"{path} has no slice `{slice}`; it has: {', '.join(data.children)}")
+            raise DatasetError(f"{path} has no slice `{slice}`; available slices: {', '.join(data.children)}")
         view = data.children[slice].to_dataset()
         self._path, self._slice = os.fspath(path), slice
         drawn = manifest(path)["samples"][0]["values"]
         numbers = [name for name in drawn if "labels" not in view[name].attrs]
         self.parameters = list(numbers if parameters is None else parameters)
         if strange := [name for name in self.parameters if name not in drawn]:
-            raise DatasetError(f"{path} has no parameter `{strange[0]}`; it has: {', '.join(drawn)}")
+            raise DatasetError(f"{path} has no parameter `{strange[0]}`; available parameters: {', '.join(drawn)}")
         values = [np.asarray(view[name].values, dtype=np.float32).reshape(view.sizes["sample"], -1) for name in self.parameters]
         self._values = np.concatenate(values, axis=1) if values else np.zeros((view.sizes["sample"], 0), np.float32)
         axes = [str(d) for d in view["mean"].dims if d != "sample"]
@@ -85,7 +85,7 @@ class MuellerImages:
         return int(self._values.shape[0])
 
     def _array(self) -> zarr.Array[Any]:
-        # Zarr's threads do not survive a fork.
+        # Zarr's threads do not exist in a forked process.
         if self._opened is None or self._opened[0] != os.getpid():
             array = zarr.open_group(self._path, mode="r")[f"{self._slice}/mean"]
             assert isinstance(array, zarr.Array)
@@ -97,7 +97,7 @@ class MuellerImages:
 
     def __getitem__(self, index: int) -> tuple[Any, npt.NDArray[np.float32]]:
         if not -len(self) <= index < len(self):
-            raise IndexError(f"sample {index} of {len(self)}")
+            raise IndexError(f"sample {index} does not exist; the data set has {len(self)} samples")
         index %= len(self)
         image = np.asarray(self._array()[index])
         image = image.transpose(self._order)

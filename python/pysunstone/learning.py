@@ -22,10 +22,10 @@ Path = str | os.PathLike[str]
 
 
 class Materials:
-    """Distribution of the expected Mueller matrices: their second moment, and for cross-validation that of each fold of
-    materials.
+    """Distribution of the expected Mueller matrices: the second moment over all materials, and the second moments of the folds
+    for cross-validation.
 
-    Create it with `measured`, `stand_ins`, `of_matrices`, `of_second_moment` or `load`, and reuse it for many schemes.
+    Create an object with `measured`, `stand_ins`, `of_matrices`, `of_second_moment` or `load`, and reuse it for several schemes.
     """
 
     def __init__(self, native: _native.LearningData) -> None:
@@ -40,12 +40,12 @@ class Materials:
         resolution: tuple[int, int, int] = (41, 31, 91),
         folds: int = 5,
     ) -> Materials:
-        """Return analytic stand-ins for the 25 materials of the KAIST set, evaluated on ``resolution`` entries of φ_d, θ_d and
-        θ_h.
+        """Return analytic substitutes for the 25 materials of the KAIST data set, evaluated at ``resolution`` entries of φ_d, θ_d
+        and θ_h.
 
-        ``frames``: ``"any"`` rotates the frames by every angle, because camera and projector frames may have any orientation to
-        the scattering plane; ``"plane"`` uses the frames of that plane. ``folds`` is the number of folds of the cross-validation
-        over materials; 0 for none.
+        ``frames``: with ``"any"``, the moment is averaged over all rotations of the frames, because camera and projector frames
+        may have any orientation to the scattering plane. With ``"plane"``, frames are those of the scattering plane. ``folds`` is
+        the number of folds of the cross-validation over materials; 0 for none.
         """
         return cls(_native.LearningData.materials(None, list(bands), frames == "plane", resolution, folds))
 
@@ -58,7 +58,7 @@ class Materials:
 
     @classmethod
     def of_matrices(cls, matrices: npt.ArrayLike, *, turned: bool = False) -> Materials:
-        """Use Mueller matrices (..., 4, 4) of your own, each divided by its M00. NaN and dark matrices are left out.
+        """Use your own Mueller matrices (..., 4, 4), each divided by its M00. NaN and dark matrices are excluded.
 
         ``turned``: assume that the frames on both sides are rotated by independent, uniformly distributed angles.
         """
@@ -68,7 +68,7 @@ class Materials:
         t = m.reshape(-1, 16)
         t = t[np.isfinite(t).all(-1) & (t[:, 0] > 0)]
         if not len(t):
-            raise InputError("matrices: none of them is finite and has M00 above 0")
+            raise InputError("matrices: none of them is finite with M00 above 0")
         t = t / t[:, :1]
         return cls(_native.LearningData.of_moment(t.T @ t / len(t), turned))
 
@@ -94,7 +94,7 @@ class Materials:
 
 @dataclass(frozen=True)
 class Descent:
-    """One search of the optimizer for a scheme.
+    """One descent of an optimizer in the search for a scheme.
 
     Attributes
     ----------
@@ -122,8 +122,8 @@ class Learned:
     scheme
         The scheme, learned from all materials.
     loss
-        Its loss on materials not used for learning, as the mean over the folds. Without folds, or if the loss does not depend on
-        materials (least squares of rank 16), the closed-form loss.
+        Loss of the scheme on materials that are not used for learning: the mean over the folds. Without folds, or if the loss
+        does not depend on materials (least squares of rank 16), the closed-form loss.
     loss_std_error
         Standard error of ``loss`` over the folds; 0 without folds.
     seen_loss
@@ -186,32 +186,32 @@ def learn(
 ) -> Learned:
     """Learn the settings of a scheme that minimize the expected error, as `sunstone learn`.
 
-    Minimizes the expected squared error of the 16 elements over noise. With fewer than 16 captures or with a prior, the
-    expectation is also over materials. The loss is in closed form, with its exact gradient. Adam searches from the template's
+    The loss is the expected sum of the squared errors of the 16 elements over noise. With fewer than 16 captures or with a prior,
+    the expectation is also over materials. The loss has a closed form with an exact gradient. Adam searches from the template's
     angles (Baek & Heide 2021, sec. 4), and a quasi-Newton method from many random starts. The same seed gives the same scheme for
-    any number of threads. Other Python threads keep running meanwhile; Ctrl-C stops the search.
+    any number of threads. Other Python threads keep running during the search. Ctrl-C stops the search.
 
     Parameters
     ----------
     captures
-        Number of captures of four ideal rotating elements, 1 to 256. Alternatively pass a ``template``.
+        Number of captures of four ideal rotating elements, 1 to 256. Pass either this or a ``template``.
     polarizer_array
-        The sensor has polarizers on its pixels.
+        Whether the sensor has a polarizer array.
     template
         Learn the settings of this scheme; the optics of the scheme do not change.
     estimator
         Estimator of the matrices: ``"least-squares"``, or ``"prior"`` (minimum expected error, given the second moment).
     noise
-        Standard deviation of an intensity's noise, at M00 = 1.
+        Standard deviation of the noise of an intensity, for light with M00 = 1.
     angle_error_deg
-        Standard deviation of the stages' angles (and of retardances) that the scheme must tolerate.
+        Standard deviation of the errors of stage angles and retardances, degrees, for which the scheme is optimized.
     wavelengths_nm
-        Wavelengths that the scheme must support.
+        Wavelengths, nanometres, over which the loss is averaged.
     materials
         Expected materials, if they affect the loss: `Materials`; matrices (..., 4, 4); a second moment (16, 16); a folder of
-        ``.pbsdf`` tables; a prior's file; or None for the stand-ins (rebuilt in each call, which takes some seconds).
+        ``.pbsdf`` tables; a prior's file; or None for the substitutes (computed in each call, which takes some seconds).
     starts, iterations, adam_steps
-        Budget: number of random starts, largest number of iterations from each, number of Adam steps.
+        Number of random starts, maximum number of iterations per start, and number of Adam steps.
     seed
         Seed of the random starts.
     progress
@@ -224,14 +224,14 @@ def learn(
     Raises
     ------
     InputError
-        If numbers are out of range, or nothing in the template can change.
+        If numbers are out of range, or no setting of the template can change.
     """
     if (captures is None) == (template is None):
-        raise InputError("give captures, or a template (one of them)")
+        raise InputError("pass either captures, or a template")
     if estimator not in ("least-squares", "prior"):
-        raise InputError(f"estimator: there is no `{estimator}`; choose from least-squares, prior")
+        raise InputError(f"estimator: unknown estimator `{estimator}`; choose from least-squares, prior")
     if not 0 <= angle_error_deg <= 90:
-        raise InputError("angle_error_deg: give degrees, 0 to 90")
+        raise InputError("angle_error_deg: pass degrees, 0 to 90")
     if template is None:
         if captures is None or not 1 <= captures <= 256:
             raise InputError(f"captures is {captures}; learn 1 to 256")

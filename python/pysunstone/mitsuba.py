@@ -48,15 +48,15 @@ def from_mitsuba(
     parameters
         Values of ``$name`` in XML, as for Mitsuba's ``-D``.
     wavelengths_nm
-        Wavelengths of the scene, 1 to 4, increasing; by default 450, 550, 660. RGB colours give the values there: red above 590
-        nm, green from 500 nm, blue below.
+        Wavelengths of the scene, 1 to 4, increasing; by default 450, 550, 660. RGB colours are converted to values at these
+        wavelengths: red above 590 nm, green from 500 to 590 nm, blue below 500 nm.
     projector_resolution
         Resolution of a projector whose image does not define it.
 
     Returns
     -------
     Scene
-        With one slice, ``mueller``. Changes of meaning are reported as warnings.
+        A scene with one slice, ``mueller``. Properties that change in the conversion are reported as warnings.
 
     Raises
     ------
@@ -196,7 +196,7 @@ class _Dict:
             raise _refused(at, "some of its numbers are not finite", "give finite numbers")
         if array.ndim <= 1 and array.size == 1:
             return array.reshape(()).item()
-        # Vectorized variants of Mitsuba add an axis.
+        # Arrays of Mitsuba's vectorized variants have an additional axis.
         if array.ndim > 1 and array.shape[-1] == 1:
             array = array[..., 0]
         return array.tolist()
@@ -269,8 +269,8 @@ class _Dict:
 
 
 def _is(value: Any, kind: str) -> bool:
-    """Return whether an object is of a Mitsuba class. Attributes cannot decide this: Mitsuba's vectors accept any name of
-    swizzled components.
+    """Return whether an object is of a Mitsuba class. Attributes are not tested, because Mitsuba's vectors have attributes for
+    all names of swizzled components.
     """
     return any(of.__module__.startswith("mitsuba") and kind in of.__name__ for of in type(value).__mro__)
 

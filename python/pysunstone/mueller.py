@@ -23,7 +23,7 @@ def decompose(
     Parameters
     ----------
     matrices
-        (..., 4, 4). Single precision stays; all other types become double precision. Contiguous arrays are read without a copy.
+        (..., 4, 4). Single precision is kept; all other types become double precision. Contiguous arrays are read without a copy.
     std_error
         Standard errors of the elements, of the same shape. With them, standard errors of the four scalars are also returned.
     only
@@ -32,9 +32,10 @@ def decompose(
     Returns
     -------
     dict
-        Arrays of the leading shape: ``polarizance``, ``diattenuation``, ``retardance`` (radians, 0 to π), ``depolarization``;
-        ``retardance_axis`` (..., 3), Stokes components of the fast axis; the factors ``m_delta``, ``m_r``, ``m_d`` (..., 4, 4);
-        with errors, ``polarizance_error`` etc. NaN for matrices that are not realizable (m00 ≤ 0, diattenuation above 1).
+        Arrays of the shape of the leading axes: ``polarizance``, ``diattenuation``, ``retardance`` (radians, 0 to π),
+        ``depolarization``; ``retardance_axis`` (..., 3), Stokes components of the fast axis; the factors ``m_delta``, ``m_r``,
+        ``m_d`` (..., 4, 4); with ``std_error``, also ``polarizance_error`` etc. NaN for matrices that are not realizable (m00 ≤
+        0, diattenuation above 1).
 
     Raises
     ------
@@ -47,7 +48,7 @@ def decompose(
     found, missing = _native.decompose(array, errors, names)
     if missing:
         warnings.warn(
-            f"{missing} of {array.size // 16} matrices cannot exist (m00 <= 0, diattenuation above 1, or not finite): their results are NaN",
+            f"{missing} of {array.size // 16} matrices cannot exist (m00 <= 0, diattenuation above 1, or not finite); the results for these are NaN",
             RuntimeWarning,
             stacklevel=2,
         )

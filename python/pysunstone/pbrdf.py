@@ -2,8 +2,8 @@
 
 The surface's normal is +z and its tangent +x. Directions are vectors of any length that point away from the surface: the incoming
 direction towards the light source, the outgoing direction towards the receiver. The horizontal axis of a Stokes frame is
-perpendicular to the plane of the normal and the direction: (-sin φ, cos φ, 0) with the azimuth φ of the direction ("s" comes
-first; along the normal φ = 0). A matrix maps from the frame of the incoming direction to that of the outgoing direction.
+perpendicular to the plane of the normal and the direction: (-sin φ, cos φ, 0) with the azimuth φ of the direction (the first axis
+is "s"; along the normal φ = 0). A matrix maps from the frame of the incoming direction to that of the outgoing direction.
 Handedness and signs are those of ``CONVENTIONS.md``. The values are the renderer's, in single precision, as `sunstone pbrdf eval`
 prints them.
 """
@@ -52,8 +52,8 @@ class Material:
     name
         Name of the material, if there are several.
     wavelengths_nm
-        A number, or a list in any order. Lists in a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has none)
-        and are interpolated; a scene supports only its own wavelengths.
+        A number, or a list in any order. Lists in a dict or file belong to the key ``wavelengths_nm`` of that dict or file (by
+        default 450, 550, 660) and are interpolated; a scene supports only its own wavelengths.
     uv
         Texture coordinates.
     folder
@@ -134,7 +134,7 @@ def _directions(what: str, given: npt.ArrayLike) -> npt.NDArray[np.float64]:
     if w.shape[-1:] != (3,):
         raise InputError(f"{what}: the shape is {w.shape}; give vectors, (..., 3)")
     if not np.all(np.isfinite(w)) or not np.all((w != 0).any(-1)):
-        raise InputError(f"{what}: some are zero or not finite; give finite vectors that are not zero")
+        raise InputError(f"{what}: some directions are zero or not finite; give finite vectors that are not zero")
     return w
 
 
@@ -145,7 +145,7 @@ def _rows(w: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 def _built(material: Any, options: Mapping[str, Any]) -> Material:
     if isinstance(material, Material):
         if options:
-            raise InputError(f"{', '.join(options)}: the material is built already; pass this to pbrdf.Material")
+            raise InputError(f"{', '.join(options)}: the material is already built; pass these options to pbrdf.Material")
         return material
     return Material(material, **options)
 
@@ -168,8 +168,9 @@ def evaluate(material: Any, incoming: npt.ArrayLike, outgoing: npt.ArrayLike, **
     Returns
     -------
     numpy.ndarray
-        Mueller matrices (..., 4, 4), per steradian, without the cosine; (..., wavelengths, 4, 4) for a list of wavelengths. Zero
-        where nothing is scattered. Specular reflection and transmission are not part of the BRDF: see `mirror` and `refract`.
+        Mueller matrices (..., 4, 4), per steradian, without the cosine; (..., wavelengths, 4, 4) for a list of wavelengths.
+        Matrices are zero for directions into which no light is scattered. Specular reflection and transmission are not part of
+        the BRDF: see `mirror` and `refract`.
 
     Examples
     --------
@@ -182,7 +183,7 @@ def evaluate(material: Any, incoming: npt.ArrayLike, outgoing: npt.ArrayLike, **
     return _built(material, options).evaluate(incoming, outgoing)
 
 
-#: Alias of `evaluate`; it shadows Python's builtin in this module.
+#: Alias of `evaluate`. In this module, the alias hides Python's built-in function.
 eval = evaluate
 
 
@@ -206,7 +207,7 @@ def mirror(
     Raises
     ------
     InputError
-        If the material has no specular reflection there.
+        If the material has no specular reflection for these directions.
     """
     return _built(material, options).mirror(incoming)
 
@@ -216,7 +217,7 @@ def refract(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
     """Return Mueller matrices of specular transmission through a smooth surface; arguments and results as for `mirror`.
 
-    The matrices apply to power: radiance also changes by the squared ratio of the refractive indices. Under total internal
+    The matrices apply to power. Radiance also changes by the squared ratio of the refractive indices. Under total internal
     reflection they are zero, and the direction is NaN.
     """
     return _built(material, options).refract(incoming)

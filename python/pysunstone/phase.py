@@ -1,10 +1,10 @@
 """Evaluates scattering matrices of single participating media over the scattering angle.
 
-A matrix maps the Stokes vector before scattering to that after it, per steradian. The integral of its M00 over the sphere is 1.
-The horizontal axis of both frames is perpendicular to the scattering plane ("s" comes first): M01 = M10 is positive if light is
-polarized perpendicular to that plane. The matrix has the six elements S11 = M00, S12 = M01 = M10, S22 = M11, S33 = M22, S34 = M23
-= -M32, S44 = M33 of spheres and of small or randomly oriented particles; the others are zero. The values are the renderer's, in
-single precision, as `sunstone phase eval` prints them.
+A matrix maps the Stokes vector before scattering to the Stokes vector after scattering, per steradian. The integral of its M00
+over the sphere is 1. The horizontal axis of both frames is perpendicular to the scattering plane (the first axis is "s"). M01 =
+M10 is therefore positive if scattered light is polarized perpendicular to this plane. The matrix has the six elements S11 = M00,
+S12 = M01 = M10, S22 = M11, S33 = M22, S34 = M23 = -M32, S44 = M33 of spheres and of small or randomly oriented particles; the
+others are zero. The values are the renderer's, in single precision, as `sunstone phase eval` prints them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pysunstone.scene import Scene
 
 __all__ = ["Medium", "eval", "evaluate"]
 
-#: Phase functions that are not media; their coefficients are irrelevant.
+#: Keys of phase functions. A phase function is evaluated in a medium with arbitrary coefficients.
 _PHASES = {"isotropic", "rayleigh", "henyey_greenstein", "mie"}
 
 
@@ -42,8 +42,8 @@ class Medium:
     name
         Name of the medium, if there are several.
     wavelengths_nm
-        A number, or a list in any order. Lists in a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has none)
-        and are interpolated.
+        A number, or a list in any order. Lists in a dict or file belong to the key ``wavelengths_nm`` of that dict or file (by
+        default 450, 550, 660) and are interpolated.
     folder
         Base of relative paths in a dict.
 
@@ -128,7 +128,7 @@ class Medium:
         """Evaluate the scattering matrices; see `evaluate`."""
         angles = real("angles_deg", angles_deg, np.float64)
         if not np.all((angles >= 0) & (angles <= 180)):
-            raise InputError("angles_deg: some are no scattering angles; use 0 to 180 degrees")
+            raise InputError("angles_deg: some values are no scattering angles; use 0 to 180 degrees")
         found = self._native.evaluate(np.ascontiguousarray(angles).reshape(-1))
         lanes = () if self._one else (len(self._wavelengths),)
         return found.reshape((*angles.shape, *lanes, 4, 4))
@@ -161,8 +161,8 @@ def evaluate(medium: Any, angles_deg: npt.ArrayLike, **options: Any) -> npt.NDAr
     Returns
     -------
     numpy.ndarray
-        Mueller matrices (..., 4, 4), per steradian; (..., wavelengths, 4, 4) for a list of wavelengths. For the frames see the
-        module.
+        Mueller matrices (..., 4, 4), per steradian; (..., wavelengths, 4, 4) for a list of wavelengths. The documentation of the
+        module defines the frames.
 
     Examples
     --------
@@ -172,10 +172,10 @@ def evaluate(medium: Any, angles_deg: npt.ArrayLike, **options: Any) -> npt.NDAr
     """
     if isinstance(medium, Medium):
         if options:
-            raise InputError(f"{', '.join(options)}: the medium is built already; pass this to phase.Medium")
+            raise InputError(f"{', '.join(options)}: the medium is already built; pass these options to phase.Medium")
         return medium.evaluate(angles_deg)
     return Medium(medium, **options).evaluate(angles_deg)
 
 
-#: Alias of `evaluate`; it shadows Python's builtin in this module.
+#: Alias of `evaluate`. In this module, the alias hides Python's built-in function.
 eval = evaluate

@@ -1,6 +1,6 @@
 """Draws slices with matplotlib: Mueller images in the layout of the paper, and time profiles with error bands.
 
-Matplotlib is imported on the first plot.
+Matplotlib is imported when the first plot is drawn.
 """
 
 # pyright: basic
@@ -20,7 +20,7 @@ __all__ = ["plot_mueller", "plot_profile"]
 
 #: Colour of undefined values.
 _UNDEFINED = "#808080"
-#: Quantile of the values at the end of a scale.
+#: Quantile of the values that is used as the end of a scale.
 _WHITE = 0.99
 #: Largest number of lines in one plot.
 _LINES = 12
@@ -55,12 +55,12 @@ def plot_mueller(
     wavelength
         Wavelength in nanometres; the nearest one is used. Default: the middle wavelength.
     normalized
-        Show M00 as intensity and every other element divided by M00; else all sixteen on one signed scale.
+        Show M00 as intensity, and every other element divided by M00. Otherwise show all sixteen elements on one signed scale.
     limit
         Value at the ends of the signed scale, which is symmetric around 0. By default 1, or without `normalized` the 99th
         percentile of the magnitudes.
     figsize
-        Inches.
+        Width and height of the figure, inches.
 
     Returns
     -------
@@ -72,9 +72,9 @@ def plot_mueller(
     chosen = _at_wavelength(data, wavelength).squeeze()
     image = [d for d in chosen.dims if d not in ("stokes_out", "stokes_in")]
     if not {"stokes_out", "stokes_in"} <= set(chosen.dims) or chosen.sizes["stokes_out"] != 4 or chosen.sizes["stokes_in"] != 4:
-        raise ValueError("these are no Mueller matrices: the axes `stokes_out` and `stokes_in` must have four entries each")
+        raise ValueError("the array contains no Mueller matrices: the axes `stokes_out` and `stokes_in` must have four entries each")
     if len(image) != 2:
-        raise ValueError(f"an image has two axes, but here there are {image}: select or sum the others")
+        raise ValueError(f"an image has two axes, but the array has {image}: select entries of the other axes, or sum over them")
     values = chosen.transpose("stokes_out", "stokes_in", *image).values.astype(float)
     intensity = values[0, 0]
     if normalized:
@@ -119,11 +119,12 @@ def plot_profile(
     Parameters
     ----------
     mean
-        Values over `t` and at most one other axis, each entry of which becomes a line. Of Mueller matrices, M00 is drawn.
+        Values over `t` and at most one other axis, each entry of which becomes a line. For Mueller matrices, M00 is drawn.
     std_error
         Standard errors over the same axes.
     wavelength
-        Nanometres; the nearest one is used. By default each wavelength is a line, if wavelength is the only other axis.
+        Wavelength in nanometres; the nearest one is used. By default, each wavelength is a line if wavelength is the only other
+        axis.
     sigmas
         Half width of the band, in standard errors.
     ax
@@ -150,7 +151,7 @@ def plot_profile(
 
     mean = chosen(mean)
     if "t" not in mean.dims:
-        raise ValueError("the slice does not resolve time: render it with time bins")
+        raise ValueError("the slice does not resolve time: render a slice with time bins")
     others = [d for d in mean.dims if d != "t"]
     if len(others) > 1 or (others and mean.sizes[others[0]] > _LINES):
         raise ValueError(f"a profile has `t` and at most one other axis of up to {_LINES} entries, found {others}: select or sum")
@@ -171,7 +172,7 @@ def plot_profile(
     if others:
         ax.legend(fontsize=7)
     ax.set_xlabel(f"travel time [{mean['t'].attrs.get('units', 'ps')}]")
-    # Long names of quantities are wrapped to the height of the plot.
+    # Wrap long names of quantities to the height of the plot.
     figure = ax.get_figure(root=True)
     inches = ax.get_window_extent().height / figure.dpi if figure else 2.5
     width = max(20, int(inches * 72 / (_LABEL_PT * _PER_CHARACTER)))

@@ -43,7 +43,7 @@ _PARTS = {
 
 
 def _rising(data: xr.DataArray, dims: Sequence[str]) -> xr.DataArray:
-    """Sort an array by its coordinates along the given axes, because the functions identify entries by position."""
+    """Sort an array by its coordinates along the given axes, because the NumPy functions identify entries by position."""
     for dim in dims:
         if dim in data.dims and dim in data.coords and data[dim].dtype.kind in "fiu":
             values = data[dim].values
@@ -60,7 +60,7 @@ def _like(data: xr.DataArray, other: xr.DataArray, what: str) -> xr.DataArray:
     for dim in shared:
         if not data.indexes[dim].equals(other.indexes[dim]):
             if set(data.indexes[dim]) != set(other.indexes[dim]):
-                raise ValueError(f"{what}: its coordinate `{dim}` differs from that of the data")
+                raise ValueError(f"{what}: the coordinate `{dim}` differs from that of the data")
             other = other.sel({dim: data[dim].values})
     return other
 
@@ -69,8 +69,8 @@ def _matrices(data: xr.DataArray) -> xr.DataArray:
     """Return Mueller matrices with the matrix axes last and the wavelength before them."""
     if not set(_STOKES) <= set(data.dims) or any(data.sizes[d] != 4 for d in _STOKES):
         raise ValueError(
-            "Mueller matrices are needed, four entries along `stokes_out` and `stokes_in`: "
-            "render polarization `mueller`, and do not select entries"
+            "Mueller matrices are required, with four entries along `stokes_out` and `stokes_in`: "
+            "render a slice with polarization `mueller`, and do not select entries of these axes"
         )
     data = _rising(data, _STOKES)
     lanes = ["wavelength"] if "wavelength" in data.dims else []
@@ -168,7 +168,7 @@ def reconstructed(
 ) -> xr.Dataset:
     """Reconstruct Mueller matrices from captures; see `SunstoneArray.reconstruct`."""
     if "capture" not in intensities.dims:
-        raise ValueError("captures are needed along the axis `capture`")
+        raise ValueError("captures are required along the axis `capture`")
     intensities = _rising(intensities, ("capture", "channel"))
     if variance is not None:
         variance = _like(intensities, variance, "variance")

@@ -37,8 +37,8 @@ class Slice:
         Coordinates along every axis: pixels, picoseconds (bin centres), nanometres, indices.
     arrays
         ``mean`` and ``std_error`` (float32, over ``dims``); with time bins also ``overflow`` and ``overflow_std_error``, the
-        light outside the bins; ``total_std_error`` (y, x), that of M00 summed over all other axes. Bit-identical to the arrays of
-        a store.
+        light outside the bins; ``total_std_error`` (y, x), the standard error of M00 summed over all other axes. Bit-identical to
+        the arrays of a store.
     array_dims
         Names of the axes of every array.
     attrs
@@ -78,7 +78,7 @@ class Slices(dict[str, Slice]):
     attrs
         Provenance: scene, seed, samples, devices, units.
     samples
-        Number of samples that count for each camera pixel, (height, width).
+        Number of samples of each camera pixel, (height, width).
     summary
         Statistics of the render: ``tiles``, ``samples``, ``rays``, ``discarded_samples``, ``wall_time_s``, ``complete``.
     """
@@ -106,10 +106,10 @@ def _mesh(name: str, given: Any) -> Any:
         parts = dict(zip(("vertices", "faces", "normals", "uvs"), given, strict=False))
     unknown = parts.keys() - {"vertices", "faces", "normals", "uvs"}
     if unknown or "vertices" not in parts or "faces" not in parts:
-        raise InputError(f"mesh {name}: give vertices and faces, and optionally normals and uvs")
+        raise InputError(f"mesh {name}: pass vertices and faces, and optionally normals and uvs")
     faces = plain(f"mesh {name}, faces", parts["faces"])
     if faces.dtype.kind not in "iu":
-        raise InputError(f"mesh {name}, faces: their dtype is {faces.dtype}; give integers")
+        raise InputError(f"mesh {name}, faces: the dtype is {faces.dtype}; give integers")
     if faces.size and (int(faces.min()) < 0 or int(faces.max()) > 0xFFFFFFFF):
         raise InputError(f"mesh {name}, faces: indices of vertices count from 0, up to 2³² - 1")
 
@@ -146,7 +146,7 @@ def _image(given: Any) -> bytes:
 class Scene:
     """An immutable scene, ready to render. Create it with `load`, `from_toml`, `from_dict` or a `SceneBuilder`.
 
-    Concurrent renders of one scene run one after another; renders of different scenes run in parallel.
+    Concurrent renders of the same scene run one after another. Renders of different scenes run in parallel.
     """
 
     def __init__(self, native: _native.Scene) -> None:
@@ -202,7 +202,7 @@ class Scene:
         Raises
         ------
         InputError
-            Its ``file`` gives the location: ``scene in code: objects[0].material``.
+            The attribute ``file`` states the location: ``scene in code: objects[0].material``.
         """
         return cls(
             _native.Scene.from_json(
@@ -230,7 +230,7 @@ class Scene:
 
     @property
     def notes(self) -> list[str]:
-        """Notes about the scene file: unused contents and corrections."""
+        """Notes about the scene file, such as unused contents and corrections."""
         return self._native.notes
 
     @property
@@ -278,15 +278,16 @@ class Scene:
         """Render slices of T with standard errors.
 
         The same scene, seed and samples give bit-identical arrays and stores for any number of threads, from Python and from the
-        command. Other Python threads keep running. Ctrl-C finishes the tiles in flight and raises ``KeyboardInterrupt``. An
-        exception in ``progress`` has the same effect and is raised. A stopped store can be resumed.
+        command. Other Python threads keep running. After Ctrl-C, the current tiles are finished, and ``KeyboardInterrupt`` is
+        raised. An exception in ``progress`` has the same effect and is raised again. A stopped store can be resumed.
 
         Parameters
         ----------
         output
             Zarr store to write, a folder or an address (``s3://``, ``gs://``, ``az://``). None: return arrays in memory.
         spp, replicates, seed
-            Samples per camera pixel, minimum number of independent groups of samples, and random seed, instead of the scene's.
+            Samples per camera pixel, minimum number of independent groups of samples, and random seed; by default those of the
+            scene.
         threads
             Number of worker threads; by default one per core.
         slices
@@ -312,11 +313,11 @@ class Scene:
         asked = _Asked(spp, replicates, seed, threads, names)
         if output is None:
             if resume or force:
-                raise InputError("resume and force need a store: give an output")
+                raise InputError("resume and force apply only to a store: pass output")
             with reporting(progress) as tell:
                 return _slices(_native.render_arrays(self._native, asked, tell), self.resolution)
         if resume and force:
-            raise InputError("give resume or force, not both")
+            raise InputError("pass either resume or force")
         with reporting(progress) as tell:
             return json.loads(_native.render_store(self._native, asked, output, resume, force, tell))
 

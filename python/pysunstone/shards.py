@@ -1,7 +1,8 @@
 """Sharded stores: their creation, and checks of partial reads against the manifest.
 
-A shard is a file that holds many chunks, in the format of Zarr's codec ``sharding_indexed``: its last bytes locate each chunk.
-Before this index a shard of Sunstone stores the checksums of its chunks. The manifest's line holds a checksum of both.
+A shard is a file that contains many chunks, in the format of Zarr's codec ``sharding_indexed``: the last bytes are an index that
+locates each chunk. Before this index, a shard of Sunstone contains the checksums of its chunks. The manifest contains a checksum
+of both.
 """
 
 # pyright: basic
@@ -42,7 +43,7 @@ def shard(store: str | os.PathLike[str], out: str | os.PathLike[str], *, force: 
     Raises
     ------
     pysunstone.command.CommandError
-        With the command's message, if the store is not finished or is in shards already, or if the output exists.
+        With the command's message, if the store is not finished or already sharded, or if the output exists.
 
     Examples
     --------
@@ -73,12 +74,12 @@ class Tail:
         }
 
     def fault(self, start: int, end: int, data: bytes) -> str | None:
-        """Return the fault of these bytes of the shard, or None. Zarr's codec checks each chunk against its checksum."""
+        """Return a description of the fault in these bytes of the shard, or None. Zarr's codec checks each chunk itself."""
         seal = self._seals.get((start, end))
         if seal is None:
-            return f"it has no chunk at bytes {start} to {end}"
+            return f"the shard has no chunk at bytes {start} to {end}"
         same = len(data) == end - start and data[-_SEAL:] == struct.pack("<I", seal)
-        return None if same else f"its chunk at byte {start} does not match its checksum"
+        return None if same else f"the chunk at byte {start} does not match its checksum"
 
 
 class Shards:

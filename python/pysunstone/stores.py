@@ -1,8 +1,8 @@
 """Stores of Sunstone as xarray trees.
 
 A store is a Zarr v3 hierarchy with one group per slice. `xarray.open_datatree(path)` also opens it; `open_store` adds checks and
-metadata. It refuses unfinished, damaged and foreign stores with a clear message. A lost chunk is an error instead of zeros. Dask
-chunks follow the store's chunks. Every array carries the attributes that the accessor needs.
+metadata. It refuses unfinished, damaged and foreign stores with a clear message. A missing chunk is an error instead of zeros.
+Dask chunks follow the store's chunks. Every array carries the attributes that the accessor needs.
 """
 
 # pyright: basic
@@ -48,7 +48,7 @@ _OF_ARRAYS = ("projector_size", "projector_bin", "pixels_per_element", "projecto
 
 
 class StoreError(ValueError):
-    """A store cannot be opened; the text names the store, the reason and the fix."""
+    """A store cannot be opened. The text states the store, the reason and the fix."""
 
 
 class NotAStoreError(StoreError):
@@ -64,7 +64,7 @@ class NewerStoreError(StoreError):
 
 
 class DamagedStoreError(StoreError):
-    """A file does not match the manifest: it is lost, truncated or different."""
+    """A file does not match the manifest: it is missing, truncated or changed."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class _Entry:
 class _CheckedStore(WrapperStore[Store]):
     """A store whose files are checked against its manifest.
 
-    Zarr reads a chunk without a file as zeros. This class requires every file of the manifest, with its size, and a chunk must
-    end with the checksum of its manifest line. (Zarr's codec checks the bytes against that checksum.) For partial reads of a
-    shard, the requested range is checked against the shard's tail, which is fetched once and kept.
+    Zarr reads a chunk without a file as zeros. This class requires that every file of the manifest exists with the listed size,
+    and that every chunk ends with the checksum in the manifest. (Zarr's codec checks the bytes against that checksum.) For
+    partial reads of a shard, the requested range is checked against the shard's tail, which is fetched once and kept.
     """
 
     def __init__(self, store: Store, name: str, entries: Mapping[str, _Entry], shards: Shards) -> None:
@@ -118,7 +118,7 @@ class _CheckedStore(WrapperStore[Store]):
         tail = self._tails.get(key)
         if tail is None:
             length = Shards.tail_length(chunks)
-            # The offset is right only if the shard has its expected length.
+            # The offset is valid only if the shard has the expected length.
             last = await self._store.get(key, prototype, RangeByteRequest(entry.size - length, entry.size + 1))
             if last is None:
                 raise self._damaged(key, "is missing")
@@ -172,9 +172,9 @@ def open_store(
         A folder, or a URL that fsspec can read (``http://``, ``https://``, ``s3://``, ...; requires fsspec and its backend).
     chunks
         ``"auto"``: Dask arrays if Dask is installed, in pieces of whole stored chunks of up to 64 MiB. A mapping from dimensions
-        to lengths: pieces of these lengths. ``None``: no Dask. In all cases data are read only when needed.
+        to lengths: Dask chunks of these lengths. ``None``: Dask is not used. In all cases, data are read only when needed.
     unfinished
-        Also open an unfinished store; elements that are not rendered yet are NaN.
+        Also open an unfinished store; elements that are not yet rendered are NaN.
     slices
         Names of the slices to open; by default all.
 
@@ -187,13 +187,13 @@ def open_store(
     Raises
     ------
     NotAStoreError
-        If there is no store.
+        If the path contains no store of Sunstone.
     UnfinishedStoreError
-        If the store is not finished; the text gives the progress.
+        If the store is not finished; the text states the progress.
     NewerStoreError
         If a newer version of Sunstone wrote the store.
     DamagedStoreError
-        If files do not match the manifest. Damaged chunks raise this when they are read.
+        If files do not match the manifest. For damaged chunks, this exception is raised when they are read.
 
     Examples
     --------
@@ -215,12 +215,12 @@ def open_store(
         store = _CheckedStore(store, location.name, entries, Shards.of(_description(location)))
     known = list(attributes.get("slices", []))
     if slices is not None and (strange := [s for s in slices if s not in known]):
-        raise StoreError(f"{location.name} has no slice `{strange[0]}`; it has: {', '.join(known)}")
+        raise StoreError(f"{location.name} has no slice `{strange[0]}`; available slices: {', '.join(known)}")
     how: Any = {"engine": "zarr", "chunks": None, "consolidated": _is_consolidated(location), "cache": chunks is None}
     if slices is None:
         groups = xr.open_groups(cast(Any, store), **how)
     else:
-        # Open only the requested slices: opening a slice takes one request per axis.
+        # Open only the requested slices, because opening a slice takes one request per axis.
         groups = {f"/{name}": xr.open_dataset(cast(Any, store), group=name, **how) for name in slices}
         groups["/"] = xr.open_dataset(cast(Any, store), **how)
     nodes = {}
@@ -314,7 +314,7 @@ def _manifest(location: _Location) -> dict[str, _Entry] | None:
     except (ValueError, IndexError):
         raise damaged from None
     if number > _NEWEST:
-        raise NewerStoreError(f"{location.name} is of form {number}; this pysunstone reads forms up to {_NEWEST}: upgrade it")
+        raise NewerStoreError(f"{location.name} is of form {number}, but this version of pysunstone reads forms up to {_NEWEST}: upgrade pysunstone")
     entries = {}
     try:
         # The last line is a checksum of the lines above.
@@ -391,9 +391,10 @@ def _cut(data: xr.Dataset, chunks: Literal["auto"] | Mapping[Hashable, int] | No
 
 
 def _stored(array: xr.DataArray) -> Mapping[Hashable, int]:
-    """Return the shape that is best read as one piece.
+    """Return the shape of the stored pieces that are read as a whole.
 
-    This is a chunk. For a sharded array, it is a shard, or the chunk before sharding if a shard is too large.
+    The shape is that of a chunk. For a sharded array, it is that of a shard, or of a chunk within the shards if a shard is too
+    large.
     """
     for lengths in (array.encoding.get("shards"), array.attrs.get("unsharded_chunk")):
         if lengths:

@@ -25,7 +25,8 @@ pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> Py
     a.as_slice().map_err(|_| input(format!("{what}: the array is not contiguous")))
 }
 
-/// Decompose C-contiguous matrices (..., 4, 4). Return arrays by name, and the number of failures.
+/// Decompose C-contiguous matrices (..., 4, 4). Return arrays by name, and the number of matrices without
+/// a decomposition.
 #[pyfunction]
 pub fn decompose<'py>(
     py: Python<'py>,

@@ -40,7 +40,8 @@ impl Scheme {
         scheme_file::from_toml(&path, text).map(Self).map_err(located)
     }
 
-    /// Return a preset: drr, qrpr, lc, or quad (four fixed elements, the initial scheme for learning).
+    /// Return a preset: drr, qrpr, lc, or quad (drr with all four elements variable, the initial scheme
+    /// for learning).
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
@@ -104,7 +105,7 @@ impl Scheme {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         if !(0.0..90.0).contains(&incidence_deg) || !(-360.0..=360.0).contains(&azimuth_deg) {
             bail!(
-                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees"
+                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees, got {incidence_deg} and {azimuth_deg}"
             );
         }
         let ray = Ray {
@@ -135,8 +136,8 @@ pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     Ok(())
 }
 
-/// Simulate intensities (measurements, pixels) of matrices (pixels, 16). The wavelengths apply to the pixels
-/// cyclically.
+/// Simulate intensities (measurements, pixels) of matrices (pixels, 16). Consecutive pixels have
+/// consecutive wavelengths, cyclically.
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,
@@ -150,7 +151,7 @@ pub fn simulate<'py>(
     let values = slice("matrices", &matrices)?;
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
-        bail!("the last axis before the matrices must be as long as the wavelengths");
+        bail!("the last axis before the matrices must have one entry per wavelength");
     }
     let layout = Layout { height: 1, width: pixels / rays.len(), times: 1, lanes: rays.len() };
     let noise = Noise::Gaussian { sigma: noise };
@@ -177,15 +178,15 @@ pub fn reconstruct<'py>(
     prior: Option<PyReadonlyArray2<'py, f64>>,
     view: Option<(f64, usize, usize)>,
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
-    if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        bail!("noise: expected a number from 1e-18 to 1e18, in units of the intensities");
+    if let Some(n) = noise.filter(|n| !(1e-18..=1e18).contains(n)) {
+        bail!("noise: expected a number from 1e-18 to 1e18, in units of the intensities, got {n}");
     }
-    if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        bail!("saturation: expected a positive number, in units of the intensities");
+    if let Some(s) = saturation.filter(|s| !(*s > 0.0 && s.is_finite())) {
+        bail!("saturation: expected a positive number, in units of the intensities, got {s}");
     }
     let prior = prior.as_ref().map(moment).transpose()?;
     if prior.is_some() && noise.is_none() {
-        bail!("prior: it needs the standard deviation of the intensities; pass it as noise");
+        bail!("prior: a prior requires the standard deviation of the intensities; pass it as noise");
     }
     let options = Options { noise, saturation, realizable, prior };
     let lanes = wavelengths_nm.len();
@@ -194,7 +195,7 @@ pub fn reconstruct<'py>(
         Some((degrees, height, width)) => {
             check_wavelengths(&wavelengths_nm)?;
             if !(degrees > 0.0 && degrees < 180.0) {
-                bail!("fov_x_deg: expected an angle above 0 and below 180 degrees");
+                bail!("fov_x_deg: expected an angle above 0 and below 180 degrees, got {degrees}");
             }
             let layout = Layout { height, width, times: 1, lanes };
             Directions::pinhole(degrees.to_radians(), width, height).rays(layout, &wavelengths_nm)
@@ -214,7 +215,7 @@ pub fn reconstruct<'py>(
     }
 }
 
-/// Rays: one per wavelength, or one per pixel position and wavelength.
+/// The rays of a reconstruction: one per wavelength, or one per pixel position and wavelength.
 #[derive(Clone, Copy)]
 struct Along<'a> {
     rays: &'a [Ray],

@@ -17,11 +17,11 @@ use sunstone::polarimetry::capture::simulate::Noise;
 /// Instrument that converts light to digital numbers.
 #[derive(FromPyObject)]
 pub struct Instrument {
-    /// Path of a detector file. The field `detector_text` is the content of a detector file as JSON.
+    /// Path of a detector file. The alternative `detector_text` is the content of a detector file as JSON.
     detector_file: Option<PathBuf>,
     detector_text: Option<String>,
-    /// Standard deviation of Gaussian noise. The field `relative_noise` is the standard deviation as a
-    /// fraction of the mean T00.
+    /// Standard deviation of Gaussian noise. The alternative `relative_noise` is the standard deviation
+    /// as a fraction of the mean T00.
     noise: Option<f64>,
     relative_noise: Option<f64>,
     /// Horizontal field of view, in degrees; None means that all rays are axial.
@@ -34,9 +34,9 @@ pub struct Instrument {
 /// An array of intensities or variances.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
-/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels),
-/// their variances (only for a camera), and the shape of the pixels. A polarizer-array sensor can
-/// halve rows and columns. `lanes` states that the last axis before the matrices is the wavelength.
+/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), their
+/// variances (only for a camera), and the shape of the pixels. With binning or superpixels, rows and
+/// columns are halved. `lanes` states that the last axis before the matrices is the wavelength.
 #[pyfunction]
 pub fn capture<'py>(
     py: Python<'py>,
@@ -63,13 +63,13 @@ pub fn capture<'py>(
             );
         }
         if !(bin > 0.0 && bin.is_finite()) {
-            bail!("bin_ps: expected a positive width of the time bins, in ps");
+            bail!("bin_ps: expected a positive width of the time bins, in ps, got {bin}");
         }
         image.bin_ps = Some(bin);
     }
     if let Some(degrees) = with.fov_x_deg {
         if !(degrees > 0.0 && degrees < 180.0) {
-            bail!("fov_x_deg: expected an angle above 0 and below 180 degrees");
+            bail!("fov_x_deg: expected an angle above 0 and below 180 degrees, got {degrees}");
         }
         image = image.seen_by(degrees.to_radians());
     }

@@ -61,8 +61,8 @@ impl LearningData {
         cross_validation::LearningData::new(&data, folds, frames).map(Self).map_err(input)
     }
 
-    /// Create the data from a second moment, without folds. `turn` averages the moment over rotations of the
-    /// Stokes frames.
+    /// Create the data from a second moment, without folds. If `turn` is true, the moment is averaged
+    /// over rotations of the Stokes frames.
     #[staticmethod]
     fn of_moment(given: PyReadonlyArray2<'_, f64>, turn: bool) -> PyResult<Self> {
         let s = moment(&given)?;
@@ -104,8 +104,9 @@ pub struct Asked {
     seed: u64,
 }
 
-/// A learned scheme; its errors (on validation materials, standard error of that value, on training
-/// materials); and its descents (name, final loss, loss of every step).
+/// A learned scheme with its errors and descents. Errors are the loss on validation materials, the
+/// standard error of this loss, and the loss on training materials. A descent has a name, the lowest
+/// loss, and the loss at every evaluation.
 type Found<'py> = (Scheme, (f64, f64, f64), Vec<(String, f64, Bound<'py, PyArray1<f64>>)>);
 
 /// Learn the settings of a template that vary between captures.
@@ -121,7 +122,7 @@ pub fn learn<'py>(
         bail!("template: no setting changes between captures; list angles or retardances");
     }
     if !(1e-9..=1e6).contains(&asked.noise) {
-        bail!("noise: expected a number from 1e-9 to 1e6");
+        bail!("noise: expected a number from 1e-9 to 1e6, got {}", asked.noise);
     }
     if !(0.0..=90.0).contains(&asked.angle_error_deg) {
         bail!("angle_error_deg: expected 0 to 90 degrees");

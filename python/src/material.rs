@@ -23,17 +23,17 @@ pub struct Material {
     places: Vec<(usize, usize)>,
 }
 
-/// Owner of the material.
+/// The owner of the material data.
 enum Of {
     /// Material sets for a few wavelengths each.
     Sets(Vec<MaterialSet>),
     Scene(Py<Scene>),
 }
 
-/// Directions of shape (n, 3).
+/// An array of directions, (n, 3).
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
 
-/// Matrices and directions.
+/// Matrices (n, wavelengths, 4, 4) and directions (n, wavelengths, 3).
 type Specular<'py> = (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>);
 
 fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
@@ -135,7 +135,7 @@ impl Material {
         let incoming = directions("incoming", &incoming)?;
         let outgoing = directions("outgoing", &outgoing)?;
         if incoming.len() != outgoing.len() {
-            bail!("the numbers of incoming and outgoing directions differ");
+            bail!("got {} incoming but {} outgoing directions", incoming.len(), outgoing.len());
         }
         let lanes = self.places.len();
         let mut out = vec![0.0_f32; incoming.len() * lanes * 16];

@@ -1,7 +1,7 @@
-//! Runs work without Python's lock (GIL), also in a forked process.
+//! Runs work without Python's global interpreter lock (GIL), also in a forked process.
 //!
-//! A fork copies only one thread: the child process has the queue of rayon's global pool but no
-//! workers, and would wait forever. In a child process, work therefore runs on a separate pool.
+//! A fork copies only one thread: the child process has the queue of rayon's global pool but no worker
+//! threads, and would wait forever. Work in a child process therefore runs on a separate pool.
 
 use crate::error::failed;
 use pyo3::prelude::*;

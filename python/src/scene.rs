@@ -70,7 +70,7 @@ impl Scene {
         let scene = builder.build()?;
         let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
         Ok(Self {
-            // The path that the scene's file would have.
+            // The path that the file of this scene would have.
             path: folder.join(format!("{}.toml", scene.name)),
             built: Mutex::new(scene),
             figures,
@@ -78,7 +78,8 @@ impl Scene {
         })
     }
 
-    /// Calls `at` with the scene. While the scene is rendered, waits without Python's lock.
+    /// Calls `at` with the scene. If the scene is being rendered, waits without Python's global
+    /// interpreter lock.
     fn look<T: Send>(&self, py: Python<'_>, at: impl FnOnce(&sunstone::Scene) -> T + Send) -> T {
         py.detach(|| at(&self.lock()))
     }
@@ -185,7 +186,7 @@ impl Scene {
                 return Some(Ok((name, Cow::Borrowed(&bytes[..]))));
             }
             let path = folder.join(&name);
-            // An entry inside an archive or another file has no separate file.
+            // An entry within an archive or another file is not a separate file.
             path.exists().then(|| {
                 let bytes = std::fs::read(&path).map_err(|e| input(format!("{}: {e}", path.display())))?;
                 Ok((name, Cow::Owned(bytes)))

@@ -15,17 +15,18 @@ use sunstone::apply::shape::polarization::{self, Cues, Reflection};
 use sunstone::apply::shape::surface_normals::{self, Window};
 use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_shift, triangulation};
 
-/// A calibrated camera with a projector, or the camera twice.
+/// A calibrated camera and projector. Without a projector, the camera takes its place.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Devices(Rig);
 
-/// Resolution, focal lengths, principal point, origin; image right, image down and forward in world axes.
+/// Resolution, focal lengths, principal point and origin of a device, and its axes image right, image
+/// down and forward in world coordinates.
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
     let all = focal.iter().chain(&principal).chain(&origin).chain(axes.as_flattened());
     if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
-        bail!("expected finite numbers, and focal lengths in pixels");
+        bail!("expected finite numbers, and nonzero focal lengths in pixels");
     }
     Ok(Pinhole::new(resolution, focal, principal, origin, axes))
 }
@@ -195,7 +196,8 @@ pub fn normals_of_depth<'py>(
     array(py, detached(py, || surface_normals::normals(camera, &depth, Window { radius, robust }))?)
 }
 
-/// Compute degree, zenith and azimuth (rows, columns, 3) of polarization from matrices (rows, columns, 16).
+/// Compute the degree of polarization, and zenith angle and azimuth of the normal (rows, columns, 3),
+/// from matrices (rows, columns, 16).
 #[pyfunction]
 pub fn polarization_cues<'py>(
     py: Python<'py>,
@@ -205,7 +207,7 @@ pub fn polarization_cues<'py>(
     mirrored_off: bool,
 ) -> PyResult<Found<'py>> {
     if !(index > 1.0 && index <= 10.0) {
-        bail!("index: expected a refractive index above 1 and at most 10");
+        bail!("index: expected a refractive index above 1 and at most 10, got {index}");
     }
     let matrices = map("matrices", &matrices)?;
     let how = if mirrored { Reflection::Specular } else { Reflection::Diffuse };
@@ -214,7 +216,8 @@ pub fn polarization_cues<'py>(
     array(py, cues.angles)
 }
 
-/// Compute normals (rows, columns, 3): of the two normals that the cues allow, the one nearest to a guess.
+/// Compute normals (rows, columns, 3): of the two candidates that the cues allow, the one that is closer
+/// to `guess`.
 #[pyfunction]
 pub fn normals_of_cues<'py>(
     py: Python<'py>,

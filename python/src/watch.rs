@@ -97,7 +97,8 @@ pub fn watched<T: Send>(
                     shared.stop.store(true, Ordering::Relaxed);
                     fault = Some(e);
                 }
-                // A second Ctrl-C. The work continues until it checks the stop flag; wait for it in any case.
+                // This is a second Ctrl-C. The work continues until it checks the stop flag, so wait for
+                // its end in any case.
                 Err(_) => {
                     if let Err(e) = shared.insist(py) {
                         e.write_unraisable(py, None);

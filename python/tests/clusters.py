@@ -12,14 +12,15 @@ from distributed import Status
 
 
 class Killer(threading.Thread):
-    """Kill a random worker from time to time, like an operating system that runs out of memory.
+    """Kill random workers at intervals, as an operating system does when memory runs out.
 
-    Only running workers are killed: the nanny gives up on a worker that dies during its start, until no worker is left.
+    Only running workers are killed, because the nanny does not restart a worker that dies during its start, and finally no worker
+    would be left.
     """
 
     def __init__(self, cluster: Any, every: float, most: int = 8) -> None:
         super().__init__(daemon=True)
-        # The limit ensures progress on a busy machine, where a worker may take longer to start than to be killed.
+        # The maximum number of kills ensures progress on a busy machine, where workers may be killed faster than they start.
         self.cluster, self.every, self.most = cluster, every, most
         self.kills, self.done = 0, threading.Event()
 

@@ -79,7 +79,7 @@ range = { min = 0.2, max = 0.5 }
 
 @functools.cache
 def command() -> str:
-    """Return the command `sunstone`: the value of SUNSTONE, else the build of this repository, else from the PATH."""
+    """Return the path of the command `sunstone`: the value of SUNSTONE, else this repository's build, else from the PATH."""
     built = ROOT / "target/release/sunstone"
     found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
     assert found, "there is no command sunstone: cargo build --release"
@@ -97,7 +97,7 @@ def content(store: Path) -> dict[str, bytes]:
             del root["attributes"]["wall_time_s"]
             data = json.dumps(root).encode()
         if name == "manifest.txt":
-            # The manifest has a checksum of that file and one of itself.
+            # The manifest contains a checksum of that file and a checksum of itself.
             lines = data.splitlines()
             data = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")))
         found[name] = data
@@ -136,7 +136,7 @@ def store() -> Path:
 
 
 def probed(slice_name: str, *arguments: object) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return values and errors of `sunstone probe` for a slice."""
+    """Return values and standard errors of `sunstone probe` for a slice."""
     out = folder() / "probed.npy"
     sunstone("probe", store(), slice_name, *arguments, "-o", out, "--force")
     return np.load(out), np.load(out.with_name("probed.std_error.npy"))

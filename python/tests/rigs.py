@@ -65,7 +65,7 @@ laser_power = 0.9
 
 
 def write(folder: Path, faults: str = "") -> Path:
-    """Write the files, with faults of the bench; return the folder."""
+    """Write the files of the rig, with faults of the simulated bench; return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in {
         "rig": RIG + faults,

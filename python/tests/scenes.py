@@ -1,4 +1,4 @@
-"""A small test scene: a gold ball in front of a wall, a camera of 24 × 16 pixels."""
+"""A small test scene: a gold sphere in front of a wall, and a camera with 24 × 16 pixels."""
 
 from __future__ import annotations
 

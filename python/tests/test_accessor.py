@@ -1,4 +1,4 @@
-"""The accessor agrees with the command on the same store, up to rounding. Negative controls must fail."""
+"""The accessor agrees with the command on the same store, up to rounding. Negative controls must differ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pysunstone.epipolar import lines
 from pysunstone.stores import open_store
 from rendered import differs, probed
 
-#: Sums in double precision, rounded once, differ by one or two roundings; errors, squares and roots by some more.
+#: Tolerances in units of the single-precision rounding error: sums in double precision that are rounded once, and results that
+#: include errors, squares and roots.
 ROUNDINGS = 4.0
 
 
@@ -43,7 +44,7 @@ def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
 @pytest.mark.parametrize("name", ["full", "binned", "some"])
 @pytest.mark.filterwarnings("ignore:the pattern drives")
 def test_contraction_equals_the_command(name: str, state: Any) -> None:
-    """A mask (black and white, so that the gray curve is irrelevant), a Stokes state, and both."""
+    """Contracts with a mask, a Stokes state, and both. The mask is black and white, so the transfer function is irrelevant."""
     lit = written(mask(), "mask.png")
     options = [] if state is None else ["--stokes", state if isinstance(state, str) else ",".join(map(str, state))]
     mean, error = probed(name, "--pattern", lit, *options)
@@ -53,7 +54,7 @@ def test_contraction_equals_the_command(name: str, state: Any) -> None:
         assert differs(result["mean"], mean) < ROUNDINGS
         assert differs(result["std_error"], error) < ROUNDINGS
     assert differs(data["mean"].sunstone.probe(mask(), state), mean) < ROUNDINGS
-    # Negative controls: the brightest projector pixel is exchanged; a Stokes vector is longer by 2e-5.
+    # Negative controls: the brightest projector pixel is exchanged, or a Stokes vector is scaled by 1 + 2e-5.
     light = data["mean"].isel(stokes_out=0, stokes_in=0).sum(["y", "x", "wavelength"]).compute()
     most = light.isel(light.argmax(["v", "u"]))
     other = mask()
@@ -74,7 +75,7 @@ def test_pulse_convolution_equals_the_command(name: str, pulse: Any) -> None:
     result = data.sunstone.probe(pulse=pulse)
     assert differs(result["mean"], mean) < ROUNDINGS
     assert differs(result["std_error"], error) < ROUNDINGS
-    # No light is lost: light in the bins, outside them, and moved out by the pulse.
+    # No light is lost: the sum of the light in the bins, outside the bins, and moved out of the bins by the pulse is constant.
     total = (result["mean"].astype(float).sum("t") + result["shifted_out"] + result["overflow"]).values
     before = (data["mean"].astype(float).sum("t") + data["overflow"]).values
     assert differs(total, before) < 30 * ROUNDINGS
@@ -95,13 +96,13 @@ def test_combined_steps_and_sums_equal_the_command() -> None:
     result = data.sunstone.probe(sum=["y", "x", "v", "u"])
     assert differs(result["mean"], mean) < ROUNDINGS
     assert differs(result["std_error"], error) < ROUNDINGS
-    # Negative controls: quadrature instead of the bound, and bounds instead of quadrature.
+    # Negative controls: errors are added in quadrature instead of linearly, and vice versa.
     assert differs(data.sunstone.probe(sum=["y", "x", "v", "u"], errors="independent")["std_error"], error) > 1000
     assert differs(data["std_error"].sum(["y", "x", "v", "u"]), error) > 1000
 
 
 def test_independent_errors_match_errors_of_the_steady_slice() -> None:
-    """Sums over s' of rendered slices. The reference is the error of the steady slice, which is estimated directly."""
+    """Compare errors of sums over s' of rendered slices with the error of the steady slice, which is estimated directly."""
     full, steady = opened("full"), opened("steady")
     one = {"stokes_out": 0, "stokes_in": 0}
     truth = steady["std_error"].isel(one).values
@@ -130,7 +131,7 @@ def test_stacked_patterns_and_states_equal_single_ones() -> None:
 
 
 def test_uniform_pattern_equals_the_steady_slice() -> None:
-    """I = Σ T P holds up to rounding for stored slices. Epipolar and non-epipolar light are its two parts."""
+    """I = Σ T P holds up to rounding for stored slices, and I is the sum of epipolar and non-epipolar light."""
     full, steady = opened("full"), opened("steady")
     white = full.sunstone.probe(np.ones((10, 12)))
     assert differs(white["mean"], steady["mean"]) < 20
@@ -169,17 +170,17 @@ def test_invalid_requests_are_refused() -> None:
     cases: list[tuple[Any, str]] = [
         (lambda: tree["steady"].ds.sunstone.epipolar(), "no axis `v`"),
         (lambda: tree["binned"].ds.sunstone.epipolar(), "bins of pixels"),
-        (lambda: tree["steady"].ds.sunstone.probe(pattern()), "summed its projector pixels already"),
-        (lambda: tree["full"].ds.sunstone.probe(np.ones((12, 10))), "a pattern of 10 × 12 pixels for a projector of 12 × 10"),
+        (lambda: tree["steady"].ds.sunstone.probe(pattern()), "already summed over projector pixels"),
+        (lambda: tree["full"].ds.sunstone.probe(np.ones((12, 10))), "the pattern has 10 × 12 pixels, but the projector has 12 × 10"),
         (lambda: tree["full"].ds.sunstone.probe(np.ones(12)), "is of shape"),
-        (lambda: tree["full"].ds.sunstone.probe(state="sideways"), "there is no state `sideways`; states are unpolarized"),
-        (lambda: tree["full"].ds.sunstone.probe(state=[1, 1, 1, 0]), "no light has"),
+        (lambda: tree["full"].ds.sunstone.probe(state="sideways"), "unknown state `sideways`: choose from unpolarized"),
+        (lambda: tree["full"].ds.sunstone.probe(state=[1, 1, 1, 0]), "is not physical"),
         (lambda: tree["flight"].ds.sunstone.probe(state="left"), "intensity alone"),
         (lambda: tree["full"].ds.sunstone.probe(pulse=30), "does not resolve time"),
         (lambda: tree["timed"].ds.sunstone.probe(pulse=-1.0), "not negative"),
-        (lambda: tree["timed"].ds.sunstone.probe(pulse=[0, 0]), "no positive, finite sum"),
-        (lambda: tree["full"].ds.isel(stokes_in=[0, 1]).sunstone.probe(state="left"), "probe first, select then"),
-        (lambda: tree["full"].ds.sunstone.probe(sum=["t"]), "there is no axis `t`; there are y, x"),
+        (lambda: tree["timed"].ds.sunstone.probe(pulse=[0, 0]), "must be positive and finite"),
+        (lambda: tree["full"].ds.isel(stokes_in=[0, 1]).sunstone.probe(state="left"), "`probe` first, then select"),
+        (lambda: tree["full"].ds.sunstone.probe(sum=["t"]), "no axis `t`; the axes are y, x"),
         (lambda: tree["full"].ds.sunstone.degree_of_polarization(), "choose the light"),
         (lambda: tree["/"].ds.sunstone.probe(), "no `mean`"),
         (lambda: tree["flight"].ds.sunstone.plot_mueller(), "no Mueller matrices"),
@@ -198,8 +199,8 @@ def test_invalid_requests_are_refused() -> None:
 
 
 def test_degree_of_polarization_of_known_light() -> None:
-    """Light of known degree. The error is compared with 20,000 draws, which never exceed the bound (5 sigma of the draws' own
-    error).
+    """The degree of polarization of known light is correct. The scatter of 20,000 noisy samples does not exceed the stated bound
+    by more than 5 standard errors.
     """
     stokes = np.array([[2.0, 0.6, -0.8, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
     error = np.array([[0.01, 0.02, 0.01, 0.02]] * 3)
@@ -249,7 +250,7 @@ def test_mueller_images_are_drawn_on_a_symmetric_scale() -> None:
             expected = expected / np.where(intensity > 0, intensity, np.nan)
             assert shown.get_clim() == (-1, 1) and shown.get_cmap().name == "RdBu_r"
         assert np.allclose(np.ma.filled(shown.get_array(), np.nan), expected, equal_nan=True, rtol=1e-6)
-    # Negative control: rows and columns exchanged.
+    # Negative control: rows and columns are exchanged.
     assert not np.allclose(panels[1].images[0].get_array(), panels[4].images[0].get_array(), equal_nan=True)
     figure = steady.sunstone.plot_mueller(normalized=False)
     limits = {panel.images[0].get_clim() for panel in figure.axes if panel.images and panel.get_title()}
@@ -272,7 +273,7 @@ def test_profiles_are_drawn_with_their_errors() -> None:
     assert ax.get_xlabel() == "travel time [ps]"
     assert len(timed["mean"].sunstone.plot_profile(wavelength=450).lines) == 1
     ax.figure.savefig(rendered.folder() / "profile.png")
-    # Labels stay within the figure, for the name of a slice and for longer names.
+    # Labels are within the figure, for short and for long names.
     long = timed["mean"].assign_attrs(long_name="light of one pixel of the camera and of all of the projector, over its irradiance at one metre")
     for drawn in (ax, long.sunstone.plot_profile()):
         drawn.figure.draw_without_rendering()

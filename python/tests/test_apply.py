@@ -1,4 +1,4 @@
-"""Applications and shape reconstruction on arrays, against closed forms and the command. Negative controls must fail."""
+"""Applications and shape reconstruction on arrays, against closed forms and the command. Negative controls must differ."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def run(*words: object) -> str:
 
 
 def test_an_application_equals_the_command(tmp_path: Path) -> None:
-    """Both use the renders of the first call, so that only the methods run twice."""
+    """The function and the command use the same renders, so that only the methods run twice."""
     known = {a["name"]: a for a in apply.applications()}
     assert [line.split()[0] for line in run("apply", "list").splitlines()] == list(known)
     reported: list[tuple[int, int]] = []
@@ -69,7 +69,7 @@ def test_structured_light_codes_decode_to_their_columns(code: Any, periods: Any,
     assert found.shape == confidence.shape == shape
     assert abs(found - (column + 0.5)).max() < max(exact, 1e-9)
     assert ((confidence > 0) & (confidence <= 1)).all()
-    # Negative controls: two captures exchanged; ambient light that hides the code.
+    # Negative controls: two captures are exchanged, or ambient light hides the code.
     wrong = captures.copy()
     wrong[[0, -1]] = wrong[[-1, 0]]
     assert not np.allclose(apply.decode(code, wrong, columns, periods=periods)[0], found, equal_nan=True)
@@ -103,13 +103,13 @@ def test_columns_of_a_plane_give_its_depth_and_normals() -> None:
     assert np.allclose(depth, z, rtol=1e-9)
     for robust in (True, False):
         assert np.allclose(apply.normals(both, depth, robust=robust), normal, atol=1e-7)
-    # Negative control: a column offset of 0.1.
+    # Negative control: an offset of 0.1 columns.
     assert not np.allclose(apply.depth(both, column + 0.1), z, rtol=1e-4)
     assert np.isnan(apply.depth(both, np.full_like(column, np.nan))).all()
 
 
 def test_polarization_determines_the_zenith_angle() -> None:
-    """Atkinson & Hancock 2006, eq. 9, for subsurface light through a smooth surface of index 1.5."""
+    """The zenith angle follows Atkinson & Hancock 2006, eq. 9, for subsurface light through a smooth surface of index 1.5."""
     both, n = devices(), 1.5
     shape = (16, 24)
     rng = np.random.default_rng(4)
@@ -123,9 +123,9 @@ def test_polarization_determines_the_zenith_angle() -> None:
     turn = (cues[..., 2] - azimuth + np.pi / 2) % np.pi - np.pi / 2
     assert np.allclose(cues[..., 0], degree, atol=1e-12) and np.allclose(cues[..., 1], zenith, atol=1e-7)
     assert abs(turn).max() < 1e-9
-    # Negative control: another index.
+    # Negative control: a different refractive index.
     assert abs(apply.polarization_cues(m, 1.4)[..., 1] - zenith).max() > 0.02
-    # Both candidates have that angle to the ray; the one nearer to the guess is used.
+    # Both candidates have this angle to the ray. The candidate closer to the guess is used.
     towards = -rays(both.camera) / np.linalg.norm(rays(both.camera), axis=-1, keepdims=True)
     guess = towards + [0.5, -0.2, 0.0]
     found = apply.polarization_normals(both, cues, guess)

@@ -145,7 +145,7 @@ def test_captures_equal_the_command(tmp_path: Path, name: str, captures: int, ar
     run("scheme", name, "-k", str(captures), *sensor, "-o", "theirs.toml")
     assert (tmp_path / "theirs.toml").read_text() == scheme.to_toml()
     run("scheme", "matrix", "theirs.toml", "-o", "A.npy")
-    # Files hold degrees, so that a written and reread scheme differs by a rounding error.
+    # Files contain degrees, so a scheme that is written and read again differs by rounding errors.
     np.testing.assert_allclose(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme), atol=1e-14)
     scheme = ps.Scheme.load(tmp_path / "theirs.toml")
     np.testing.assert_array_equal(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme))
@@ -159,7 +159,8 @@ def test_captures_equal_the_command(tmp_path: Path, name: str, captures: int, ar
     assert found.dtype == np.float32
     np.testing.assert_array_equal(np.load(tmp_path / "R.npy"), found)
     np.testing.assert_array_equal(np.load(tmp_path / "E.npy"), spread)
-    # 5 sigma of a mean of N × 16 squared normal deviates. Errors of one matrix may be fully correlated: N in place of 16 N.
+    # The tolerance is 5 standard errors of a mean of N × 16 squared normal deviates. The errors of one matrix may be fully
+    # correlated, so the count is N instead of 16 N.
     z = (found.reshape(-1, 16) - MATRICES.reshape(-1, 16)) / spread.reshape(-1, 16)
     assert abs((z**2).mean() - 1) < 5 * np.sqrt(2 / len(z))
 
@@ -231,10 +232,10 @@ def test_masked_captures_are_left_out() -> None:
         assert np.abs(ps.reconstruct(given, scheme) - matrices).max() < 1e-4
     weights = np.ma.array(np.ones_like(damaged), mask=mask)
     assert np.abs(ps.reconstruct(damaged, scheme, variance=weights) - matrices).max() < 1e-4
-    # A mask without masked entries changes nothing.
+    # A mask without masked entries has no effect.
     same = ps.reconstruct(np.ma.array(captures, mask=False), scheme)
     assert (same == ps.reconstruct(captures, scheme)).all()
-    # Negative control: the corrupted value without its mask.
+    # Negative control: the corrupted value is not masked.
     assert np.abs(ps.reconstruct(damaged, scheme) - matrices).max() > 1e3
 
 

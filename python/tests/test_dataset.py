@@ -1,4 +1,5 @@
-"""Data sets of variants: samples equal the renders, parameters equal the drawn ones, and existing samples are not rendered again.
+"""Data sets of variants: samples equal the renders, parameters equal the drawn values, and existing samples are not rendered
+again.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def test_samples_and_parameters_equal_those_of_single_renders(three: Path, tmp_p
             data, one = tree.children[name].to_dataset(), alone.children[name].to_dataset()
             for field in ("mean", "std_error"):
                 assert np.array_equal(data[field].isel(sample=k), one[field]), f"{name}/{field} of {k}"
-            # Negative control: the sample of another variant.
+            # Negative control: the sample of another variant differs.
             assert not np.array_equal(data["mean"].isel(sample=(k + 1) % 3), one["mean"])
             for parameter in ("size", "roughness"):
                 assert float(data[parameter][k]) == float(values[parameter])
@@ -98,11 +99,11 @@ def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, co
 
     with pytest.raises(Stop):
         made(output, command=command, progress=stop)
-    with pytest.raises(UnfinishedStoreError, match="2 samples are there"):
+    with pytest.raises(UnfinishedStoreError, match="2 samples exist"):
         open_dataset(output)
     partial = open_dataset(output, unfinished=True).children["steady"].to_dataset()
     assert partial.sizes["sample"] == 2 and partial["mean"].notnull().all()
-    # The third variant is rendered but not stored, as after a kill between both steps.
+    # The third variant is rendered but not stored, as if the process had been killed between the two steps.
     settings = {**manifest(output)["settings"]}
     dataset._rendered(rendered.scene(varied=True), output, 2, settings, None, command)
     seen: list[int] = []
@@ -113,7 +114,7 @@ def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, co
     assert everything(output) == everything(three)
     made(output, command=command)
     assert len(log.read_text().splitlines()) == 4
-    # More variants are added, and nothing else is rendered.
+    # A call with more variants renders only the additional ones.
     made(output, 5, command=command)
     assert len(log.read_text().splitlines()) == 6
     assert everything(made(tmp_path / "five.zarr", 5)) == everything(output)
@@ -141,7 +142,7 @@ def test_a_killed_call_resumes(three: Path, tmp_path: Path) -> None:
         process.stdout.close()
         if process.returncode == 0 or kills == 3:
             break
-    # A file that a killed Zarr process leaves.
+    # A temporary file such as a killed Zarr process leaves.
     (output / "steady").mkdir(exist_ok=True)
     (output / "steady" / f"zarr.{'0f' * 16}.partial").touch()
     made(output)
@@ -182,9 +183,9 @@ def test_inconsistent_requests_are_refused(three: Path, tmp_path: Path) -> None:
         made(rendered.store(), 1)
     with pytest.raises(NotAStoreError, match=r"no dataset\.json"):
         open_dataset(tmp_path / "none")
-    with pytest.raises(dataset.DatasetError, match="no slice `full`; it has: steady, timed"):
+    with pytest.raises(dataset.DatasetError, match="no slice `full`; available slices: steady, timed"):
         MuellerImages(three, "full")
-    with pytest.raises(dataset.DatasetError, match="no parameter `colour`; it has: roughness, size"):
+    with pytest.raises(dataset.DatasetError, match="no parameter `colour`; available parameters: roughness, size"):
         MuellerImages(three, "steady", parameters=["colour"])
 
 

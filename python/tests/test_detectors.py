@@ -56,7 +56,7 @@ def test_captures_equal_the_command(tmp_path: Path, preset: str, options: list[o
     assert np.array_equal(found, np.load(tmp_path / "i.npy"), equal_nan=True)
     assert not np.array_equal(ps.simulate(m, scheme, wavelengths_nm=[450, 650]), found)
     if "--view" in options:
-        # Oblique passage through plates requires the ray of every pixel.
+        # For oblique incidence on plates, the ray of every pixel is required.
         files = [tmp_path / "i.npy", "--scheme", tmp_path / "s.toml", "--wavelengths", "450,650", "--view", 30]
         run("reconstruct", *files, "-o", tmp_path / "r.npy")
         again = ps.reconstruct(found, scheme, wavelengths_nm=[450, 650], fov_x_deg=30.0)
@@ -77,7 +77,7 @@ def test_a_dict_equals_a_detector_file(tmp_path: Path) -> None:
 
 
 def test_photon_counters_count_in_time_bins() -> None:
-    """Counts in the unit of the matrices: their mean over pulses is the noiseless capture, within 5 sigma."""
+    """Counts are in the unit of the matrices. The mean over pulses equals the noiseless capture within 5 standard errors."""
     m, scheme = matrices(12, 10, 5), ps.Scheme.drr(16)
     detector = {"spad": {"photons_per_unit": 0.05, "irf_fwhm_ps": 0.0, "irf_tail": 0.0}}
     counted = ps.simulate(m, scheme, detector=detector, bin_ps=500.0, seed=2)
@@ -85,11 +85,11 @@ def test_photon_counters_count_in_time_bins() -> None:
     assert counted.shape == clean.shape == (16, 12, 10, 5)
     off = (counted - clean).ravel()
     assert abs(off.mean()) < 5 * off.std() / off.size**0.5 and off.std() > 0
-    # Negative control: 5 % more light.
+    # Negative control: 5 % more light is detected.
     assert abs((counted - 1.05 * clean).mean()) > 5 * off.std() / off.size**0.5
     with pytest.raises(ps.InputError, match="counts photons in time bins"):
         ps.simulate(m, scheme, detector=detector)
-    with pytest.raises(ps.InputError, match="camera alone states variances"):
+    with pytest.raises(ps.InputError, match="only a camera provides variances"):
         ps.simulate(m, scheme, detector=detector, bin_ps=500.0, variance=True)
 
 
@@ -103,7 +103,7 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
         (lambda: ps.simulate(m, scheme, relative_noise=-1.0), "relative_noise"),
         (lambda: ps.simulate(m, scheme, fov_x_deg=180.0), "fov_x_deg"),
         (lambda: ps.simulate(m, scheme, bin_ps=10.0), "rows, columns, bins"),
-        (lambda: ps.simulate(m, scheme, noise=0.1, variance=True), "camera alone"),
+        (lambda: ps.simulate(m, scheme, noise=0.1, variance=True), "only a camera"),
         (lambda: ps.reconstruct(i, scheme, fov_x_deg=-2.0), "fov_x_deg"),
         (lambda: ps.reconstruct(i[:, 0, 0], scheme, fov_x_deg=20.0), "no rows and columns"),
     ):

@@ -89,7 +89,7 @@ def test_finished_parts_are_reused(client: Any, whole: Path, tmp_path: Path) -> 
     kept = folder / key(job)
     sunstone("render", *job.options(), "--part", "2/3", "-o", kept / "2of3")
     stamp = (kept / "2of3" / "part.txt").stat().st_mtime_ns
-    # Negative control: parts of another seed.
+    # Negative control: parts of another seed are not reused.
     other = folder / key(Job(SCENE, spp=16, seed=5, integrator="path"))
     assert other != kept
     seen: list[int] = []
@@ -105,7 +105,7 @@ def test_finished_parts_are_reused(client: Any, whole: Path, tmp_path: Path) -> 
 
 
 def test_duplicate_units_give_one_result(whole: Path, tmp_path: Path) -> None:
-    """Two workers make the same unit simultaneously, one of them late."""
+    """Two workers make the same unit simultaneously, and one of them finishes later."""
     words = tuple(Job(SCENE, spp=2, integrator="path").options())
     unit = Unit(Command(COMMAND, ("render", *words, "--part", "1/8")), str(tmp_path / "parts" / "1of8"), 1)
     both = [threading.Thread(target=unit) for _ in range(2)]
@@ -119,7 +119,7 @@ def test_duplicate_units_give_one_result(whole: Path, tmp_path: Path) -> None:
 
 
 def test_rounds_to_a_target_error_equal_those_of_one_process(cluster: Any, client: Any, tmp_path: Path) -> None:
-    """With workers killed; the scheduler and the caller receive progress reports."""
+    """Workers are killed during the render. The scheduler and the caller receive progress reports."""
     goal = {"spp": 32, "target_error": 0.05, "target_share": 0.6, "integrator": "path", "slices": ["conventional"]}
     one = tmp_path / "one.zarr"
     words = ["--spp", 32, "--target-error", 0.05, "--target-share", 0.6, "--integrator", "path", "--slices", "conventional"]
@@ -136,7 +136,7 @@ def test_rounds_to_a_target_error_equal_those_of_one_process(cluster: Any, clien
     assert reported[5].samples == 256 * 256 * 32 and reported[-1].samples > reported[5].samples and reported[-1].samples_per_s > 0
     events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
     assert [event["samples"] for event in events] == [t.samples for t in reported]
-    # Also with a round of one part.
+    # The result is the same if a round has only one part.
     assert_same(one, distributed.render(SCENE, tmp_path / "single.zarr", parts=1, client=client, **goal))
     # An existing store is replaced only on request.
     with pytest.raises(FileExistsError, match="overwrite"):
@@ -166,14 +166,14 @@ def test_many_renders_have_a_manifest(client: Any, tmp_path: Path) -> None:
     assert len({entry["checksum"] for entry in entries}) == 3
     for entry in entries:
         sunstone("verify", tmp_path / "set" / entry["store"])
-    # Repeated from nothing and from existing stores: the same manifest.
+    # A call without existing stores and a call with existing stores give the same manifest.
     assert distributed.render_many(jobs, tmp_path / "again", client=client).read_bytes() == manifest.read_bytes()
     (tmp_path / "set" / "manifest.json").unlink()
     shutil.rmtree(tmp_path / "set" / "mirror_room_seed2.zarr")
     assert distributed.render_many(jobs, tmp_path / "set", client=client).read_bytes() == (
         tmp_path / "again" / "manifest.json"
     ).read_bytes()
-    # Another render under an existing name.
+    # A different render with an existing name is refused.
     jobs[0] = Job(SCENE, name="mirror_room_seed1", spp=4, seed=1, slices=["conventional"], integrator="path")
     with pytest.raises(RenderError, match="samples_per_pixel differs"):
         distributed.render_many(jobs, tmp_path / "set", client=client)

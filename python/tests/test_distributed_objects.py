@@ -1,4 +1,4 @@
-"""Renders with Dask into an object store, by workers without a shared file system; byte-identical to those of one process."""
+"""Renders with Dask into an object store, by workers without a shared file system, are byte-identical to those of one process."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ albedo = { image = "images/paint.png" }
 
 
 def scene_in(folder: Path) -> Path:
-    """Write the scene of the other tests, without its name and with its own files, one of which lies above it."""
+    """Write the scene of the other tests without a name. One of its files is in a folder above that of the scene."""
     from pysunstone import _native
 
     file = folder / "ball" / "scene.toml"
@@ -137,7 +137,7 @@ def test_killed_workers_do_not_change_the_output(
     assert counts == [(n, 4) for n in range(1, 5)]
     assert_same(whole, download(address, tmp_path / "there.zarr"))
     assert names(f"{address}.parts") == []
-    # The workers keep no files either.
+    # After the call, the workers have no files of the scene.
     left = client.run(lambda dask_worker: [name for name in os.listdir(dask_worker.local_directory) if name.startswith("sunstone-")])
     assert set(map(tuple, left.values())) == {()}
 
@@ -170,7 +170,7 @@ def test_finished_parts_are_reused(bucket: str, client: Any, whole: Path, tmp_pa
 
 
 def test_duplicate_units_give_one_result(bucket: str, client: Any, tmp_path: Path) -> None:
-    """Two workers make the same unit simultaneously: one waits for the other and finds the result."""
+    """Two workers make the same unit simultaneously: one waits for the other and then finds the finished result."""
     address = f"{bucket}/twice.zarr"
     words = ("render", str(scene_in(tmp_path)), "--no-figures", "--spp", "512", "--part", "1/2")
     unit = Unit(Command(command(), words), address, 1)
@@ -222,7 +222,7 @@ def test_rounds_to_a_target_error_equal_those_of_one_process(bucket: str, cluste
     file = scene_in(tmp_path)
     words = ["--spp", 32, "--target-error", 0.02, "--target-slice", "steady", "--slices", "steady"]
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", tmp_path / "one.zarr")
-    # The command alone writes the same store there.
+    # The command itself writes the same store to an address.
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", f"{bucket}/alone.zarr")
     one = content(tmp_path / "one.zarr")
     assert one == content(download(f"{bucket}/alone.zarr", tmp_path / "alone.zarr"))

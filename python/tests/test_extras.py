@@ -1,4 +1,4 @@
-"""The extras that pages tell to install exist."""
+"""The package extras that the documentation names exist."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def reported() -> dict[str, set[str]]:
-    """Return the extras that pages name with the package, by file."""
+    """Return the extras that documentation pages name with the package, by file."""
     pages = [ROOT / "README.md", ROOT / "mkdocs.yml", *(ROOT / "docs").rglob("*.md"), *(ROOT / "validation").glob("*.py")]
     found = {page.name: re.findall(r"\./python\[([\w,]+)\]", page.read_text()) for page in pages}
     return {name: {extra for words in all for extra in words.split(",")} for name, all in found.items() if all}

@@ -22,7 +22,7 @@ def run(*words: object) -> str:
 
 
 def materials(n: int, seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return depolarizers that rotate the polarization: matrices of a low-dimensional family."""
+    """Return depolarizers that rotate the polarization: these matrices span a space of low dimension."""
     rng = np.random.default_rng(seed)
     m = np.zeros((n, 4, 4))
     m[:, 0, 0] = 1
@@ -48,7 +48,7 @@ def test_learned_schemes_reach_the_bound() -> None:
             assert descent.history.min() == pytest.approx(descent.loss, rel=1e-12) and descent.history[0] > descent.loss
         assert found.loss <= min(d.loss for d in found.descents) * 1.000001
         assert reported[-1] == (5, 5)
-    # Negative control: a scheme that was not learned is far from the bound.
+    # Negative control: the error of a scheme that was not learned is far above the bound.
     assert ps.Scheme.drr(20).quality()["error_variance"] > 1.2 * ps.Scheme.drr(20).bound
 
 
@@ -63,7 +63,7 @@ def test_schemes_equal_the_command(tmp_path: Path) -> None:
     assert np.allclose(prior, of.prior, rtol=1e-12, atol=1e-15) and prior.shape == (16, 16)
     of.save(tmp_path / "again.toml", "stand-ins")
     assert (tmp_path / "again.toml").read_text() == (tmp_path / "prior.toml").read_text()
-    # The same for a template, which keeps its optics.
+    # A scheme learned from a template also equals that of the command, and keeps the optics of the template.
     again = ps.learn(template=found.scheme, estimator="prior", materials=of, starts=0, iterations=20, adam_steps=0)
     assert again.seen_loss < found.seen_loss * 1.001 and again.scheme.captures == 6
     other = ps.learn(6, estimator="prior", materials=of, starts=4, iterations=60, adam_steps=30, seed=6)
@@ -71,7 +71,7 @@ def test_schemes_equal_the_command(tmp_path: Path) -> None:
 
 
 def test_error_with_a_prior_equals_the_learned_loss() -> None:
-    """Few captures of matrices with known second moment: the mean squared error equals the learned loss, within 5 sigma."""
+    """For matrices with known second moment, the mean squared error equals the learned loss within 5 standard errors."""
     sigma, truth = 2e-3, materials(4000, 3)
     of = ps.Materials.of_matrices(truth)
     t = truth / truth[:, :1, :1]
@@ -82,7 +82,7 @@ def test_error_with_a_prior_equals_the_learned_loss() -> None:
     off = ((with_prior - t) ** 2).sum((-1, -2))
     error = off.std() / len(t) ** 0.5
     assert abs(off.mean() - found.loss) < 5 * error, (off.mean(), found.loss, error)
-    # Negative control: without a prior, minimum-norm matrices have large errors.
+    # Negative control: minimum-norm matrices without a prior have large errors.
     with pytest.raises(ps.InputError, match="rank"):
         ps.reconstruct(captured, found.scheme, noise=sigma)
     hand = ps.simulate(t, ps.Scheme.qrpr(5), noise=sigma, seed=4)

@@ -1,5 +1,5 @@
-"""Scenes of Mitsuba, written as for `mi.load_dict` and rendered by both programs. Errors name the key of what cannot be
-expressed.
+"""Scenes of Mitsuba, written as for `mi.load_dict` and rendered by both programs. Errors name the keys of items that cannot be
+converted.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ def theirs(scene: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def ours(scene: Any) -> tuple[Any, Any]:
-    """Return the same for Sunstone: 660, 550 and 450 nm stand for red, green and blue."""
+    """Return mean and standard error of Sunstone's render, with 660, 550 and 450 nm as red, green and blue."""
     made = quiet(scene).render(spp=OUR_SPP, seed=3)["mueller"]
     return made["mean"][:, :, 0, 0, ::-1].astype(float), made["std_error"][:, :, 0, 0, ::-1].astype(float)
 
 
 def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
-    """Return the differences in standard errors: of the mean images (worst colour), and root mean square per pixel."""
+    """Return the differences in units of standard errors: of the mean image (worst colour), and RMS over pixels."""
     error = np.hypot(a[1], b[1])
     whole = abs((a[0] - b[0]).mean((0, 1))) / np.sqrt((error**2).mean((0, 1)) / error[..., 0].size)
     lit = error > 0
@@ -60,7 +60,7 @@ def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
 
 
 def test_a_dict_renders_as_in_mitsuba() -> None:
-    """400 pixels of three colours; errors of 8 batches: z is Student's t of 7 degrees of freedom, of standard deviation 1.18."""
+    """Standard errors are from 8 batches: z follows Student's t with 7 degrees of freedom and standard deviation 1.18."""
     scene = box()
     # Typical inputs: a mesh, an image, another material, a point light, an array, a nested dict.
     rng = np.random.default_rng(1)
@@ -87,7 +87,7 @@ def test_a_dict_renders_as_in_mitsuba() -> None:
     reference, found = theirs(scene), ours(scene)
     mean, each = off(found, reference)
     assert mean < 5 and each < 1.5, (mean, each)
-    # Negative controls: an image turned upside down; 5 % more light; red and blue exchanged.
+    # Negative controls: the image upside down, 5 % more light, and red and blue exchanged.
     assert off((found[0][::-1], found[1]), reference)[1] > 5
     assert off((found[0] * 1.05, found[1]), reference)[0] > 5
     assert off((found[0][..., ::-1], found[1]), reference)[1] > 5
@@ -114,7 +114,7 @@ def screen(**bitmap: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["exr", "exr raw", "png", "png raw", "bitmap", "bitmap of bytes", "data"])
 def test_images_are_decoded_as_in_mitsuba(kind: str, tmp_path: Path) -> None:
-    """Colours under a sky of radiance 1 equal those of the image: decoded if the format is encoded, else unchanged."""
+    """Colours under a sky of radiance 1 equal those of the image. Only values of encoded formats are decoded."""
     image = np.random.default_rng(2).random((3, 5, 3), dtype=np.float32)
     mi.Bitmap(image).write(str(tmp_path / "i.exr"))
     mi.Bitmap((image * 255).astype(np.uint8)).write(str(tmp_path / "i.png"))
@@ -132,7 +132,7 @@ def test_images_are_decoded_as_in_mitsuba(kind: str, tmp_path: Path) -> None:
     fresh = {"data": mi.TensorXf(image)} if kind == "data" else {k: str(v) if k == "filename" else v for k, v in of[kind].items()}
     want = theirs(screen(**fresh))[0]
     assert abs(found - want).max() < 0.12 and abs(found - want).mean() < 0.02
-    # Negative controls: decoded twice or not at all; upside down.
+    # Negative controls: images that are decoded twice or not at all, or are upside down.
     assert abs(want**2.2 - found).mean() > 0.05 and abs(found[::-1] - want).mean() > 0.1
 
 

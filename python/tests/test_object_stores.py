@@ -1,4 +1,4 @@
-"""Stores at s3:// addresses, on a local server (moto): renders equal those in a folder, and open as trees."""
+"""Stores at s3:// addresses, on a local server (moto): renders are equal to those in a folder, and stores open as trees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""BRDFs over arrays, against closed forms, the command and invariants. Negative controls must fail."""
+"""BRDFs over arrays, against closed forms, the command and invariants. Negative controls must differ."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def hemisphere(n: int, seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def fresnel(theta: Any, n: complex) -> tuple[Any, Any]:
-    """Return Fresnel's amplitude reflectances for s and p, with E unchanged in direction at normal incidence as the positive
-    sign.
+    """Return the Fresnel amplitude coefficients for s and p. A coefficient is positive if the direction of E is unchanged at
+    normal incidence.
     """
     cos, out = np.cos(theta), np.sqrt(n**2 - np.sin(theta) ** 2 + 0j)
     return (cos - out) / (cos + out), (n**2 * cos - out) / (n**2 * cos + out)
@@ -53,7 +53,7 @@ def test_a_lambertian_brdf_equals_albedo_over_pi() -> None:
     want = np.zeros((4, 4))
     want[0, 0] = 0.6 / np.pi
     assert np.allclose(m, want, atol=1e-7)
-    # Below the surface there is no reflection; lengths of directions are irrelevant.
+    # There is no reflection below the surface, and the lengths of direction vectors are irrelevant.
     assert not pbrdf.evaluate({"diffuse": {"albedo": 0.6}}, wi, wo * [1, 1, -1]).any()
     assert np.array_equal(pbrdf.evaluate(PLASTIC, 7.5 * wi, wo), pbrdf.evaluate(PLASTIC, wi, 0.3 * wo))
 
@@ -71,7 +71,7 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
     assert np.allclose(m[:, :2, :2], want[:, :2, :2], atol=2e-6)
     assert np.allclose(abs(m[:, 2:, 2:]), abs(want[:, 2:, 2:]), atol=2e-6)
     assert m[0, 2, 2] < 0 and m[0, 3, 3] < 0
-    # Negative control: an index off by 1 %.
+    # Negative control: a refractive index that is wrong by 1 %.
     other = mueller_of(*fresnel(np.radians(theta), 1.01 * np.conj(index)))
     assert not np.allclose(m[:, :2, :2], other[:, :2, :2], atol=2e-4)
     if not metal:
@@ -84,7 +84,7 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
 
 @pytest.mark.parametrize("material", [GOLD, PLASTIC, {"rough_dielectric": {"ior": 1.5, "alpha": 0.4}}])
 def test_brdfs_are_reciprocal_and_physical(material: dict[str, Any]) -> None:
-    """Reversed light: M(i, o) is D M(o, i)ᵀ D, with D = diag(1, 1, -1, 1) for frames whose horizontal stays."""
+    """For reversed light, M(i, o) = D M(o, i)ᵀ D. D = diag(1, 1, -1, 1), because horizontal axes are kept."""
     wi, wo = hemisphere(2000, 3), hemisphere(2000, 4)
     built = pbrdf.Material(material, wavelengths_nm=NM)
     m, back = built.evaluate(wi, wo), built.evaluate(wo, wi)
@@ -96,12 +96,12 @@ def test_brdfs_are_reciprocal_and_physical(material: dict[str, Any]) -> None:
 
     assert m.shape == (2000, 3, 4, 4)
     assert off(back) < 2e-5
-    # Cloude's coherency matrix has no negative eigenvalues: physical Stokes vectors stay physical.
+    # Cloude's coherency matrix has no negative eigenvalues, so physical Stokes vectors stay physical.
     pauli = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]]])
     basis = np.einsum("iab,jcd->ijacbd", pauli, pauli.conj()).reshape(4, 4, 4, 4)
     eigen = np.linalg.eigvalsh(np.einsum("...ij,ijab->...ab", m, basis) / 4)
     assert (eigen[..., 0] > -1e-5 * eigen[..., -1] - 1e-12).all()
-    # Negative controls: one element of one direction; a matrix without the change of frames.
+    # Negative controls: an error in one element for one direction, and D is omitted.
     wrong = back.copy()
     at = np.unravel_index(m[..., 0, 0].argmax(), m.shape[:2])
     wrong[(*at, 0, 1)] += 1e-3 * largest
@@ -131,7 +131,7 @@ def test_values_equal_the_command(tmp_path: Path) -> None:
         found = pbrdf.evaluate(tmp_path / "m.toml", incoming, outgoing, name=name, wavelengths_nm=NM)
         assert np.allclose(found, want, rtol=1e-6, atol=1e-9 * want.max())
         assert np.allclose(pbrdf.frame(outgoing), [d["out"]["frame"] for d in printed], atol=1e-12)
-    # Wavelengths in any order and number give the same values as one by one.
+    # A list of wavelengths of any length and order gives the same values as single wavelengths.
     nm = [660.0, 450.0, 500.0, 550.0, 601.5, 450.0]
     many = pbrdf.evaluate(GOLD, incoming, outgoing, wavelengths_nm=nm)
     each = [pbrdf.evaluate(GOLD, incoming, outgoing, wavelengths_nm=w) for w in nm]
@@ -163,8 +163,8 @@ TRANSPARENT = {"glass", "pane", "polarizer", "retarder", "crystal", "null"}
 
 @pytest.mark.parametrize("name", MODELS)
 def test_every_model_is_evaluated(name: str) -> None:
-    """Finite everywhere, also along the surface and the normal. Rough materials have BRDFs; smooth ones have lobes that conserve
-    energy.
+    """All values are finite, also for directions along the surface and the normal. Rough materials have BRDFs; smooth materials
+    have lobes that conserve energy.
     """
     w = np.random.default_rng(8).normal(size=(2, 300, 3))
     w[0, :4] = [[1, 0, 0], [0, 0, 1], [0, 0, -1], [1e-300, 0, 1]]
@@ -208,7 +208,7 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     for call, words in (
         (lambda: pbrdf.evaluate({"difuse": {}}, up, up), "difuse"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 2.0}}, up, up), "albedo"),
-        (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, [0.0, 0.0, 0.0], up), "incoming: some are zero"),
+        (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, [0.0, 0.0, 0.0], up), "incoming: some directions are zero"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, [0.0, 1.0], up), "incoming: the shape"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, up, up, wavelengths_nm=[]), "at least one wavelength"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, up, up, wavelengths_nm=-3.0), "wavelengths_nm"),
@@ -218,7 +218,7 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
         (lambda: pbrdf.evaluate(scene, up, up, name="gold", wavelengths_nm=600.0), "550"),
         (lambda: pbrdf.evaluate(tmp_path / "none.toml", up, up), "none.toml"),
         (lambda: pbrdf.evaluate(tmp_path / "none.pbsdf", up, up), "none.pbsdf"),
-        (lambda: pbrdf.evaluate(pbrdf.Material(GOLD), up, up, name="x"), "built already"),
+        (lambda: pbrdf.evaluate(pbrdf.Material(GOLD), up, up, name="x"), "already built"),
     ):
         with pytest.raises(ps.InputError, match=words):
             call()

@@ -45,7 +45,7 @@ def test_properties_of_known_elements() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     retarder = matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s, c]])
     depolarizer = matrix(np.diag([1, 0.5, 0.4, 0.3]).tolist())
-    # A partial polarizer of transmittances 1 and q has diattenuation (1 - q)/(1 + q).
+    # A partial polarizer with transmittances 1 and q has the diattenuation (1 - q)/(1 + q).
     q = 0.25
     mean, half, root = (1 + q) / 2, (1 - q) / 2, np.sqrt(q)
     polarizer = matrix([[mean, half, 0, 0], [half, mean, 0, 0], [0, 0, root, 0], [0, 0, 0, root]])
@@ -56,7 +56,7 @@ def test_properties_of_known_elements() -> None:
     assert float(found["retardance"][0]) == pytest.approx(0, abs=1e-3)
     product = found["m_delta"].values[0] @ found["m_r"].values[0] @ found["m_d"].values[0]
     assert np.allclose(product, polarizer.values[0], atol=1e-6)
-    # Negative controls: transposed axes reverse the retarder; a scalar of another element.
+    # Negative controls: transposed axes reverse the retarder, and scalars of different elements differ.
     turned = retarder.rename(stokes_out="stokes_in", stokes_in="stokes_out").sunstone.decompose()
     axis = retarder.sunstone.decompose()["retardance_axis"]
     assert np.allclose(turned["retardance_axis"], -axis, atol=1e-6) and abs(axis).max() > 0.9
@@ -124,7 +124,7 @@ def test_excluded_pixels_are_counted(schemes: dict[str, Path]) -> None:
 
 
 def test_errors_match_the_variance_of_the_scheme(schemes: dict[str, Path]) -> None:
-    """The errors of 16 elements add to 196 sigma² for DRR36 (PHYSICS.md). Noise draws agree within 5 sigma of their count."""
+    """The variances of the 16 elements sum to 196 sigma² for DRR36 (PHYSICS.md). Noise agrees within 5 standard errors."""
     sigma, draws = 1e-3, 4000
     truth = xr.DataArray(
         np.broadcast_to(np.diag([1.0, 0.6, -0.5, 0.3]), (draws, 4, 4)), dims=("x", "stokes_out", "stokes_in"), attrs={"units": "1"}
@@ -136,7 +136,7 @@ def test_errors_match_the_variance_of_the_scheme(schemes: dict[str, Path]) -> No
     z = ((found["mean"] - truth) / found["std_error"]).values
     assert abs((z**2).mean() - 1) < 5 * np.sqrt(2 / draws)
     assert (abs(z.mean(0)) < 5 / np.sqrt(draws)).all()
-    # Negative control: half of the noise.
+    # Negative control: half of the noise is rejected.
     half = captures.sunstone.reconstruct(schemes["drr36"], noise=sigma / 2)
     assert abs((((half["mean"] - truth) / half["std_error"]).values ** 2).mean() - 1) > 1
     free = captures.sunstone.reconstruct(schemes["drr36"])
@@ -157,9 +157,9 @@ def test_a_simulated_camera_returns_variances(schemes: dict[str, Path]) -> None:
 
 def test_invalid_arguments_are_reported(schemes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     data = steady()
-    with pytest.raises(ValueError, match="Mueller matrices are needed"):
+    with pytest.raises(ValueError, match="Mueller matrices are required"):
         data.isel(stokes_in=0).sunstone.decompose()
-    with pytest.raises(ValueError, match="captures are needed"):
+    with pytest.raises(ValueError, match="captures are required"):
         data.sunstone.reconstruct(schemes["drr36"])
     with pytest.raises(InputError, match=r"nothing\.toml"):
         data.sunstone.capture("nothing.toml")

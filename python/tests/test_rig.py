@@ -1,4 +1,4 @@
-"""Rig sessions with Python instruments: bytes equal those of the command, failures are reported, interrupted runs resume."""
+"""Rig sessions with Python instruments: stores equal those of the command, failures are reported, interrupted runs resume."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_built_in_instruments_give_the_same_store_as_the_command(tmp_path: Path,
     assert session["camera"].identify(1.0).model == "area camera"
 
 
-#: A fault of the bench, and the session's reaction.
+#: Faults of the simulated bench, each with the session's reaction.
 MISHAPS = [
     ("camera", "dropped_frame", "camera", 7),
     ("camera", "short_frame", "camera", 8),
@@ -285,7 +285,7 @@ def test_instruments_can_be_implemented_in_python(tmp_path: Path, sound: dict[st
     with pytest.raises(ps.RenderError, match="`camera` is implemented in Python; pass it to"):
         rig.Session(tmp_path / "camera.toml")
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
-    # The camera of another bench sees that bench: dark frames, but the run works.
+    # The camera of another bench captures that bench, so frames are dark, but the run finishes.
     assert session.run(tmp_path / "s.zarr").taken == 60
 
 
@@ -324,7 +324,7 @@ def test_a_run_stopped_by_ctrl_c_resumes(tmp_path: Path, sound: dict[str, dict[s
     assert 12 <= camera.calls.count("expose") < 60
     frames = [e["frame"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame"]
     assert frames == list(range(camera.calls.count("expose"))), "the frame in flight was kept"
-    # Any program can resume the run; here the command.
+    # Any program can resume the run. Here, the command resumes it.
     sunstone("rig", "run", tmp_path / "camera.toml", "-o", tmp_path / "s.zarr", "--resume")
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
@@ -348,7 +348,7 @@ def test_a_second_ctrl_c_interrupts_a_hanging_camera(tmp_path: Path, sound: dict
 
     def interrupt() -> None:
         hangs.wait(60)
-        # Two are enough, but a busy machine may deliver two as one.
+        # Two signals are sufficient, but a busy machine may deliver two signals as one.
         for number in range(60):
             time.sleep(0.4)
             if raised:
@@ -443,7 +443,7 @@ def test_the_gil_is_free_between_calls(tmp_path: Path) -> None:
 
 def test_the_store_of_a_run_opens_and_is_reconstructed(tmp_path: Path) -> None:
     plan = rigs.write(tmp_path) / "camera.toml"
-    # Sixteen captures of this scheme do not determine 16 elements.
+    # Use 25 captures, because 16 captures of this scheme do not determine all elements.
     plan.write_text(plan.read_text().replace("captures = 6", "captures = 25"))
     session = rig.Session(plan)
     rigs.wrap(session)
@@ -508,7 +508,7 @@ def test_planted_faults_are_detected(
 
 
 def test_a_camera_that_ignores_deadlines_is_detected(idle: rig.Session) -> None:
-    """A camera that waits for any time, whatever the deadline."""
+    """The checks detect a camera that waits longer than the deadline."""
 
     class Stubborn(rigs.Camera):
         def frame(self, within_s: float) -> Any:
@@ -545,7 +545,7 @@ def test_the_documented_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_one_changed_pixel_is_detected(tmp_path: Path, sound: dict[str, dict[str, bytes]]) -> None:
-    """The comparison of bytes can fail."""
+    """Negative control: the comparison of bytes detects a changed pixel."""
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
 
     def change(frame: rig.Frame) -> rig.Frame:
@@ -584,10 +584,10 @@ class Wrong(rig.PulsedLaser):
     def state(self, within_s: float) -> int:
         return 3
 """)
-    # NumPy's types take long to parse and are not checked.
+    # NumPy's types are not checked, because parsing them takes long.
     (tmp_path / "mypy.ini").write_text("[mypy]\n[mypy-numpy.*]\nfollow_imports = skip\n")
     mypy = [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", "lab.py"]
-    # mypy searches site-packages by default and rejects it in MYPYPATH.
+    # mypy searches site-packages by default and does not accept this folder in MYPYPATH.
     home = Path(ps.__file__).parents[1]
     path = {} if home.name == "site-packages" else {"MYPYPATH": str(home)}
     done = subprocess.run(mypy, cwd=tmp_path, env=os.environ | path, capture_output=True, text=True, check=False)

@@ -33,7 +33,7 @@ SCALE = 4000
 
 
 class Axle(rig.RotationStage):
-    """A stage that moves without delay, in steps of a thousandth of a degree."""
+    """A simulated stage that moves without delay, in steps of 0.001°."""
 
     def __init__(self) -> None:
         self.at, self.homed, self.goals = 77.0, False, [0.0]
@@ -59,7 +59,7 @@ class Axle(rig.RotationStage):
 
 
 class Lamp(rig.PatternProjector):
-    """Emits light if the pattern has any."""
+    """A projector that emits light if a pixel of the pattern is on."""
 
     def __init__(self) -> None:
         self.loaded: list[Any] = []
@@ -87,8 +87,8 @@ def rotated(matrix: Any, degrees: float) -> Any:
 
 
 class Seen(rig.AreaCamera):
-    """Views the lamp through two polarizers with quarter-wave plates and a sample between, computed with NumPy's Mueller
-    calculus.
+    """A camera that views the lamp through a sample between two polarizers with quarter-wave plates. The intensity is computed by
+    Mueller calculus with NumPy.
     """
 
     def __init__(self, lamp: Lamp, axles: dict[str, Axle], sample: Any) -> None:
@@ -116,7 +116,7 @@ class Seen(rig.AreaCamera):
 
 
 def test_a_rig_with_only_python_instruments_measures_a_known_sample(tmp_path: Path) -> None:
-    """Without bench and drivers, on the wall clock: a sample between rotating retarders is reconstructed up to quantization."""
+    """Without bench and drivers, in real time, a sample between rotating retarders is reconstructed up to quantization errors."""
     (tmp_path / "rig.toml").write_text(LABORATORY)
     (tmp_path / "plan.toml").write_text(WHOLE)
     # A diattenuator at 0° behind a rotator of 20°: both change if the sign of an angle is flipped.
@@ -130,12 +130,12 @@ def test_a_rig_with_only_python_instruments_measures_a_known_sample(tmp_path: Pa
     )
     outcome = session.run(tmp_path / "s.zarr")
     assert (outcome.taken, outcome.retries) == (72, 0) and lamp.light == 0.0
-    # The stage returns at 360° without overshoot, because the rig file does not describe its backlash.
+    # The stage moves to 360° without overshoot, because the rig file does not state its backlash.
     assert {round(goal, 6) for goal in axles["retarder_3"].goals} == {25.0 * k % 360 for k in range(36)}
     sunstone("reconstruct", tmp_path / "s.zarr", "-o", tmp_path / "m.zarr")
     found = ps.open_store(tmp_path / "m.zarr")["full/mean"]
     matrix = found.mean(("y", "x")).squeeze().values
-    # Quantization has a standard deviation of 12^-1/2, which the scheme amplifies.
+    # The quantization error has a standard deviation of 12^-1/2, which the reconstruction amplifies.
     bound = 5 * np.sqrt(ps.Scheme.drr(36).quality()["error_variance"] / 12) / SCALE
     assert bound < 0.01
     np.testing.assert_allclose(matrix / matrix[0, 0], sample, atol=bound)

@@ -72,7 +72,7 @@ def test_threads_and_input_forms_do_not_change_results(folder: Path) -> None:
             for array in other[name].arrays:
                 np.testing.assert_array_equal(other[name][array], ways[0][name][array])
     assert list(ways[3]) == ["mueller"]
-    # Negative control: another seed.
+    # Negative control: another seed gives a different result.
     assert (ps.Scene.from_toml(TEXT).render(spp=4, seed=8)["mueller"]["mean"] != ways[0]["mueller"]["mean"]).any()
 
 
@@ -207,7 +207,7 @@ def test_wrong_renders(folder: Path, tmp_path: Path) -> None:
     nothing = ps.Scene.from_dict(document(slices=[]))
     with pytest.raises(ps.InputError, match="slices"):
         nothing.render()
-    # The scene still renders.
+    # The scene can still be rendered.
     assert scene.render(spp=1)["mueller"]["mean"].any()
 
 

@@ -1,4 +1,4 @@
-"""Stores as trees: what opens, what is refused, and values equal those written."""
+"""Stores as trees: stores that open, stores that are refused, and equality of values with the written ones."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def test_a_store_is_read_over_http(url: str) -> None:
 
 
 def test_shards_are_read_over_http(url: str) -> None:
-    """From a server without range requests."""
+    """Shards can be read from a server without range requests."""
     pytest.importorskip("aiohttp", reason="fsspec reads http with it")
     shards.shard(rendered.store(), rendered.folder() / "served.zarr")
     there, here = (array(open_store(place, chunks=None), "full/mean") for place in (f"{url}/served.zarr", rendered.store()))
@@ -186,7 +186,7 @@ def test_paths_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     (tmp_path / "zarr.json").write_text("{")
     with pytest.raises(stores.DamagedStoreError, match="not valid JSON"):
         open_store(tmp_path)
-    with pytest.raises(stores.StoreError, match="has no slice `ful`; it has: full, epipolar"):
+    with pytest.raises(stores.StoreError, match="has no slice `ful`; available slices: full, epipolar"):
         open_store(rendered.store(), slices=["ful"])
     assert list(open_store(rendered.store(), slices=["timed"]).children) == ["timed"]
 
@@ -205,7 +205,7 @@ def test_a_newer_store_is_refused(copied: Path) -> None:
 
 @pytest.mark.parametrize("fault", ["lost", "cut", "other", "swapped"])
 def test_damaged_chunks_are_errors(copied: Path, fault: str) -> None:
-    """Zarr alone reads a lost chunk as zeros, and does not detect a swapped chunk."""
+    """Zarr itself reads a missing chunk as zeros, and does not detect an exchanged chunk."""
     chunks = sorted((copied / "full/mean").glob("c.*"))
     chunk = chunks[0]
     if fault == "lost":
@@ -236,7 +236,7 @@ def test_a_damaged_manifest_is_an_error(copied: Path) -> None:
 
 
 def test_an_unfinished_store_reports_its_progress(tmp_path: Path) -> None:
-    """A render is killed. Consolidated metadata match the remaining files; missing values are NaN."""
+    """A render is killed. The consolidated metadata match the files that exist, and missing values are NaN."""
     path = tmp_path / "killed.zarr"
     scene = tmp_path / "large.toml"
     scene.write_text(rendered.SCENE.replace("resolution = [20, 16]", "resolution = [200, 160]").replace("spp = 64", "spp = 1024"))

@@ -1,8 +1,8 @@
 //! The interface of an application: the scenes and slices that it needs, the methods that it
 //! compares, and its metrics.
 //!
-//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An
-//! application uses only tensors and maps, and does not read scenes or files or render.
+//! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
+//! uses only tensors and maps. It does not read scenes or files, and does not render.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -14,26 +14,26 @@ use crate::observation::Observation;
 pub struct Application {
     /// Name on the command line, one word.
     pub name: &'static str,
-    /// What the application shows, a sentence.
+    /// A sentence on what the application shows.
     pub shows: &'static str,
     pub plan: Plan,
     /// All methods. The first is compared with the others.
     pub methods: Vec<Method>,
-    /// Names of pictures other than methods and truths, such as elements that are drawn directly.
+    /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
     pub drawn: Vec<&'static str>,
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Returns the task of the first method, learned from training observations, if it computes a
-    /// few linear functionals of Mueller matrices. Captures can then be optimized for this task.
+    /// Function that learns the task of the first method from training observations; `None` unless the method
+    /// computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
     pub task: Option<Learn>,
 }
 
-/// Returns a task that is learned from training observations.
+/// A function that learns a task from training observations.
 pub type Learn = fn(&[Observation]) -> Result<Task, ApplyError>;
 
-/// Fits every method on the first observations and tests it on the second observations. All
-/// observations have the same seed.
+/// A function that fits every method to the first observations and tests the methods on the second
+/// observations. All observations have the same seed.
 pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>;
 
 /// The renders that an application needs.
@@ -41,15 +41,13 @@ pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>
 pub struct Plan {
     /// Path of the scene file, relative to the folder of scenes.
     pub scene: &'static str,
-    /// Variants for training.
     pub train: Vec<u64>,
     /// Variants for testing, none of which is in `train`.
     pub test: Vec<u64>,
-    /// Names of the slices of every variant. Empty if seeds apply to something other than renders, such as
-    /// detector noise; then only the ground truth is rendered.
+    /// Names of the slices of every variant. Empty if the seeds do not apply to renders but, for example,
+    /// to detector noise. In this case only the ground truth is rendered.
     pub slices: Vec<&'static str>,
     pub truth: Vec<Truth>,
-    /// Size of a preview render.
     pub preview: Size,
     /// Size of a render for the results.
     pub full: Size,
@@ -58,24 +56,24 @@ pub struct Plan {
 /// The source of a ground-truth map, and its name.
 #[derive(Clone, Copy, Debug)]
 pub enum Truth {
-    /// Share of each pixel whose first surface has one of these materials. Smooth glass and water
-    /// in front are ignored.
+    /// Fraction of each pixel's area in which the first visible surface has one of these materials.
+    /// Smooth glass and water in front of the surface are ignored.
     Material {
         name: &'static str,
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Number of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass
-    /// and water in front are ignored.
+    /// Index of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass and water
+    /// in front of the object are ignored.
     Object(&'static str),
     /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
     Texture(&'static str),
-    /// A layer of `sunstone layers`: the value of the object that most of 4 x 4 rays per pixel hit. Without
-    /// an object, NaN, or -1 for object numbers.
+    /// A layer of `sunstone layers`: the value of the object that most of the 4 x 4 rays per pixel hit.
+    /// Pixels without an object are NaN, or -1 in layers of object indices.
     Layer {
         name: &'static str,
         layer: &'static str,
-        /// Whether the layer is of the surfaces behind smooth interfaces and sheets.
+        /// Whether the layer shows the surfaces behind smooth interfaces and sheets.
         through: bool,
     },
     /// A slice of this or another variant, rendered with a separate seed. The slice is added to the
@@ -85,7 +83,7 @@ pub enum Truth {
         slice: &'static str,
         /// Returns the variant to render for a variant; [`itself`] for the same variant.
         of: fn(u64) -> u64,
-        /// Number of samples relative to that of the other renders.
+        /// Factor by which the number of samples exceeds that of the other renders.
         samples: u32,
     },
 }
@@ -97,7 +95,7 @@ pub fn itself(variant: u64) -> u64 {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Pixels of the longer side of the camera; the other side is in proportion.
+    /// Number of pixels of the longer side of the camera image. The aspect ratio is that of the scene.
     pub pixels: u32,
     /// Samples per pixel.
     pub spp: u32,
@@ -160,16 +158,15 @@ impl Score {
     }
 }
 
-/// A picture of a method's result.
+/// An image of a method's result.
 #[derive(Clone, Debug)]
 pub struct Picture {
     pub method: &'static str,
     /// Short description of the content, suitable for a file name.
     pub name: &'static str,
-    /// Variant of the picture; `None` for pictures of learned quantities.
+    /// Variant of the image; `None` for images of learned quantities.
     pub variant: Option<u64>,
-    /// Whether the unit is common to all methods, so that the pictures are drawn side by side with
-    /// one scale.
+    /// Whether all methods have the same unit, so that their images are drawn side by side on a common scale.
     pub shared: bool,
     pub map: Map,
 }

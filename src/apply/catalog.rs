@@ -20,7 +20,6 @@ pub fn all() -> Vec<Application> {
     ]
 }
 
-/// Returns the application of this name.
 pub fn find(name: &str) -> Option<Application> {
     all().into_iter().find(|a| a.name == name)
 }

@@ -1,5 +1,5 @@
-//! Tables of an application: the score of each method, and its difference from the score of the
-//! first method.
+//! Tables of an application: the score of each method, and the difference between the score of the first
+//! method and this score.
 
 use crate::application::{Application, Method, Metric, Score};
 use crate::metrics::paired::{Estimate, difference, estimate};
@@ -16,8 +16,8 @@ pub struct Row {
     pub ours_less_this: Option<Estimate>,
 }
 
-/// Returns the scores of a method by a metric, from scores with their seeds: a row per variant, a column per
-/// seed; NaN for missing scores.
+/// Returns the scores of a method by a metric, from scores with their seeds. The table has one row per
+/// variant and one column per seed; missing scores are NaN.
 pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
     let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
     let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
@@ -34,7 +34,7 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
     variants.iter().map(|v| seeds.iter().map(|s| value(*v, *s)).collect()).collect()
 }
 
-/// Returns the rows of all methods and metrics from scores with their seeds: by metric, then by
+/// Returns the rows of all methods and metrics from scores with their seeds: sorted by metric, then by
 /// method, in the order of the application.
 pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = &application.methods;

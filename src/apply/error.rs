@@ -4,7 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 pub enum ApplyError {
     /// An observation lacks a planned slice or map.
-    #[error("variant {variant} has no {what} `{name}`: render the variant again")]
+    #[error("variant {variant} has no {what} `{name}`; render the variant again")]
     Missing {
         variant: u64,
         /// Kind of the missing item: a slice or a map.
@@ -13,7 +13,7 @@ pub enum ApplyError {
     },
     /// A slice does not resolve a required axis.
     #[error(
-        "slice `{slice}` of variant {variant} does not resolve {axis}: correct the slice in the scene file"
+        "slice `{slice}` of variant {variant} does not resolve {axis}; correct the slice in the scene file"
     )]
     Axis {
         variant: u64,

@@ -1,7 +1,7 @@
-//! Applications of the tensor: those of Baek & Heide (2021, sections 6 and 8) and their published
-//! baselines on the same data, evaluated against exact ground truth.
+//! Applications of the tensor: those of Baek & Heide (2021, sections 6 and 8), and published baselines on
+//! the same data. All are evaluated against exact ground truth.
 //!
-//! Methods are functions of images ([`map::Map`]) and tensors, and use no scene, renderer or file.
+//! Methods are functions of images ([`map::Map`]) and tensors, and do not use scenes, renderers or files.
 //! An [`application::Application`] defines the renders that it needs, its methods and its metrics;
 //! [`catalog::all`] lists all applications.
 

@@ -1,4 +1,4 @@
-//! The data of one variant of a scene with one seed: slices with their errors, and ground-truth maps.
+//! The data of one variant of a scene with one seed: slices with standard errors, and ground-truth maps.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -22,7 +22,8 @@ pub struct Observation {
     pub truth: BTreeMap<String, Map>,
 }
 
-/// A slice: W/(m² sr nm) per unit drive, camera frame out, projector frame in.
+/// A slice of the tensor in W/(m² sr nm) per unit drive. Outgoing Stokes vectors are in the camera's
+/// frame, incoming ones in the projector's frame.
 #[derive(Clone, Debug)]
 pub struct Slice {
     pub mean: Tensor,
@@ -39,7 +40,6 @@ pub struct Pixels {
     pub bins: usize,
     /// Number of matrix elements: 16, or 1 for intensities.
     pub elements: usize,
-    /// Number of wavelengths.
     pub wavelengths: usize,
     pub mean: Vec<f64>,
     /// Standard errors of `mean`.
@@ -116,7 +116,7 @@ impl Observation {
         Ok(pixels)
     }
 
-    /// Returns the calibrated camera and projector.
+    /// Returns the calibrated camera and projector, or an error if the scene has none.
     pub(crate) fn rig(&self) -> Result<&Rig, ApplyError> {
         self.rig.as_ref().ok_or_else(|| self.missing("calibrated rig", "camera and projector"))
     }
@@ -182,8 +182,8 @@ impl Pixels {
         self.width * self.height
     }
 
-    /// Returns the map of the means weighted by element (`weights[element]`) and summed over bins
-    /// and elements, the result of a linear analysis of polarization.
+    /// Returns the means, weighted by element (`weights[element]`) and summed over bins and elements. The
+    /// map has one channel per wavelength.
     pub fn weighed(&self, weights: &[f64]) -> Map {
         Map::from_fn(self.width, self.height, self.wavelengths, |x, y, out| {
             let pixel = y * self.width + x;

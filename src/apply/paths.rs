@@ -1,8 +1,8 @@
-//! Light by path type: sums over a slice with axes for labels ([`tensor::label`]) and for numbers
-//! of surface interactions.
+//! Light by path type: sums over a slice that has axes for labels ([`tensor::label`]) and for numbers of
+//! surface interactions.
 //!
-//! Kinds of light are sets of (label, bounces). A label does not contain the order of interactions:
-//! light from a mirror to a wall and from a wall to a mirror are one kind.
+//! Light components are sets of pairs (label, bounces). A label does not contain the order of
+//! interactions: light from a mirror to a wall and light from a wall to a mirror have the same path type.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -14,7 +14,7 @@ use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
 /// The interactions of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
-    /// A set of the bits of [`tensor::label`].
+    /// The set of interactions, as bits of [`tensor::label`].
     pub label: u8,
     /// Number of surface interactions between projector and camera.
     pub bounces: u32,
@@ -31,17 +31,17 @@ impl Path {
         self.label == DIFFUSE && self.bounces > 1
     }
 
-    /// Returns whether all reflections are by mirrors and facets.
+    /// Returns whether all reflections are by mirrors or microfacets.
     pub fn all_specular(self) -> bool {
         self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
     }
 
-    /// Returns whether the path is one reflection by a mirror or facets.
+    /// Returns whether the path is one reflection by a mirror or by microfacets.
     pub fn single_specular(self) -> bool {
         self.all_specular() && self.bounces == 1
     }
 
-    /// Returns whether the path is two or more reflections, all by mirrors and facets.
+    /// Returns whether the path is two or more reflections, all by mirrors or microfacets.
     pub fn multi_specular(self) -> bool {
         self.all_specular() && self.bounces > 1
     }
@@ -181,7 +181,8 @@ pub(crate) mod tests {
 
     #[test]
     fn sums_contain_exactly_the_named_paths() {
-        // Every path contributes a unique power of two at every wavelength, so a sum identifies its paths.
+        // Every path contributes a unique power of two at every wavelength, so a sum identifies the paths
+        // that it contains.
         let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
         let even = |p: Path| p.label.is_multiple_of(2);
         let o =
@@ -216,7 +217,7 @@ pub(crate) mod tests {
                 assert_eq!(found, (pixel + 1) as f64 * sum(of), "case {k}");
             }
         }
-        // Exclusive and exhaustive kinds sum to all light.
+        // The sum over disjoint and exhaustive sets of paths is all light.
         let (all, one, rest) = (paths.all(), paths.of(Path::all_specular), paths.of(|p| !p.all_specular()));
         for ((a, b), c) in all.data.iter().zip(&one.data).zip(&rest.data) {
             assert_eq!(*a, b + c);

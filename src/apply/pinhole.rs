@@ -1,8 +1,8 @@
-//! Calibrations of camera and projector as plain numbers: pinholes without distortion. The caller
-//! removes distortion from images first.
+//! Calibrations of camera and projector as pinhole devices without distortion. The caller removes
+//! distortion from images first.
 //!
-//! A world point p is q = Rᵀ(p - o) in the device's frame, metres. Its pixel is f·(q_x/q_z,
-//! q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
+//! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, metres. Its pixel is
+//! f·(q_x/q_z, q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,13 +17,12 @@ pub struct Pinhole {
     pub principal: [f64; 2],
     /// Centre of projection in world coordinates, metres.
     pub origin: Vector3<f64>,
-    /// Columns: image right, image down and forward, in world coordinates.
+    /// Axes of the device as columns: image right, image down and forward, in world coordinates.
     pub axes: Matrix3<f64>,
 }
 
 impl Pinhole {
-    /// Returns a device from plain numbers. `axes` are image right, image down and forward in world
-    /// coordinates.
+    /// Returns a device. `axes` are image right, image down and forward in world coordinates.
     pub fn new(
         resolution: [usize; 2],
         focal: [f64; 2],
@@ -51,8 +50,7 @@ impl Pinhole {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the
-    /// device.
+    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the device.
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];

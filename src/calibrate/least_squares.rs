@@ -1,15 +1,15 @@
 //! Nonlinear least squares that reports undetermined parameters.
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
-//! deviations. Directions of the parameters that affect no residual keep their initial values and
-//! are reported. These directions are found from the singular values of the Jacobian with
-//! normalized columns.
+//! deviations. Directions of the parameters that affect no residual keep their initial values and are
+//! reported. These directions are found from the singular values of the Jacobian with normalized columns.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Singular value, relative to the largest, below which a direction is undetermined.
 const NOTHING: f64 = 1e-6;
-/// Smallest component of a parameter in a direction for which the parameter is named.
+/// Smallest component of an undetermined direction along a parameter for which the report names the
+/// parameter.
 const NAMED: f64 = 0.1;
 const STEPS: usize = 100;
 
@@ -17,7 +17,7 @@ const STEPS: usize = 100;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
     #[error(
-        "{residuals} measurements cannot determine {parameters} parameters; measure more samples or settings"
+        "{residuals} measurements cannot determine {parameters} parameters; capture more samples, or more settings of the elements"
     )]
     TooFew { residuals: usize, parameters: usize },
     #[error("a measurement or a prediction is not a finite number; exclude saturated and dark regions")]
@@ -31,11 +31,11 @@ pub struct Fit {
     pub values: DVector<f64>,
     /// Covariance of the parameters; zero along undetermined directions.
     pub covariance: DMatrix<f64>,
-    /// Sum of squared residuals divided by their variances.
+    /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     /// Number of measurements minus determined parameters.
     pub freedom: usize,
-    /// Undetermined directions, as unit vectors in the parameters scaled by their sensitivity.
+    /// Undetermined directions, as unit vectors in the space of parameters scaled by their sensitivity.
     pub undetermined: Vec<DVector<f64>>,
 }
 
@@ -72,8 +72,9 @@ fn cost(r: &DVector<f64>) -> f64 {
 
 /// Fits parameters from `start`.
 ///
-/// `residuals` maps parameters to measured minus predicted values, divided by the standard deviation. `steps`
-/// are those of central differences, about a hundredth of each parameter's possible error.
+/// `residuals` maps parameters to measured minus predicted values, divided by their standard deviations.
+/// `steps` holds the steps for central differences, about a hundredth of the largest expected error of
+/// each parameter.
 ///
 /// # Errors
 /// [`FitError`].
@@ -93,7 +94,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
                     y[i] += by;
                     of(&y)
                 };
-                // Derivative of the prediction, hence the opposite sign of the residuals.
+                // The derivative of the prediction has the opposite sign of the residuals' derivative.
                 (moved(-steps[i]) - moved(steps[i])) / (2.0 * steps[i])
             })
             .collect();
@@ -162,7 +163,7 @@ impl Reported {
             if norm > 1e-12 * longest { norm } else { f64::INFINITY }
         });
         let scaled = DMatrix::from_fn(j.nrows(), n, |i, k| j[(i, k)] / scale[k]);
-        // Use the eigenvectors of JᵀJ: J has many rows but few columns.
+        // The eigenvectors of JᵀJ are used because J has many rows but few columns.
         let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));

@@ -1,12 +1,13 @@
 //! A number per pixel, stored in text files as one string: base64 (RFC 4648) of little-endian 32-bit floats.
 //!
-//! A map of 1224 × 1024 pixels takes 7 MB in a TOML file and round-trips bit by bit. NaN means unknown.
+//! A map of 1224 × 1024 pixels takes 7 MB in a TOML file. Writing and reading preserve all bits. NaN
+//! means unknown.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// A number per pixel, rows from the top.
+/// One number per pixel, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap(pub Vec<f32>);
 

@@ -1,22 +1,24 @@
-//! Compares errors of many repeats with their stated standard errors, to test covariances.
+//! Compares the actual errors of many repetitions with the stated standard errors, to test covariances.
 //!
 //! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a
-//! standard deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8
-//! to 1.25 once in six times, and 1024 values once in 100,000. The bounds are therefore those of χ²
-//! for the number of independent values (Wilson and Hilferty 1931). Test results do not depend on
-//! the seeds.
+//! standard deviation of √(2/n) around 1. The mean square of 64 values is outside 0.8 to 1.25 in one of
+//! six tests, that of 1024 values in one of 100,000 tests. The bounds are therefore those of χ² for the
+//! number of independent values (Wilson and Hilferty 1931). With these bounds, correct covariances pass
+//! for practically all seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// Accepted variance of z-scores for a correct covariance, by the project's criterion.
+/// Accepted variance of z-scores for a correct covariance, according to the project's acceptance criterion.
 const BAR: std::ops::Range<f64> = 0.8..1.25;
-/// Number of independent values above which fluctuations are within [`BAR`] (4.4 standard deviations of χ²).
+/// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
+/// within [`BAR`].
 const ENOUGH: f64 = 1000.0;
-/// Accepted fluctuation in standard deviations for fewer values: once in 100,000.
+/// Accepted fluctuation for fewer values, in standard deviations. It is exceeded in one of 100,000 tests.
 const CHANCE: f64 = 4.4;
 
-/// Returns the number of repeats (seeds 0, 1, 2, …) of a statistical test: `SUNSTONE_REPEATS` or `default`.
+/// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …): the environment variable
+/// `SUNSTONE_REPEATS`, or `default`.
 pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
@@ -33,7 +35,7 @@ struct Class {
 }
 
 impl ZScores {
-    /// Adds an error that is independent of the others in its class.
+    /// Adds an error that is independent of all other errors of the class.
     pub fn add(&mut self, class: &str, error: f64, sigma: f64) {
         assert!(sigma > 0.0 && error.is_finite(), "{class}: {error} ± {sigma}");
         let class = self.0.entry(class.to_owned()).or_default();
@@ -42,7 +44,7 @@ impl ZScores {
         class.independent += 1.0;
     }
 
-    /// Adds correlated errors of one repeat. The errors count as one independent value, which is
+    /// Adds correlated errors of one repetition. The errors count as one independent value, which is
     /// conservative.
     pub fn add_together(&mut self, class: &str, errors: impl IntoIterator<Item = (f64, f64)>) {
         let before = self.0.get(class).map_or(0.0, |c| c.independent);
@@ -54,7 +56,8 @@ impl ZScores {
         }
     }
 
-    /// Adds correlated errors of one repeat, whitened by their covariance to independent values.
+    /// Adds correlated errors of one repetition after whitening them by their covariance to independent
+    /// values.
     pub fn add_whitened(&mut self, class: &str, errors: &DVector<f64>, covariance: &DMatrix<f64>) {
         let scale = covariance.diagonal().map(|v| v.sqrt().recip());
         let d = DMatrix::from_diagonal(&scale);
@@ -70,7 +73,7 @@ impl ZScores {
             let v = c.squares / c.values;
             let z = deviations(v, c.independent);
             println!(
-                "{what}: {name}: variance of z {v:.3} of {} ({} independent), {z:+.1} deviations of chance",
+                "{what}: {name}: variance of z {v:.3} of {} ({} independent), {z:+.1} standard deviations from 1",
                 c.values, c.independent
             );
         }
@@ -97,7 +100,7 @@ fn deviations(mean: f64, n: f64) -> f64 {
 fn deviations_follow_chi_squared() {
     assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);
     assert!((deviations(0.1479, 10.0) + 3.090).abs() < 0.1);
-    // Consistency of `ENOUGH` with `BAR` and `CHANCE`.
+    // `ENOUGH` is consistent with `BAR` and `CHANCE`.
     assert!(deviations(BAR.end, ENOUGH) > CHANCE && deviations(BAR.start, ENOUGH) < -CHANCE);
 }
 

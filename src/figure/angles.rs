@@ -1,5 +1,5 @@
-//! Draws the angles of rotating elements over the captures of a scheme, as in figure 4(c, d) of
-//! Baek & Heide 2021. Each element has a panel.
+//! Draws the angles of rotating elements over the captures of a scheme, as in figure 4(c, d) of Baek &
+//! Heide 2021. Each element has its own panel.
 //!
 //! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
 
@@ -14,15 +14,15 @@ use super::ticks::{Ticks, brief};
 const SIZE: (f64, f64) = (900.0, 140.0);
 /// Space above a panel for the name, in pixels.
 const HEAD: f64 = 34.0;
-/// A panel extends by this fraction of the period beyond both ends, so that markers at the ends are not
+/// Fraction of the period by which a panel extends beyond both ends, so that markers at the ends are not
 /// clipped.
 const BEYOND: f64 = 0.08;
 /// Maximum number of panels on a page.
 const MOST: usize = 8;
 
-/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`)
-/// and the period of its angle. `values[capture][element]` contains the angles in the unit of the
-/// label. Non-finite angles leave gaps.
+/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and
+/// the period of its angle. `values[capture][element]` is the angle in the unit of the label. Non-finite
+/// angles leave gaps.
 ///
 /// # Errors
 /// [`FigureError::Option`] if there is no capture, no element or more than eight, if a capture has the wrong
@@ -35,8 +35,8 @@ pub fn draw(
     check(elements, values)?;
     let panels = Panels { size: SIZE, head: HEAD, gap: 0.0, columns: 1 };
     let (wide, high) = panels.extent(elements.len());
-    // The page has the ticks of all panels on one long axis. The labels of the panels take the space of its
-    // label.
+    // The page has one long axis with the ticks of all panels. The labels of the panels take the place of
+    // the label of this axis.
     let quarters = || (0..=4).map(|quarter| f64::from(quarter) / 4.0);
     let ticks = |i: usize| {
         let (top, period) = (panels.corner(i).1, elements[i].2);

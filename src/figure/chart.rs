@@ -27,7 +27,7 @@ mod tests;
 /// Width of the plot in pixels.
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const HEIGHT: f64 = 520.0;
-/// Half width in standard errors, and opacity, of each band.
+/// Half width (in standard errors) and opacity of each band.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -71,7 +71,7 @@ pub fn draw(chart: &Chart) -> Result<Drawing, FigureError> {
     Ok(draw_in(chart, &palette)?.0)
 }
 
-/// Draws a chart with the given palette and returns its scales. Does not check the series.
+/// Draws a chart with the given palette and returns its scales. The series are not checked.
 pub(crate) fn draw_in(
     chart: &Chart,
     palette: &dyn Fn(usize) -> Rgb<u8>,
@@ -102,7 +102,7 @@ pub(crate) fn draw_in(
     Ok((page, scales))
 }
 
-/// Draws bands, lines and error bars of series inside the plot.
+/// Draws the bands, lines and error bars of all series, clipped to the plot.
 pub(crate) fn curves(
     page: &mut Drawing,
     all: &[Series],
@@ -120,7 +120,7 @@ pub(crate) fn curves(
     });
 }
 
-/// Draws the markers of series inside the plot.
+/// Draws the markers of all series, clipped to the plot.
 pub(crate) fn markers(
     page: &mut Drawing,
     all: &[Series],
@@ -159,7 +159,6 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// Returns whether an axis can show a value.
 fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
@@ -264,7 +263,8 @@ fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, n
     }
     let pen = Pen { width: nib.bar, dashed: false, ..pen };
     for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
-        // An error bar that reaches zero on a logarithmic axis extends beyond the chart, without a cap.
+        // On a logarithmic axis, an error bar that reaches zero extends beyond the chart and has no cap
+        // there.
         let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);
         let plot = scales.plot;
         let (top, bottom) = (end(y + e, plot.y - plot.h), end(y - e, plot.y + 3.0 * plot.h));

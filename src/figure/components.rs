@@ -103,7 +103,6 @@ mod tests {
         Map { label: "1st component".into(), caption: "50 %".into(), values }
     }
 
-    /// Tests that cells have the colours of their values on the common scale.
     #[test]
     fn cells_have_the_colours_of_their_values() {
         let mut values = [0.0; 16];

@@ -25,8 +25,8 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Returns a rectangle of size `(w, h)` whose upper left corner is offset by `(dx, dy)` from that of
-    /// `self`.
+    /// Returns a rectangle of size `(w, h)` whose upper left corner is offset by `(dx, dy)` from the
+    /// upper left corner of `self`.
     pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
         let (x, y) = (self.x + dx, self.y + dy);
         Self { x, y, w, h }
@@ -77,7 +77,7 @@ pub struct Drawing {
     pub(crate) data: Rect,
 }
 
-/// Rounds a length to a thousandth of a pixel, so that the SVG contains no needless digits.
+/// Rounds a length to a thousandth of a pixel, so that the SVG contains no insignificant digits.
 fn n(v: f64) -> f64 {
     (v * 1000.0).round() / 1000.0
 }
@@ -86,7 +86,7 @@ fn hex(Rgb([r, g, b]): Rgb<u8>) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Escapes a text for XML; characters that XML does not allow and line breaks become spaces.
+/// Escapes a text for XML; line breaks and characters that XML does not allow become spaces.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -126,7 +126,7 @@ impl Drawing {
         self.height.ceil() as u32
     }
 
-    /// Returns the drawing with this number of pixels per inch of paper.
+    /// Returns the drawing with a physical size, `per_inch` pixels per inch.
     pub(crate) fn printed_at(mut self, per_inch: f64) -> Self {
         self.per_inch = Some(per_inch);
         self
@@ -173,7 +173,7 @@ impl Drawing {
         let _ = writeln!(self.body, "{element}");
     }
 
-    /// Draws a filled rectangle.
+    /// Draws a filled rectangle with the given opacity.
     pub(crate) fn fill(&mut self, r: Rect, colour: Rgb<u8>, opacity: f64) {
         let colour = hex(colour);
         self.put(format_args!("<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
@@ -229,7 +229,7 @@ impl Drawing {
         self.put(format_args!("<path d=\"M{path}Z\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
     }
 
-    /// Draws a marker with a white rim that separates it from lines and other markers.
+    /// Draws a marker with a white outline, which separates the marker from lines and other markers.
     pub(crate) fn marker(&mut self, marker: Marker, (x, y): Point, radius: f64, colour: Rgb<u8>) {
         let (x, y, radius, white) = (n(x), n(y), n(radius), n(2.0 / radius));
         let (rim, path, colour) = (marker.rim(), marker.path(), hex(colour));
@@ -271,7 +271,7 @@ impl Drawing {
     /// Draws an image that fills a rectangle, with sharp pixels.
     pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
         let mut png = Vec::new();
-        // Adaptive filters would take longer than the rest of the drawing.
+        // Use a fixed PNG filter, because adaptive filters would take longer than the rest of the drawing.
         PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
             .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
             .expect("memory takes every PNG of at least one pixel");

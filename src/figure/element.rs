@@ -1,8 +1,8 @@
 //! Draws single elements of Mueller matrices, named as in the paper by Baek & Heide 2021: `(0,1)`, `-(3,3)`,
 //! `±(0,2)`.
 //!
-//! A name with one sign shows only values of that sign, as intensity; other values are black. `±` and
-//! normalized elements use the diverging colour map.
+//! For a name with one sign, only values of that sign are shown, as intensity; other values are black.
+//! Elements with `±` and normalized elements use the diverging colour map.
 
 use super::colour::{exposure, photo, quotient, rgb_weights, signed};
 use super::error::FigureError;
@@ -65,8 +65,8 @@ impl TryFrom<String> for Element {
 pub struct ElementView {
     pub slice: String,
     pub element: Element,
-    /// Wavelength to draw, in nanometres; the nearest one is used. `None` combines all wavelengths to a
-    /// colour, or selects the middle wavelength for signed values.
+    /// Wavelength to draw, in nanometres; the nearest one is used. `None` combines all wavelengths into a
+    /// colour image, or selects the middle wavelength for signed values.
     pub wavelength_nm: Option<f64>,
     /// Whether to divide the element by M00. The values are then signed.
     #[serde(default)]
@@ -131,7 +131,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     }
     let lane = source.wavelength(view.wavelength_nm)?;
     let element = of(view.element.at, Some(lane))?;
-    // The sign applies to the quotient; M00 keeps its sign.
+    // The sign is applied to the quotient, not to M00.
     let m00 = of([0, 0], Some(lane))?;
     let pairs = element.data.iter().zip(&m00.data);
     let raster = Raster::new(&view.slice, w, pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect())?;

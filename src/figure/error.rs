@@ -37,7 +37,7 @@ pub enum FigureError {
         index: usize,
         len: usize,
     },
-    #[error("option `{option}` of the view is {value}; the value must be {must}")]
+    #[error("option `{option}` is {value}; the value must be {must}")]
     Option {
         option: &'static str,
         value: String,
@@ -47,9 +47,9 @@ pub enum FigureError {
     /// The file extension does not name a known format.
     #[error("{path}: expected the extension {known}; change the extension")]
     Extension { path: String, known: &'static str },
-    #[error("cannot encode the picture: {0}; draw fewer or smaller panels")]
+    #[error("cannot encode the image: {0}; draw fewer or smaller panels")]
     Encode(String),
-    #[error("cannot write picture {path}: {source}")]
+    #[error("cannot write image {path}: {source}")]
     Write { path: String, source: std::io::Error },
 }
 

@@ -1,7 +1,7 @@
 //! Draws light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
 //!
-//! The frames are distributed evenly over the time bins between 0.1% and 99.9% of the cumulative
-//! light (positive M00, summed over pixels and wavelengths). All frames share one exposure: white
+//! The frames are distributed evenly over the time bins between 0.1 % and 99.9 % of the cumulative light
+//! (positive M00, summed over pixels and wavelengths). All frames have the same exposure, for which white
 //! is the 99.5th percentile of the positive channel values.
 
 use super::colour::{self, percentile, rgb_weights};
@@ -48,8 +48,8 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the number of columns for which a sheet of `n` frames of `w` × `h` pixels is closest to
-/// the aspect ratio 4:3. Full rows are preferred.
+/// Returns the number of columns for which the aspect ratio of a sheet of `n` frames with `w` × `h`
+/// pixels is closest to 4:3. Full rows are preferred.
 fn columns(n: usize, w: usize, h: usize) -> usize {
     let cost = |c: usize| {
         let rows = n.div_ceil(c);
@@ -63,7 +63,7 @@ fn columns(n: usize, w: usize, h: usize) -> usize {
 pub(super) struct Frames<'a> {
     xs: &'a [f64],
     ys: &'a [f64],
-    /// Description of the frames' contents.
+    /// Note that describes the contents of the frames.
     note: String,
     /// Value shown as white, in the camera's unit.
     pub white: White,
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(chosen_bins(&light, 5), [20, 30, 40, 50, 60]);
         assert_eq!(chosen_bins(&light, 100).len(), 41);
         assert_eq!(chosen_bins(&light, 1), [40]);
-        // Less than a thousandth of the light at either end does not extend the range.
+        // Bins at either end with less than a thousandth of the light are not shown.
         light[0] = 0.01;
         light[99] = 0.01;
         assert_eq!(chosen_bins(&light, 2), [20, 60]);

@@ -13,9 +13,9 @@ use super::white::White;
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
 /// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-/// Minimum width of a page in pixels, so that titles and notes fit.
+/// Minimum width of a page in pixels, which leaves space for titles and notes.
 const PAGE_LEAST: f64 = 480.0;
-/// Maximum plot width, in pixels, for text of the nominal size. On wider plots the text is larger, by a
+/// Maximum plot width, in pixels, for text of the nominal size. On wider plots the text is enlarged, by a
 /// factor of at most [`LARGEST`].
 const NOMINAL: f64 = 900.0;
 const LARGEST: f64 = 1.6;
@@ -29,7 +29,8 @@ pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
 
-/// Describes for a note the value shown as white, in the camera's unit, and the origin of that value.
+/// Returns the text of a note on the value shown as white, in the camera's unit, and the origin of this
+/// value.
 pub fn white_words(white: White, origin: &str) -> String {
     match white {
         White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
@@ -66,7 +67,7 @@ pub struct Bar {
     pub colour: fn(f32) -> Rgb<u8>,
 }
 
-/// A page: all items around the data.
+/// A page with all items around the data.
 #[derive(Default)]
 pub struct Page<'a> {
     /// Title of the page; may be empty.
@@ -141,7 +142,7 @@ impl Page<'_> {
             .map_or(EDGE + 8.0, |bar| m.bar_gap + m.bar_width + m.beside(&bar.ticks) + m.name("|") + EDGE);
         let page_w = (left + w + right).max(PAGE_LEAST);
         let left = left + ((page_w - left - w - right) / 2.0).floor();
-        // A short plot still leaves space for the labels along its height.
+        // The page is high enough for the labels along a short plot.
         let along = width(&self.y.label, m.label)
             .max(self.bar.as_ref().map_or(0.0, |bar| width(&bar.label, m.label)));
         let sag = ((along - h) / 2.0).ceil().max(0.0);
@@ -156,7 +157,7 @@ impl Page<'_> {
         let centre = page.data.centre();
         let bottom = top + h;
 
-        // Draws a text centred on the plot, but kept on the page.
+        // Draws a text centred on the plot, shifted if necessary to stay on the page.
         let across = |page: &mut Drawing, text: &str, y: f64, style: Style| {
             let (text, style) = fit(text, style, room);
             let half = EDGE + width(&text, style) / 2.0;

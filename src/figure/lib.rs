@@ -1,8 +1,9 @@
 //! Draws publication-quality figures of tensors in memory. Each kind of [`View`] has its own module.
 //!
-//! Every image is drawn once, as a [`Drawing`]. [`save`] converts its SVG to the format of the path's
-//! extension: `.png`, `.svg` or `.pdf`. [`save_animation`] writes light in flight as `.gif` or `.apng`. Data
-//! are embedded images with sharp pixels; axes, lines and text are vectors, and text can be selected.
+//! Every figure is drawn once, as a [`Drawing`]. [`save`] converts the drawing's SVG to the format of the
+//! path's extension: `.png`, `.svg` or `.pdf`. [`save_animation`] writes light in flight as `.gif` or
+//! `.apng`. Data are embedded images with sharp pixels; axes, lines and text are vectors, and text can be
+//! selected.
 //!
 //! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
 //! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.

@@ -19,8 +19,7 @@ use super::ticks::Ticks;
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 
-/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is
-/// logarithmic.
+/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is logarithmic.
 const LOG_FROM: f32 = 300.0;
 /// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;
@@ -83,7 +82,8 @@ impl Scale {
         Bar { label, ticks, colour }
     }
 
-    /// Returns a colour whose brightness is the position of its largest channel on the scale.
+    /// Returns a colour with the hue of `rgb`. Its brightness is the position of the largest channel on
+    /// the scale.
     fn colour(self, rgb: [f32; 3]) -> Rgb<u8> {
         if !rgb.iter().all(|v| v.is_finite()) {
             return UNDEFINED;
@@ -102,7 +102,7 @@ pub(super) struct Content<'a> {
     pub xs: &'a [f64],
     /// Projector pixels or times in picoseconds, drawn upward.
     pub ups: &'a [f64],
-    /// Label of the upward axis.
+    /// Label of the vertical axis.
     pub label: &'static str,
     note: String,
     values: Values,
@@ -157,7 +157,8 @@ impl Content<'_> {
     }
 }
 
-/// Reads a camera scanline against the projector column, or the row if only rows are resolved.
+/// Reads a camera scanline against the projector column, or against the projector row if only rows are
+/// resolved.
 pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);

@@ -33,8 +33,8 @@ pub enum Quantity {
     },
 }
 
-/// Ratio of the values' percentiles above which the scale is logarithmic. The threshold is low
-/// because methods can differ by a factor of ten or more, and all maps should show structure.
+/// Ratio of the values' percentiles above which the scale is logarithmic. The threshold is low because errors
+/// of different methods can differ by a factor of ten or more, and structure should be visible in all maps.
 const LOG_FROM: f32 = 30.0;
 /// Target length and maximum length of a map's longer side, in pixels.
 const SIDE: (usize, usize) = (420, 640);

@@ -25,7 +25,7 @@ const OUTLINES: [&str; 8] = [
 /// Number of distinct combinations of colour and marker.
 pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
 
-/// Returns a colour of the palette, which repeats.
+/// Returns the palette colour for an index; colours repeat.
 pub fn palette(index: usize) -> Rgb<u8> {
     Rgb(PALETTE[index % PALETTE.len()])
 }
@@ -40,7 +40,7 @@ impl Marker {
         Self(index % OUTLINES.len())
     }
 
-    /// Returns the outer edge of [`Marker::path`] as SVG path data, for a white rim.
+    /// Returns the outer edge of [`Marker::path`] as SVG path data, for the white outline.
     pub fn rim(self) -> &'static str {
         self.path().split_inclusive('Z').next().unwrap_or_default()
     }

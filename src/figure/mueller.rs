@@ -51,7 +51,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
     let values = source.sum(&keep, &pick, f64::from);
-    // Panels show 4 × 4 elements per pixel; a tensor with more keeps the first four.
+    // Panels show 4 × 4 elements per pixel. Of longer Stokes axes, only the first four entries are shown.
     let (so, si) = (values.shape[2], values.shape[3]);
     let pixels = values.data.chunks_exact(so * si);
     let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));

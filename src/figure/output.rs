@@ -23,17 +23,17 @@ use super::text::font;
 const PER_INCH: f32 = 144.0;
 /// Duration of an animation frame in milliseconds.
 const FRAME_MS: u16 = 150;
-/// The speed of colour quantization to 256 colours per frame, from 1 (best) to 30.
+/// The speed of colour quantization to 256 colours per frame, from 1 (slowest, best quality) to 30.
 const GIF_SPEED: i32 = 10;
 
 /// Formats of a still image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// PNG: pixels.
+    /// PNG, a raster image.
     Png,
-    /// SVG: vectors, with data as embedded images.
+    /// SVG, vector graphics with data as embedded images.
     Svg,
-    /// PDF: vectors on a page of the drawing's size, with embedded fonts.
+    /// PDF, vector graphics on a page of the drawing's size, with embedded fonts.
     Pdf,
 }
 
@@ -161,7 +161,7 @@ impl Drawing {
         let mut bytes = Cursor::new(Vec::new());
         let pixels = self.pixels()?;
         if self.per_inch().is_some() {
-            // Images for print have many pixels, most of which equal the pixel above.
+            // Most pixels of images for print equal the pixel above, so this filter compresses well.
             let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Up);
             pixels.write_with_encoder(encoder).map_err(encode)?;
         } else {
@@ -202,9 +202,9 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Draws the embedded images below all other items. Every page pixel shows the image pixel at its
-/// centre. The image support of resvg is not used, because it includes decoders of three formats
-/// that no drawing contains.
+/// Draws the embedded images below all other items. Every page pixel has the colour of the image pixel at
+/// its centre. The image support of resvg is not used, because it includes decoders of three formats that
+/// no drawing contains.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
     for node in group.children() {
         match node {

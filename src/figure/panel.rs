@@ -2,7 +2,8 @@
 
 use tensor::array::Tensor;
 
-/// The mean of a slice and, if available, its standard error and the light outside its time bins.
+/// The mean of a slice and, if available, the standard error of this mean and the light outside the
+/// slice's time bins.
 #[derive(Clone, Copy, Debug)]
 pub struct Panel<'a> {
     pub mean: &'a Tensor,

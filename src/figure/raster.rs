@@ -1,4 +1,4 @@
-//! Defines images of values without colours, and their scaling by integer factors.
+//! Defines images of numeric values before they are mapped to colours, and scaling by integer factors.
 
 use image::{Rgb, RgbImage};
 
@@ -26,8 +26,8 @@ pub struct Factor {
 }
 
 impl Factor {
-    /// Returns the factor for `n` data pixels. Repetition gives a length as close as possible to
-    /// `target` from below; averaging limits the length to `most`.
+    /// Returns the factor for `n` data pixels. With repetition, the length is the largest possible length
+    /// up to `target`. With averaging, the length is at most `most`.
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
         if n > most {
@@ -48,8 +48,8 @@ impl Factor {
         Self { up: self.up * least.div_ceil(length.max(1)), ..self }
     }
 
-    /// Returns factors that keep pixels square, with the longer side close to `target`. An image
-    /// thinner than `least` is stretched in that direction, so that it remains visible.
+    /// Returns factors that keep pixels square, with the longer side close to `target`. If one side would
+    /// be shorter than `least`, the image is stretched in that direction, so that it remains visible.
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
@@ -90,7 +90,7 @@ impl<const C: usize> Raster<C> {
         Ok(Self { w, h, data })
     }
 
-    /// Averages the raster over boxes. A box that contains a non-finite value becomes undefined.
+    /// Averages the raster over boxes. The average of a box that contains a non-finite value is undefined.
     pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
             return self;
@@ -119,8 +119,8 @@ impl<const C: usize> Raster<C> {
         self
     }
 
-    /// Draws the (shrunk) raster as an image with its upper left corner at `from`, relative to the page's
-    /// data.
+    /// Draws the (shrunk) raster as an image with its upper left corner at `from`, relative to the data
+    /// rectangle of the page.
     pub fn paint(
         &self,
         page: &mut Drawing,

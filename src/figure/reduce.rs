@@ -6,7 +6,7 @@ use base::spectral_table::nearest_within;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// A checked tensor: its values fill its axes, and no axis is empty or occurs twice.
+/// A valid tensor: the values fill the axes, and no axis is empty or occurs twice.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// Name of the slice for messages.
@@ -71,7 +71,8 @@ impl<'a> Source<'a> {
         self.coords(AxisKind::Wavelength).unwrap_or(&[])
     }
 
-    /// Returns the index of the wavelength nearest to `nm`, or of the middle wavelength if `nm` is `None`.
+    /// Returns the index of the wavelength nearest to `nm` (nanometres), or of the middle wavelength if
+    /// `nm` is `None`.
     pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
         match nm {
@@ -83,7 +84,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Returns the axes and indices that select a Mueller element. M00 needs no Stokes axes.
+    /// Returns the axes and indices that select a Mueller element. For M00, Stokes axes may be absent.
     pub fn element(&self, [out, inn]: [usize; 2]) -> Result<[(AxisKind, usize); 2], FigureError> {
         for (kind, i) in [(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)] {
             if i > 0 || self.coords(kind).is_some() {

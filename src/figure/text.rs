@@ -64,8 +64,8 @@ pub fn width(text: &str, style: Style) -> f64 {
     text.chars().map(|c| advance(c, style)).sum()
 }
 
-/// Returns the text and the style that fit into `room` pixels: first the font size is reduced, then
-/// the text is cut with an ellipsis.
+/// Returns the text and the style that fit into `room` pixels. First the font size is reduced, then the
+/// text is truncated with an ellipsis.
 pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     let wide = width(text, style);
     if wide <= room {
@@ -84,7 +84,7 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     (kept.trim_end().to_owned() + "…", style)
 }
 
-/// Wraps a text into lines of at most `room` pixels; a wider word has its own line.
+/// Wraps a text into lines of at most `room` pixels; a wider word is on a line of its own.
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

@@ -52,11 +52,11 @@ impl Ticks {
         Self { marks, exponent: 0 }
     }
 
-    /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis do
-    /// not overlap. Axes that are not evenly spaced are labelled at some of their entries.
+    /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis
+    /// do not overlap. If the coordinates are not evenly spaced, some of them are labelled.
     pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
         let ticks = |most: usize| match ruler(coords) {
-            // Whole numbers have no ticks between them.
+            // For whole-number coordinates, ticks are at whole numbers only.
             Some((low, high)) if coords.len() > 1 && coords.iter().all(|c| c.fract() == 0.0) => {
                 Self::linear(low, high, most.min((high - low) as usize))
             }

@@ -1,7 +1,7 @@
-//! Defines the contents of one panel of a composite, before scaling: images or a chart, with axes and a
-//! colour bar.
+//! Defines the contents of one panel of a composite, before scaling: images or a chart, with the axes and
+//! the colour bar.
 //!
-//! Images have one pixel per value, so that the composite determines their size.
+//! Images have one pixel per value. The composite scales them.
 
 use image::{Rgb, RgbImage};
 

@@ -11,7 +11,6 @@ pub enum White {
 }
 
 impl White {
-    /// Returns the value, or 1 for [`Self::Nothing`].
     pub fn value(self) -> f32 {
         match self {
             Self::Value(v) => v,
@@ -21,7 +20,7 @@ impl White {
 }
 
 impl From<Option<f32>> for White {
-    /// Converts a finite positive number; other values become [`Self::Nothing`].
+    /// Converts a finite positive number. Other values become [`Self::Nothing`].
     fn from(v: Option<f32>) -> Self {
         v.filter(|v| *v > 0.0 && v.is_finite()).map_or(Self::Nothing, Self::Value)
     }

@@ -1,5 +1,5 @@
-//! Requests to object stores: reads whole objects or parts, and lists, writes and removes objects. Each
-//! object is written atomically.
+//! Requests to object stores: reads whole objects or byte ranges, and lists, writes and removes objects.
+//! Each object is written atomically.
 
 use super::{AT_ONCE, Key, Objects, again, chain, wait};
 use bytes::Bytes;
@@ -91,8 +91,8 @@ impl ObjectClient for Objects {
 
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         let (store, key) = (self.store.clone(), self.key(key));
-        // A replaced object may be missing; for a new object, a missing path means that the bucket does not
-        // exist.
+        // An object to replace may be missing. For a new object, a missing path means that the bucket
+        // does not exist.
         let (replaces, mode) = match condition {
             Condition::Absent => (false, PutMode::Create),
             Condition::Is(Version { e_tag, version }) => {
@@ -157,7 +157,8 @@ async fn fetch(
     range: Option<GetRange>,
 ) -> Result<Option<(Bytes, u64)>, Error> {
     let options = || GetOptions { range: range.clone(), ..GetOptions::default() };
-    // The client itself retries most failures, but not if the connection closes in the response of an error.
+    // The client library retries most failures, but not if the connection closes while it receives an
+    // error response.
     let read = again(|| async {
         let found = store.get_opts(key, options()).await?;
         let size = found.meta.size;

@@ -1,9 +1,9 @@
 //! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and
 //! web servers (read-only).
 //!
-//! Calls block. Requests run on a runtime of two threads; the requests of one call are concurrent. Requests
-//! that fail temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come
-//! from the environment variables of each cloud.
+//! Calls block the calling thread. Requests run on a runtime with two threads, and the requests of one
+//! call are concurrent. Requests that fail temporarily (HTTP status 5xx, closed connection) are repeated.
+//! Credentials, endpoint and region come from the environment variables of each cloud.
 
 mod client;
 #[cfg(test)]
@@ -28,8 +28,8 @@ const AT_ONCE: usize = 32;
 const ATTEMPTS: usize = 6;
 /// Pause before the first retry.
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
-/// Maximum total time of retries. The client library has already retried longer failures, with increasing
-/// pauses.
+/// Maximum total time of retries. The client library itself retries failures that last longer, with
+/// increasing pauses.
 const PATIENCE: Duration = Duration::from_secs(10);
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
     Builder::new_multi_thread().worker_threads(2).thread_name("objects").enable_all().build()
@@ -55,7 +55,7 @@ struct Objects {
     below: Key,
 }
 
-/// Formats the value without the store, which contains credentials.
+/// Formats the address only, because the client contains credentials.
 impl fmt::Debug for Objects {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Objects({}://.. {})", self.scheme, self.below)
@@ -154,7 +154,7 @@ fn retry() -> RetryConfig {
     }
 }
 
-/// Repeats an idempotent request whose response was lost or truncated; the client library does not repeat
+/// Repeats an idempotent request whose response was lost or truncated. The client library does not repeat
 /// requests that change objects.
 async fn again<T, F: Future<Output = Result<T, Error>>>(mut ask: impl FnMut() -> F) -> Result<T, Error> {
     let begun = Instant::now();

@@ -37,7 +37,6 @@ fn objects_are_read_and_listed_below_their_address() {
     assert_eq!(found, expected.map(|text| text.map(Bytes::from)));
 }
 
-/// Verifies that calls also work on threads of another runtime.
 #[test]
 fn calls_work_inside_another_runtime() {
     put(&memory("within"), "a", vec![1]);

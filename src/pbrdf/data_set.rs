@@ -1,8 +1,8 @@
 //! Data sets of pBRDFs: moments and samples of materials from `.pbsdf` files or analytic materials.
 //!
-//! Materials are read one at a time, with their φ_d slabs in parallel. For a file, only the pages being
-//! read are in memory; for an analytic material, one slab per thread is in memory. Angles are not used, so
-//! files with empty axes are accepted.
+//! Materials are read one at a time, with their φ_d slabs in parallel. For a file, only the pages that
+//! are being read are in memory. For an analytic material, one slab per thread is in memory. The angles
+//! of the axes are not used, so files with empty axes are accepted.
 
 use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;
@@ -15,11 +15,11 @@ use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::measured::write::slab;
 
-/// Error of reading or creating a data set; the message includes advice.
+/// Error of reading or creating a data set; the message includes a fix.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
-    #[error("{}: cannot list the folder: {cause}; give a folder of .pbsdf files", path.display())]
+    #[error("{}: cannot list the folder: {cause}; pass a folder of .pbsdf files", path.display())]
     Folder { path: PathBuf, cause: std::io::Error },
     /// The folder contains no tables.
     #[error("{}: the folder contains no .pbsdf file; create tables with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
@@ -31,7 +31,7 @@ pub enum DataError {
     #[error("cannot tabulate the materials: {0}")]
     Axes(PbsdfError),
     /// The list of bands is empty.
-    #[error("expected at least one band, got none; give bands in nanometres")]
+    #[error("expected at least one band, got none; pass bands in nanometres")]
     NoBands,
     /// The matrices do not form a valid data set.
     #[error(transparent)]
@@ -181,7 +181,7 @@ mod tests {
         let tally = Tally { valid: 117, holes: 1, dark: 1, unreal: 1 };
         assert_eq!((b.tally, b.samples.len()), (tally, 50));
         for i in 0..16 {
-            // The scaled table is rounded to single precision a second time.
+            // The elements of the scaled table are rounded to single precision a second time.
             assert!((a.plain.mean()[i] - want.mean()[i]).abs() < 1e-6);
             for j in 0..16 {
                 assert!((b.plain.covariance()[i][j] - want.covariance()[i][j]).abs() < 1e-12);
@@ -226,7 +226,6 @@ mod tests {
         assert!(matches!(few, Err(DataError::Axes(PbsdfError::Sources { .. }))));
     }
 
-    /// Verifies that errors name the fault and the fix.
     #[test]
     fn errors_name_the_fault_and_fix() {
         let folder = tempfile::tempdir().unwrap();

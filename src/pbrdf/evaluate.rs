@@ -1,10 +1,11 @@
-//! Mueller matrices of a single material: its BRDF, and the reflection and transmission of smooth surfaces.
+//! Mueller matrices of a single material: the BRDF, and the specular reflection and transmission of
+//! smooth surfaces.
 //!
-//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming direction
-//! to the source of the light, the outgoing direction to the destination. Stokes vectors are in frames
-//! whose horizontal is (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the direction, so
-//! that "s" is the first axis. The renderer's frames ([`optics::polarization::scatter`]) are therefore
-//! rotated for both directions. For transmission, radiance is converted to power.
+//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming
+//! direction to the source of the light, the outgoing direction to the destination. Stokes vectors are in
+//! frames whose horizontal axis is (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the
+//! direction, so that "s" is the first axis. The renderer's frames ([`optics::polarization::scatter`])
+//! are therefore rotated for both directions. For transmission, radiance is converted to power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;
@@ -35,8 +36,8 @@ impl Direction {
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
     }
 
-    /// Returns the horizontal of the Stokes frame along the direction, (-sin φ, cos φ, 0). This also holds
-    /// for the normal.
+    /// Returns the horizontal axis of the Stokes frame for the direction, (-sin φ, cos φ, 0). The formula
+    /// also applies to the direction of the normal.
     pub fn frame(self) -> [f64; 3] {
         let phi = self.phi_deg.to_radians();
         [-phi.sin(), phi.cos(), 0.0]
@@ -48,7 +49,7 @@ impl Direction {
         (w, x)
     }
 
-    /// Returns the direction of mirror reflection at the surface.
+    /// Returns the direction of specular reflection at the surface.
     fn mirrored(self) -> Self {
         Self { phi_deg: self.phi_deg + 180.0, ..self }
     }
@@ -63,17 +64,18 @@ impl Direction {
     }
 }
 
-/// Error: the material has no such specular lobe.
+/// The error that the material has no such specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the material does not {} specularly at this point; evaluate the BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
 
-/// Value of a BRDF for a pair of directions.
+/// The BRDF for a pair of directions, and the sampling density.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrdfValue {
     /// Mueller BRDF `[wavelength][out][in]`, 1/sr, without the cosine.
     pub mueller: Vec<[[f32; 4]; 4]>,
-    /// Density per steradian with which the renderer samples the incoming direction for the outgoing one.
+    /// Probability density, 1/sr, with which the renderer samples the incoming direction for the outgoing
+    /// direction.
     pub pdf: f32,
 }
 
@@ -163,7 +165,7 @@ impl<'a> Specimen<'a> {
     ) -> Result<SpecularValue, NotSpecular> {
         let materials = self.materials;
         let (wi, xi) = incoming.single();
-        // The reversed direction is also `None` under total reflection: then nothing is transmitted.
+        // Under total reflection the reversed direction is also `None`, and no light is transmitted.
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
         let total = back.is_none()
             && lobe == Lobe::Transmitted
@@ -208,8 +210,8 @@ mod tests {
         Direction { theta_deg, phi_deg }
     }
 
-    /// Verifies that glass of index 1.5 transmits the power that it does not reflect (Fresnel, 50°), from
-    /// either side.
+    /// Verifies that glass of index 1.5 transmits the power that it does not reflect (Fresnel equations,
+    /// 50°), for light from either side.
     #[test]
     fn smooth_surfaces_keep_power() {
         let set = set("g.dielectric = { ior = 1.5 }");

@@ -1,4 +1,4 @@
-//! Tables of the scattering of a participating medium: its Mueller matrix over the scattering angle.
+//! Tables of scattering by a participating medium: the Mueller matrix as a function of the scattering angle.
 
 use base::locate::InputError;
 use glam::Vec3A;
@@ -30,8 +30,8 @@ pub struct PhaseTable {
 }
 
 /// Returns tables of the medium `name` of a file at scattering angles (degrees, 0 to 180). There is one
-/// table for each of `wavelengths_nm`, which may have any number and order. If `wavelengths_nm` is empty,
-/// the wavelengths of the file are used.
+/// table for each of `wavelengths_nm`, a list of any length and order. If `wavelengths_nm` is empty, the
+/// wavelengths of the file are used.
 ///
 /// # Errors
 /// [`InputError`], which contains file, location and fix.
@@ -60,7 +60,7 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     };
     for (lane, (nm, bulk)) in set.wavelengths.nm().iter().zip(&set.bulk[id as usize]).enumerate() {
         let at = |deg: &f64| {
-            // Light travels along +z and leaves in the z-x plane, whose perpendicular is y.
+            // The incident light travels along +z and is scattered in the z-x plane, whose normal is y.
             let (sin, cos) = deg.to_radians().sin_cos();
             let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
             let m = set.media.eval(id, wo, wi).between(wo, Vec3A::Y, wi, Vec3A::Y).lane(lane);

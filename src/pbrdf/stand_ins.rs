@@ -9,7 +9,7 @@ use transport::material::Materials;
 
 /// Text of the material file with the built-in substitutes.
 const STAND_INS: &str = include_str!("../../pbrdf/stand_ins.toml");
-/// Prefix of the names of those materials in the built-in file that are to be tabulated.
+/// Prefix of the names of the substitutes in the built-in file.
 const PREFIX: &str = "like_";
 
 /// Error of loading materials at several bands.
@@ -66,7 +66,7 @@ impl BandedMaterials {
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent: those with a non-specular lobe.
+    /// Returns the names of the materials that a table can represent: those with a lobe that is not specular.
     pub fn tabulable(&self) -> Vec<String> {
         self.names().filter(|name| self.has_extended_lobe(name) == Some(true)).cloned().collect()
     }

@@ -1,5 +1,5 @@
-//! Tables of analytic materials in the KAIST format: a check which materials can be tabulated, and the list
-//! of tables.
+//! Tables of analytic materials in the KAIST format: checks which materials can be tabulated, and writes
+//! the list of tables.
 
 use crate::stand_ins::BandedMaterials;
 use crate::table_part::nearest_band;

@@ -1,4 +1,5 @@
-//! Parts of a measured table: the entries nearest to given angles and bands, and statistics per band.
+//! Subsets of a measured table: the entries nearest to given angles and bands. Also computes statistics
+//! per band.
 
 use transport::material::measured::table::Table;
 
@@ -28,7 +29,8 @@ pub struct BandStatistics {
     pub low: f32,
     /// Largest M00 (BRDF, 1/sr).
     pub high: f32,
-    /// Mean depolarization index of Gil & Bernabéu (1985): 1 if all polarization is preserved, 0 if none.
+    /// Mean depolarization index of Gil & Bernabéu (1985): 1 if the matrices do not depolarize, 0 if they
+    /// depolarize completely.
     pub kept: f64,
 }
 
@@ -67,7 +69,7 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     table.wavelengths_nm().iter().enumerate().map(of).collect()
 }
 
-/// A part of a table: the kept entries along φ_d, θ_d, θ_h and the bands, in this order.
+/// A subset of a table: the selected entries along φ_d, θ_d, θ_h and the bands, in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TablePart {
     /// Kept indices along each axis.
@@ -153,7 +155,7 @@ mod tests {
     }
 
     /// Verifies statistics of a table in which one of 60 entries of the first band is unknown. Matrices
-    /// without polarization have the depolarization index 0.
+    /// of ideal depolarizers have the depolarization index 0.
     #[test]
     fn band_statistics_of_a_known_table() {
         let (_folder, table) = made();

@@ -1,5 +1,5 @@
-//! Capture and reconstruction: capture schemes and their forward model, detectors, reconstruction of Mueller
-//! matrices, learned schemes and decompositions. The crate uses tensors, but no scenes.
+//! Capture and reconstruction: capture schemes and their forward model, detectors, reconstruction of
+//! Mueller matrices, learned schemes and decompositions. The crate depends on tensors, but not on scenes.
 
 pub mod capture;
 pub mod decompose;

@@ -1,8 +1,8 @@
 //! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the
 //! results with the truth.
 //!
-//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used; without a prior, the
-//! minimum-norm solution. All errors are relative to the mean T00 of the truth.
+//! A scheme of rank 16 uses least squares. Below rank 16, a trial uses the prior if there is one,
+//! otherwise the minimum-norm solution. All errors are relative to the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::detector::error::DetectorError;
@@ -22,7 +22,7 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
-    #[error("the mean T00 of the matrices is not positive, so errors cannot be normalized")]
+    #[error("the mean T00 of the matrices is not positive; use matrices of a lit scene")]
     Dark,
     /// A prior needs the noise level, which is unknown.
     #[error(
@@ -31,7 +31,7 @@ pub enum TrialError {
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.
     #[error(
-        "the rank of the scheme is below 16 and the rays of the pixels differ: use a prior, more captures, or rays along the axis"
+        "the rank of the scheme is below 16, and the pixels have different rays; use a prior or more captures, or simulate rays along the optical axis"
     )]
     Oblique,
     /// `repeat` is 0.
@@ -53,9 +53,9 @@ pub struct Trial<'a> {
     pub noise: &'a Noise,
     /// Second moment of matrices with T00 = 1, for schemes below rank 16.
     pub prior: Option<&'a Moment>,
-    /// Number of tries per scheme, with consecutive seeds.
+    /// Number of trials per scheme, with consecutive seeds.
     pub repeat: u32,
-    /// Seed of the first try.
+    /// Seed of the first trial.
     pub seed: u64,
 }
 
@@ -91,19 +91,20 @@ pub struct SchemeResult {
     pub estimate: EstimateKind,
     /// RMSE over mean T00 by the closed form σ √(tr (AᵀA)⁻¹ / 16), for normal noise and rank 16.
     pub predicted: Option<f64>,
-    /// Root mean square error of all elements over the mean T00, averaged over all tries.
+    /// Root mean square error of all elements over the mean T00, averaged over all trials.
     pub rmse: f64,
-    /// Standard error of `rmse`; NaN for a single try.
+    /// Standard error of `rmse`; NaN for a single trial.
     pub rmse_error: f64,
-    /// Mean absolute error of the 15 elements over T00, for bright pixels.
+    /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over bright pixels.
     pub normalized: f64,
     /// Fraction of pixels that are not determined.
     pub lost: f64,
-    /// Errors of the first try, per pixel.
+    /// Errors of the first trial, per pixel.
     pub errors: ErrorImage,
 }
 
-/// √(Σ ΔTij²) over the mean T00 at every pixel, as root mean square over wavelengths and further captures.
+/// The error √(Σ ΔTij²) divided by the mean T00, at every pixel: root mean square over wavelengths and
+/// further captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorImage {
     pub width: usize,
@@ -118,13 +119,14 @@ pub struct Errors {
     pub mean: f64,
     /// Root mean square error of all 16 elements over `mean`, for finite results.
     pub rmse: f64,
-    /// Mean absolute error of the 15 elements over T00, for pixels brighter than a tenth of `mean`.
+    /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over pixels brighter than a
+    /// tenth of `mean`.
     pub normalized: f64,
     /// Fraction of known pixels whose result is not finite.
     pub lost: f64,
 }
 
-/// Returns the brightness that errors are relative to: the mean T00 of an image.
+/// Returns the mean T00 of an image, to which errors are relative.
 ///
 /// # Errors
 /// [`TrialError::Dark`] if it is not positive.
@@ -141,7 +143,7 @@ impl Trial<'_> {
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;
-        // Designs along the axis, even if every pixel has its own ray.
+        // Design matrices along the axis, even if every pixel has its own ray.
         let oblique = image.view != Directions::Axial;
         let axis = Directions::Axial.rays(image.layout, &image.wavelengths_nm());
         let designs: Vec<DesignMatrix> = axis.iter().map(|ray| DesignMatrix::new(scheme, ray)).collect();
@@ -221,7 +223,8 @@ impl Trial<'_> {
     }
 }
 
-/// Returns σ √(tr (AᵀA)⁻¹ / 16) over the mean T00, as root mean square over the wavelengths.
+/// Returns the predicted error σ √(tr (AᵀA)⁻¹ / 16) divided by the mean T00: root mean square over the
+/// wavelengths.
 fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> {
     let Noise::Gaussian { sigma } = noise else {
         return None;
@@ -301,9 +304,9 @@ mod tests {
         MuellerImage::of_array((0..16 * pixels).map(of).collect(), vec![1, pixels], &[]).expect("an image")
     }
 
-    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the closed
-    /// form within 5 standard errors: for 400 pixels with 16 correlated errors, the relative spread is at
-    /// most 1/√400.
+    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the
+    /// closed form within 5 standard errors: for 400 pixels with 16 correlated errors each, the relative
+    /// standard error is at most 1/√400.
     #[test]
     fn errors_are_as_predicted() {
         let image = image(400);

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A clock, which all parts of a rig share.
+/// A clock, which all instruments of a rig share.
 #[derive(Clone, Debug)]
 pub enum Clock {
     /// The machine's clock, with the instant of its creation.
@@ -81,7 +81,7 @@ impl Clock {
     }
 }
 
-/// Locks a mutex and ignores poisoning, because no holder leaves the data inconsistent.
+/// Locks a mutex and ignores poisoning, because no code that holds the lock leaves the data inconsistent.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,9 +1,7 @@
-//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its
-//! trait.
+//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its trait.
 //!
-//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite
-//! against an emulator. Each check has a name and an optional fault. Instruments move and emit
-//! light during the checks.
+//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite on an
+//! emulator. Instruments move and emit light during the checks.
 
 pub mod analog_output;
 pub mod photon_counter;
@@ -15,12 +13,11 @@ use crate::instrument::{
 use std::fmt::Debug;
 use std::time::Duration;
 
-/// The result of one check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
     /// Required behavior.
     pub name: &'static str,
-    /// Observed deviation, if the check failed.
+    /// Observed deviation from the required behavior, if the check failed.
     pub fault: Option<String>,
 }
 
@@ -67,13 +64,11 @@ impl Report {
         self.check(name, steps());
     }
 
-    /// Returns the checks that failed.
     pub fn faults(&self) -> impl Iterator<Item = &Check> {
         self.0.iter().filter(|c| c.fault.is_some())
     }
 
-    /// Prints the number of checks and panics if a check failed or if there are fewer than `least`
-    /// checks.
+    /// Prints the number of checks and panics if a check failed or if there are fewer than `least` checks.
     #[cfg(test)]
     pub(crate) fn assert_passed(&self, instrument: &str, least: usize) {
         println!("{instrument}: {} checks", self.0.len());
@@ -82,7 +77,7 @@ impl Report {
     }
 }
 
-/// Deadline for the checks, longer than the duration of every checked operation.
+/// Deadline for the checks, which is longer than the duration of every checked operation.
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 

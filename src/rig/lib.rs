@@ -1,8 +1,7 @@
-//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and
-//! calibration.
+//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and calibration.
 //!
-//! The sensors of simulated instruments read rendered tensors. Sessions resume after a crash. This
-//! crate uses tensors and polarimetry, but not the renderer.
+//! The sensors of simulated instruments read rendered tensors. Sessions resume after a crash. This crate
+//! depends on the tensor and polarimetry crates, but not on the renderer.
 
 pub use {calibrate, instrument, ptu};
 

@@ -43,16 +43,16 @@ __all__ = [
     "StageReading",
 ]
 
-#: Kinds of faults and the session's reaction. ``timeout``: try again. ``stalled``: home and try again. ``disconnected``:
+#: Kinds of faults, each with the session's reaction. ``timeout``: try again. ``stalled``: home and try again. ``disconnected``:
 #: reconnect and try again. ``saturated``: try again. ``limit`` and ``refused``: end the run.
 Fault = Literal["timeout", "limit", "stalled", "disconnected", "saturated", "refused"]
 
 
 class InstrumentError(RuntimeError):
-    """An instrument failed.
+    """A failure of an instrument.
 
-    An instrument raises this error to describe a failure. A session that ends because of an instrument raises it with the
-    instrument's name, and with the original exception as its cause.
+    An instrument raises this error to describe a failure. If an instrument fails permanently, the session raises this error with
+    the instrument's name. The cause is the original exception.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class InstrumentError(RuntimeError):
     what
         Description of the failure and its fix.
     instrument
-        Name of the instrument in the session, set by the session.
+        Name of the instrument in the session; set by the session.
     """
 
     def __init__(self, fault: Fault, what: str, instrument: str | None = None, rest: str = "") -> None:
@@ -73,7 +73,7 @@ class InstrumentError(RuntimeError):
         self._rest = rest
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # By default, pickling copies an exception by its text alone.
+        # By default, pickle restores an exception from its text only.
         return type(self), (self.fault, self.what, self.instrument, self._rest)
 
 
@@ -89,14 +89,14 @@ class Identity:
 
 @runtime_checkable
 class Instrument(Protocol):
-    """Base of all instruments. The session calls an instrument from one separate thread, one call at a time.
+    """Base of all instruments. The session calls all methods of an instrument from one separate thread, one at a time.
 
-    Classes that inherit from a protocol below get these three methods. They suit instruments that cannot report their identity
-    and need no connection. A value of ``temperature_c`` is recorded in the journal.
+    Classes that inherit from one of the protocols below inherit these three methods. The defaults suit instruments that cannot
+    report their identity and need no connection. A value of ``temperature_c`` is recorded in the journal.
     """
 
     def identify(self, within_s: float) -> Identity:
-        """Return the identity; also checks the connection."""
+        """Return the identity, and thereby check the connection."""
         return Identity(type(self).__module__, type(self).__name__, "unknown")
 
     def reconnect(self, within_s: float) -> None:
@@ -120,7 +120,7 @@ class StageLimits:
     """Highest speed; `Session.cost` uses it."""
     acceleration_deg_per_s2: float = 25.0
     resolution_deg: float = 0.001
-    """Smallest step of the encoder. A target counts as reached within two steps."""
+    """Smallest step of the encoder. A target is reached if the position is within two steps of it."""
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,13 @@ class StageReading:
     """Angle according to the encoder."""
     moving: bool = False
     homed: bool = True
-    """The zero position has been found since the stage was switched on."""
+    """Whether the zero position has been found since the stage was switched on."""
 
 
 class RotationStage(Instrument, Protocol):
     """A motorized rotation stage that carries a polarizer or retarder.
 
-    Moves are started and awaited in separate calls, so that several stages turn simultaneously.
+    Moves are started and awaited in separate calls, so that several stages can rotate simultaneously.
     """
 
     @abstractmethod
@@ -151,7 +151,7 @@ class RotationStage(Instrument, Protocol):
 
     @abstractmethod
     def begin_move(self, angle_deg: float) -> None:
-        """Start a move to an angle of the stage's scale and return immediately. It replaces a move in progress."""
+        """Start a move to an angle of the stage's scale and return immediately. A new move replaces a move in progress."""
 
     @abstractmethod
     def finish_move(self, within_s: float) -> StageReading:
@@ -177,7 +177,7 @@ class ProjectorLimits:
     patterns: int = 4096
     """Number of patterns that the memory holds."""
     bits: int = 8
-    """Bits per pixel: 1 if a pixel is either on (255) or off (0)."""
+    """Bits per pixel. If 1, pixels are either on (255) or off (0)."""
     shortest_s: float = 0.0
     """Shortest time that a pattern can be shown."""
 
@@ -192,7 +192,8 @@ class PatternProjector(Instrument, Protocol):
 
     @abstractmethod
     def load(self, patterns: Sequence[npt.NDArray[np.uint8]], within_s: float) -> None:
-        """Load patterns, numbered from 0: arrays (rows, columns), 255 is full intensity. They replace all patterns loaded before.
+        """Load patterns, numbered from 0: arrays (rows, columns), 255 is full intensity. The new patterns replace all loaded
+        patterns.
         """
 
     @abstractmethod
@@ -297,8 +298,8 @@ class GalvoScanner(Instrument, Protocol):
 
     @abstractmethod
     def point(self, angles_deg: tuple[float, float], within_s: float) -> tuple[float, float]:
-        """Direct the beam to optical angles from the axis, in x and y, wait until it is stable, and return the angles of the
-        mirrors.
+        """Direct the beam to optical angles from the axis, in x and y, wait until the beam is stable, and return the angles of
+        the mirrors.
         """
         raise NotImplementedError
 
@@ -317,10 +318,10 @@ class LaserState:
     """State of a laser."""
 
     emitting: bool
-    """Light is emitted."""
+    """Whether light is emitted."""
     rate_hz: float
     power: float = 1.0
-    """Mean power relative to the nominal power. Plans wait while it is below their limit."""
+    """Mean power relative to the nominal power. Plans wait while the power is below their limit."""
 
 
 class PulsedLaser(Instrument, Protocol):
@@ -348,13 +349,13 @@ class CounterLimits:
     bins: int = 32768
     """Largest number of bins of a histogram."""
     finest_ps: float = 25.0
-    """Width of the finest bin, picoseconds; other widths are this times powers of two."""
+    """Width of the finest bin, picoseconds; other widths are the finest width times powers of two."""
     longest_s: float = 3600.0
     """Longest acquisition."""
     full: int = 2**32 - 1
     """Counts at which a bin is full."""
     tags: str | None = None
-    """Type of the time-tag records ("TimeHarp 260 P T3", "MultiHarp T3", ...), or None if the counter gives none."""
+    """Type of the time-tag records ("TimeHarp 260 P T3", "MultiHarp T3", ...), or None without support for time tags."""
 
 
 @dataclass(frozen=True)
@@ -369,7 +370,7 @@ class CounterSettings:
     offset_ps: float = 0.0
     """Offset added to the time of the sync pulse."""
     tags: bool = False
-    """Return time tags instead of a histogram."""
+    """Whether to return time tags instead of a histogram."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,10 +382,10 @@ class Histogram:
     pulses: int
     """Laser pulses during the acquisition."""
     number: int | None = None
-    """The counter's number of the acquisition; None if it does not count."""
+    """The counter's number of the acquisition; None if the counter does not number acquisitions."""
     timestamp_ns: int = 0
     records: npt.NDArray[Any] | None = None
-    """32-bit time-tag records, as the card sent them."""
+    """32-bit time-tag records in the format of the card."""
 
 
 class PhotonCounter(Instrument, Protocol):

@@ -34,7 +34,7 @@ class Cost:
     duration_s: float
     """Duration on the rig's clock."""
     moving_s: float
-    """Part of the duration during which stages move."""
+    """Time during which stages move, which is part of ``duration_s``."""
     raw_bytes: int
 
 
@@ -43,7 +43,7 @@ class Outcome:
     """Result of a run."""
 
     taken: int
-    """Number of frames taken."""
+    """Number of frames captured by this run."""
     retries: int
     """Number of failed attempts."""
     elapsed_s: float
@@ -51,7 +51,7 @@ class Outcome:
 
 
 def _kind(instrument: object) -> str | None:
-    """Return the kind of which the instrument has all methods."""
+    """Return the kind of instrument all of whose methods the object has."""
     found = [kind for kind, names in _KINDS.items() if all(callable(getattr(instrument, n, None)) for n in (*names, *_COMMON))]
     return found[0] if found else None
 
@@ -76,23 +76,23 @@ class Session(MutableMapping[str, Any]):
     plan
         Plan file.
     rig
-        Rig file, instead of the plan's.
+        Rig file; by default the one that the plan names.
     instruments
         Python instruments by name. They replace instruments of the same names in the rig file, which are then not connected. The
         rig file does not have to list them.
     sample
         Capture a known sample instead of the scene, for calibration: air, mirror or polarizer. A simulated bench inserts it.
     dry
-        Prepare only for `cost`: the scene of a simulated bench is not rendered, and nothing is captured.
+        Prepare only for `cost`: the scene of a simulated bench is not rendered, and no frame can be captured.
     bench_folder
         Folder where a simulated bench keeps the tensors of its scenes.
     progress
-        Progress of that render, as for `Scene.render`.
+        Progress of the render for the simulated bench, as for `Scene.render`.
 
     Raises
     ------
     InputError
-        If a file is wrong, or the rig does not fit the plan.
+        If a file is invalid, or the rig does not match the plan.
     RenderError
         If an instrument of the rig file does not answer, or the render fails.
     """
@@ -133,7 +133,7 @@ class Session(MutableMapping[str, Any]):
         return len(self._instruments)
 
     def cost(self) -> Cost:
-        """Return the cost of a run, without moving anything; refuse a plan that the instruments cannot execute."""
+        """Return the cost of a run without moving any instrument. Refuses a plan that the instruments cannot execute."""
         return Cost(*_native.rig_cost(self._native, self._instruments))
 
     def run(
@@ -144,15 +144,15 @@ class Session(MutableMapping[str, Any]):
         force: bool = False,
         progress: bool | Progress | None = None,
     ) -> Outcome:
-        """Take all frames of the plan into a store. Each frame is safe on disk before the next one counts.
+        """Capture all frames of the plan into a store. Each frame is recorded only after it is on disk.
 
         The store is that of ``sunstone rig run``. `open_store` reads it, and ``sunstone reconstruct`` computes Mueller matrices
-        from it. Ctrl-C, or an exception in `progress`, ends the run after the frame in flight.
+        from it. Ctrl-C, or an exception in `progress`, ends the run after the current frame.
 
         Parameters
         ----------
         output
-            The store.
+            Path of the store.
         resume
             Resume an unfinished run.
         force
@@ -175,7 +175,7 @@ class Session(MutableMapping[str, Any]):
             return Outcome(*_native.rig_run(self._native, self._instruments, output, resume, force, show))
 
     def check(self, name: str) -> Report:
-        """Run the checks of an instrument's kind on it. The instrument moves and emits light."""
+        """Run the conformance checks on an instrument. The instrument moves and emits light."""
         return check(self._instruments[name], name=name)
 
     def __repr__(self) -> str:
@@ -191,14 +191,14 @@ def _fits(name: str, instrument: object) -> None:
 
 @dataclass(frozen=True)
 class Check:
-    """One check: its requirement, and the fault, if any."""
+    """The result of one check: the requirement, and the fault if the check failed."""
 
     name: str
     fault: str | None
 
 
 class Report(tuple[Check, ...]):
-    """Results of the checks of one instrument; true if all pass."""
+    """Results of the checks of one instrument; true if all checks pass."""
 
     __slots__ = ()
 
@@ -219,15 +219,14 @@ class Report(tuple[Check, ...]):
 def check(instrument: Instrument, *, name: str | None = None) -> Report:
     """Check whether an instrument follows its protocol, with the suite that every driver of Sunstone passes.
 
-    The instrument moves, emits light and exposes. The session enforces the same rules here as in a run (limits, one exposure at a
-    time).
+    The instrument moves, emits light and exposes. The same rules are enforced as in a run (limits, one exposure at a time).
 
     Parameters
     ----------
     instrument
         An instrument of any kind; its methods determine the kind.
     name
-        Name for messages; by default that of the class.
+        Name for messages; by default the name of the class.
     """
     kind = _kind(instrument)
     if kind is None:

@@ -22,7 +22,7 @@ pub struct Given<Limits, State> {
     thrown: Thrown,
     limits: Limits,
     state: State,
-    /// Number of frames or histograms taken; a reconnection does not reset it.
+    /// Number of acquired frames or histograms. A reconnection does not reset this number.
     taken: u64,
 }
 
@@ -90,7 +90,7 @@ impl<L: Send, S: Default + Send> Instrument for Given<L, S> {
             let object = self.object.bind(py);
             let method = object.getattr("temperature_c").ok()?;
             let found = method.call0().and_then(|t| t.extract::<Option<f64>>());
-            // The trait has no error for this method: return `None` and print the exception on stderr.
+            // The trait method cannot return an error, so print the exception on stderr and return `None`.
             found.unwrap_or_else(|e| {
                 e.write_unraisable(py, Some(object));
                 None
@@ -246,7 +246,8 @@ impl AreaCamera for Camera {
         let Region { width, height, .. } = region;
         let [rows, columns] = picture.shape;
         if picture.shape != [height as usize, width as usize] {
-            // An earlier frame may arrive late: timeout, so that the frame is requested again.
+            // The array may be an earlier frame that arrives late. Report a timeout, so that the frame is
+            // requested again.
             let what = format!(
                 "`frame` returned an array of shape ({rows}, {columns}), but the configured region has {height} rows and {width} columns"
             );

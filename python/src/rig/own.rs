@@ -44,7 +44,7 @@ impl<D: ?Sized + Send> Slot<D> {
         done.ok_or_else(|| input(format!("{}: in use by a running session; wait until it ends", self.name)))
     }
 
-    /// Sends a request that the instrument can refuse to the instrument.
+    /// Sends a request to the instrument, which can refuse the request.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
@@ -53,7 +53,7 @@ impl<D: ?Sized + Send> Slot<D> {
         self.with(py, work)?.map_err(|failure| exception(py, &failure, ""))
     }
 
-    /// Sends a request with a deadline to the instrument.
+    /// Sends a request with a deadline in seconds to the instrument.
     fn ask_within<T: Send>(
         &self,
         py: Python<'_>,

@@ -74,7 +74,8 @@ where
     instrument.map_or(Ok(()), |i| own.set_item(name, Bound::new(own.py(), i)?))
 }
 
-/// A rig whose instruments are lent by Python objects; the instruments are returned when the rig is dropped.
+/// A rig that uses the instruments of Python objects. The instruments are returned to these objects when
+/// the rig is dropped.
 struct Lent<'a, 'py> {
     session: &'a RigSession,
     objects: BTreeMap<String, Bound<'py, PyAny>>,
@@ -137,22 +138,21 @@ fn lend(
     Ok(())
 }
 
-/// Return the cost of a run (number of frames, seconds including stage movements, bytes) and the stages of
-/// the elements.
+/// Return the cost of a run: number of frames, duration and time of stage moves in seconds, and bytes.
 #[pyfunction]
 pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResult<(u64, f64, f64, u64)> {
     let thrown = Thrown::default();
     let lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &lent.rig else {
-        return Err(input("the session is running"));
+        return Err(input("the session is running; wait until it ends"));
     };
     let steps = session.prepared.steps(rig).map_err(prepare)?;
     let cost = steps.cost(rig);
     Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
 }
 
-/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of
-/// the rig's clock. The session runs on another thread, while the calling thread checks signals.
+/// Capture all missing frames. Return their number, the number of failed attempts, and the seconds of the
+/// rig's clock. The session runs on another thread, while the calling thread checks signals.
 #[pyfunction]
 pub fn rig_run<'py>(
     py: Python<'py>,
@@ -172,7 +172,7 @@ pub fn rig_run<'py>(
     let thrown = Thrown::default();
     let mut lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &mut lent.rig else {
-        return Err(input("the session is running"));
+        return Err(input("the session is running; wait until it ends"));
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
     watched(py, progress, |seen| {

@@ -22,7 +22,7 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 /// Formats an object for messages.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
     let text = object.repr().map_or_else(|_| "an object without repr".into(), |t| t.to_string());
-    // The text of an array has many lines.
+    // Join the lines, because the text of an array has many.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
         Some((at, _)) => format!("{} …", &text[..at]),
@@ -214,7 +214,7 @@ impl Value for CameraSettings {
         Ok(Self {
             region: Region::read(&Answer(&region))?,
             exposure: from.seconds("exposure_s")?,
-            // The limits check the range of the gain.
+            // The range of the gain is checked with the limits of the camera.
             gain_db: from.field("gain_db", "a number of decibels")?,
             format: format(&name)?,
             trigger: match trigger.as_str() {

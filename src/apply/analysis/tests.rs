@@ -1,5 +1,5 @@
-//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates the
-//! kinds of light that its dimensions resolve, and baselines have equal scores where expected.
+//! Tests with a synthetic room whose light components differ as in a real room. Each method separates the
+//! components that its dimensions resolve, and baselines have equal scores where expected.
 
 use super::*;
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
@@ -12,9 +12,9 @@ const TWO: &[(usize, f64)] = &[(5, 0.9), (10, 0.8), (15, 0.8)];
 fn kinds() -> [Kind; 5] {
     [
         Kind::new(8, 1),
-        // Shadow light: later, and not epipolar.
+        // Indirect light in shadows: later, and not epipolar.
         Kind { epipolar: false, delay: 1, ..Kind::new(8, 2) },
-        // The mirrored room, brighter than the mirror: later, and epipolar.
+        // Light of the room as seen in the mirror, brighter than the mirror: later, and epipolar.
         Kind { delay: 4, ..Kind::new(10, 3) },
         Kind { shares: ONE, ..Kind::new(4, 1) },
         Kind { shares: TWO, epipolar: false, delay: 1, ..Kind::new(6, 2) },
@@ -24,7 +24,7 @@ fn kinds() -> [Kind; 5] {
 fn room(kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {
-        // (u, x), made with the time axis, which is renamed.
+        // The slice over (u, x) is built with a time axis, which is then renamed.
         let mut s = slice([SIZE[0], 1, 4, 2], 0.0, |p, b, e, _| (p + b + e) as f64);
         for t in [&mut s.mean, &mut s.error] {
             for axis in &mut t.axes {
@@ -58,24 +58,25 @@ fn each_dimension_separates_the_expected_tasks() {
     for task in ["mirror and matt", "one specular", "several specular"] {
         assert!(area(ours, task) > 0.9, "{task} {}", area(ours, task));
     }
-    // No single element separates the two kinds off the epipolar line, one of which is unpolarized: three of
-    // the four others are separated, the fourth at random.
+    // No single element separates the two non-epipolar components, one of which is unpolarized. Three of
+    // the four other components are separated; the scores of the fourth are random.
     let matt = area(ours, "several matt");
     assert!((matt - 0.875).abs() < 0.03, "{matt}");
-    // Time alone separates the mirrored room as well as all dimensions do; polarization alone separates both
-    // kinds of metal.
+    // Time alone separates light of the mirrored room as well as all dimensions together. Polarization
+    // alone separates both reflections by metal.
     assert!((area("time only", "mirror and matt") - area(ours, "mirror and matt")).abs() < 0.02);
     for task in ["one specular", "several specular"] {
         assert!((area("polarization only", task) - area(ours, task)).abs() < 0.05, "{task}");
-        // The light varies equally in all pixels, so a photograph does not separate the kinds.
+        // The light varies equally in all pixels, so a photograph does not separate the components.
         assert!((area("intensity only", task) - 0.5).abs() < 0.1, "{task}");
     }
-    // Space alone confuses the two kinds off the epipolar line.
+    // Space alone cannot distinguish the two non-epipolar components.
     assert!(area("space only", "several specular") < 0.95);
     assert!(area("space only", "several specular") > 0.8);
     let names: Vec<&str> = outcome.pictures.iter().map(|p| p.name).collect();
     assert!(names.contains(&"s-s' scanline") && names.contains(&"x-t scanline"));
-    // Figure files name pictures by methods, by drawn elements, and by names that begin with truth.
+    // Figure files refer to images by the names of methods and drawn elements, and by names that begin
+    // with `truth`.
     let Application { methods, drawn, .. } = application();
     let known = |m: &str| m.starts_with("truth") || methods.iter().any(|k| k.name == m) || drawn.contains(&m);
     assert!(outcome.pictures.iter().all(|p| known(p.method)));

@@ -1,11 +1,11 @@
 //! Automatic exposure from a photograph.
 //!
-//! The photograph is T00, summed over wavelengths, of the brightest slice of whole matrices without
-//! time bins. For a variant without such a slice, the photograph is the brightest slice with time
-//! bins, summed over the bins. The exposure gives the requested number of electrons, averaged over
-//! captures, where the photograph has its metered value (mean or percentile). All slices of the
-//! variant are captured with this exposure. A photon counter runs until a pixel of the metered
-//! value has the requested number of counts, summed over all bins.
+//! The photograph is T00, summed over wavelengths, of the brightest slice that has complete matrices and
+//! no time bins. For a variant without such a slice, the photograph is the brightest slice with time
+//! bins, summed over the bins. The exposure is chosen so that a pixel with the metered value (mean or
+//! percentile) of the photograph has the requested number of electrons, averaged over captures. All
+//! slices of the variant are captured with this exposure. A photon counter runs until a pixel with the
+//! metered value has the requested number of counts, summed over all bins.
 
 use super::error::ChainError;
 use super::light::Light;
@@ -28,15 +28,15 @@ pub enum Meter {
     Percentile(f64),
 }
 
-/// The target of the exposure.
+/// The target values of the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exposure {
     /// Metered value.
     pub meter: Meter,
-    /// Electrons of a camera's reading.
+    /// Number of electrons of a camera reading at the metered value.
     pub electrons: f64,
-    /// Counts of a photon counter's reading, summed over bins.
+    /// Number of counts of a photon counter at the metered value, summed over bins.
     pub counts: f64,
     /// Counts per laser pulse; must be far below 1 to avoid pile-up.
     pub counts_per_pulse: f64,
@@ -64,13 +64,13 @@ pub struct Laboratory {
 pub struct Detectors {
     camera: Option<Cmos>,
     counter: Option<Spad>,
-    /// Metered T00, and the mean reading relative to this T00.
+    /// The metered T00, and the mean reading divided by this T00.
     level: [f64; 2],
     exposure: Exposure,
 }
 
 impl Exposure {
-    /// Checks the numbers.
+    /// Checks the values.
     ///
     /// # Errors
     /// An error that names the first invalid number.
@@ -123,7 +123,7 @@ fn brightness(light: &Light) -> f64 {
     all.iter().sum::<f64>() / all.len() as f64
 }
 
-/// Returns whether a number is positive and small enough for finite products.
+/// Returns whether a number is positive and so small that products of such numbers are finite.
 fn positive(v: f64) -> bool {
     v > 0.0 && v <= 1e20
 }
@@ -139,8 +139,7 @@ impl Laboratory {
     /// captured through `scheme`.
     ///
     /// # Errors
-    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid
-    /// settings.
+    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid settings.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {
@@ -164,8 +163,8 @@ impl Laboratory {
 }
 
 impl Detectors {
-    /// Returns the detectors' noise for some light: that of the counter for time bins, otherwise
-    /// that of the camera. For a slice of intensities, the noise assumes the same elements with the
+    /// Returns the noise model for some light: that of the counter if there are time bins, otherwise that
+    /// of the camera. For a slice of intensities, the model assumes the same optical elements with the
     /// same loss of light.
     ///
     /// # Errors
@@ -179,8 +178,8 @@ impl Detectors {
                 let per = diode.detection_efficiency.at(550.0).max(1e-300);
                 diode.photons_per_unit = self.exposure.counts_per_pulse / (per * t00 * reading) * through;
                 if counter.period_ps == Spad::default().period_ps {
-                    // After the bins and the response to the last of them, a longer period contains only
-                    // zeros.
+                    // The period covers the bins and the response to light in the last bin. A longer
+                    // period would only add zeros.
                     let late = 3.0 * diode.irf_fwhm_ps + 10.0 * diode.irf_tail_ps * diode.irf_tail;
                     let bins = light.image.layout.times as f64 + (late / bin_ps).ceil();
                     diode.period_ps = bins * bin_ps;
@@ -199,8 +198,8 @@ impl Detectors {
         }
     }
 
-    /// Returns the standard deviation of a reading's noise relative to T00, where T00 is `t00`; 0 without a
-    /// camera.
+    /// Returns the standard deviation of a reading's noise for light with T00 = `t00`, relative to `t00`;
+    /// 0 without a camera.
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {
             return 0.0;

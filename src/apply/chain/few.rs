@@ -1,9 +1,9 @@
-//! Small numbers of captures, optimized for a method's task.
+//! Schemes with few captures whose angles are optimized for a method's task.
 //!
-//! If a method uses only a few linear functionals w·t of a pixel's matrix, the relevant error is tr M C, with
-//! the error covariance C of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16, the estimate
-//! is the linear one with the least expected error for the second moment of the training variants' matrices,
-//! which is optimal for every functional.
+//! If a method uses only a few linear functionals w·t of a pixel's matrix, the relevant error is tr M C,
+//! where C is the error covariance of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16,
+//! the estimator is the linear estimator of least expected squared error for the second moment of the
+//! training variants' matrices. It is optimal for every functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -17,9 +17,8 @@ use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
     pub slice: &'static str,
-    /// Name of the method, which uses no other slice.
+    /// Name of the method, which uses only this slice.
     pub method: &'static str,
-    /// Names of the baselines.
     pub baselines: Vec<&'static str>,
     /// Weights of the 16 elements, row-major, for each functional.
     pub functionals: Vec<[f64; 16]>,
@@ -28,8 +27,8 @@ pub struct Task {
 /// Statistics of a slice's matrices over the training variants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Σ t tᵀ over Σ T00², summed over pixels, bins and wavelengths: the second moment of matrices with T00 =
-    /// 1, weighted by brightness.
+    /// Σ t tᵀ / Σ T00², summed over pixels, bins and wavelengths. This is the second moment of matrices
+    /// with T00 = 1, weighted by squared brightness.
     pub moment: Moment,
     /// Root mean square of T00.
     pub brightness: f64,
@@ -38,8 +37,8 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Computes the statistics of a slice of whole matrices. The statistics include the render's
-    /// noise.
+    /// Computes the statistics of a slice of complete matrices. The statistics include the noise of the
+    /// render.
     ///
     /// # Errors
     /// [`ApplyError`] if the slice is missing or contains no light.
@@ -73,7 +72,7 @@ impl Expected {
     }
 }
 
-/// The method that chooses the angles.
+/// The criterion by which the angles are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
     /// Optimized for the task's functionals.
@@ -97,13 +96,13 @@ impl Choice {
     }
 }
 
-/// Returns the settings of a search that is long enough for a few captures.
+/// Returns settings of the search for the angles that suffice for a few captures.
 fn search(seed: u64) -> Search {
     Search { starts: 8, iterations: 120, adam_steps: 0, seed }
 }
 
-/// Chooses a scheme of `captures` captures for the expected matrices, with a reading's noise
-/// `sigma` relative to T00. All elements are ideal and rotate.
+/// Chooses a scheme of `captures` captures for the expected matrices, for readings with noise of standard
+/// deviation `sigma` relative to T00. All elements are ideal and rotate.
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.
@@ -122,8 +121,8 @@ pub fn chosen(
     Ok(learn(&Scheme::quad(captures, false)?, &objective, &search(seed)).scheme)
 }
 
-/// Returns the objective of a choice. A single ray is enough, because ideal elements are equal at all
-/// wavelengths.
+/// Returns the objective of a choice. A single ray is sufficient, because ideal elements have the same
+/// matrices at all wavelengths.
 pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -> Objective {
     Objective {
         sigma: sigma.max(1e-6),
@@ -135,8 +134,8 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
     }
 }
 
-/// Returns L-QRPR, or with an array L-QRPR-P: angles optimized for least squares of all elements
-/// (Baek & Heide 2021, sec. 4).
+/// Returns the scheme L-QRPR, or L-QRPR-P with an array. Its angles minimize the least-squares error of
+/// all elements (Baek & Heide 2021, sec. 4).
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.

@@ -55,9 +55,8 @@ impl Belief {
 pub enum Sample {
     /// No sample: light is transmitted unchanged.
     Air,
-    /// A metal mirror at normal incidence; metals differ only in brightness.
+    /// A metal mirror at normal incidence. Different metals have the same matrix up to a factor.
     Mirror,
-    /// A polarizer at 0°.
     Polarizer,
 }
 
@@ -79,11 +78,10 @@ pub struct Chain {
     pub nominal: Scheme,
     /// True elements, and detectors.
     pub laboratory: Laboratory,
-    /// Beliefs, each with a table in the report.
+    /// The sets of assumed elements, each with a table in the report.
     pub beliefs: Vec<Belief>,
-    /// Samples for calibration.
     pub samples: Vec<Sample>,
-    /// Seed of rigs and noise, in addition to that of the render.
+    /// Seed of rigs and noise, in addition to the seed of the render.
     pub seed: u64,
 }
 
@@ -182,7 +180,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
         }
     };
-    // A chain must determine a Mueller matrix without a prior; captures for a prior are chosen by the
+    // A chain must determine a Mueller matrix without a prior. Captures for a prior are chosen by the
     // command.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let fix = format!("use at least {} captures with different settings", e.least);
@@ -231,7 +229,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             "list at least one entry, or remove the key to use all entries",
         ));
     }
-    // A repeated sample would be captured with the same noise twice, but counted as independent.
+    // A repeated sample would be captured with the same noise, but treated as an independent sample.
     let twice = [
         (repeats(&file.calibration), file.calibration.span(), "calibration"),
         (repeats(&file.samples), file.samples.span(), "samples"),

@@ -1,5 +1,4 @@
-//! Converts a slice to the light that a rig captures, that is, Mueller matrices by pixel and wavelength, and
-//! back.
+//! Converts between slices and the light that a rig captures: Mueller matrices by pixel and wavelength.
 
 use super::error::ChainError;
 use crate::observation::Slice;
@@ -12,13 +11,12 @@ use tensor::axes::{Axis, AxisKind};
 pub struct Light {
     /// The matrices. Intensities are matrices with T00 only.
     pub image: MuellerImage,
-    /// Whether the slice contains whole matrices.
+    /// Whether the slice contains complete matrices.
     pub polarized: bool,
 }
 
 impl Light {
-    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and
-    /// wavelengths.
+    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
     ///
     /// # Errors
     /// [`ChainError::Axes`] and [`ChainError::Image`] if the slice is not an image.

@@ -4,8 +4,8 @@
 //! slice -> light (matrices) -> rig (true optics, detectors) -> readings -> assumed optics -> slice, standard errors
 //! ```
 //!
-//! Captures and reconstructions use [`polarimetry`], as for a real rig. Every slice is captured separately at
-//! one exposure. The error of a captured slice combines the error of the slice and that of the captures in
+//! Captures and reconstructions use [`polarimetry`], as for a real rig. Every slice is captured
+//! separately at one exposure. The standard errors of the slice and of the captures are added in
 //! quadrature. The slice, including its render noise, is the ground truth for the captures.
 
 pub mod error;

@@ -7,13 +7,13 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Deserialize;
 
-/// Tolerances of the parts of a rig. Each rig (a seed) has different parts.
+/// Tolerances of the optical elements of a rig. Each seed gives a rig with different elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
-    /// Standard deviation of each element's axis, degrees.
+    /// Standard deviation of the axis error of each element, degrees.
     pub axis_error_deg: f64,
-    /// Standard deviation of each retarder's retardance, degrees.
+    /// Standard deviation of the retardance error of each retarder, degrees.
     pub retardance_error_deg: f64,
     /// Ratio of the minimum to the maximum transmittance of all polarizers: 1e-3 for an extinction ratio of
     /// 1000:1.
@@ -49,8 +49,8 @@ impl Tolerances {
             [(Side::Generator, nominal.generator().len()), (Side::Analyzer, nominal.analyzer().len())]
         {
             for i in 0..n {
-                // Both numbers are drawn for every element, so that a rig keeps its axes when its retarders
-                // change.
+                // Two random numbers are drawn for every element, so that the axes of a rig do not depend
+                // on the number of retarders.
                 let [axis, retardance] = [normal(), normal()];
                 out.imperfect(side, i, |e| {
                     e.axis_offset += (self.axis_error_deg * axis).to_radians();
@@ -85,7 +85,8 @@ fn shifted(value: &SpectralValue, by: f64) -> SpectralValue {
     }
 }
 
-/// Returns a scheme with its own settings and the elements of another, matched by name.
+/// Returns a scheme with the settings of `settings` and the imperfections of `elements`; elements are
+/// matched by name.
 pub fn with_elements(settings: &Scheme, elements: &Scheme) -> Scheme {
     let mut out = settings.clone();
     for (side, own, others) in [

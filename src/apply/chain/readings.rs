@@ -26,13 +26,13 @@ pub struct Readings<'a> {
 /// Numbers of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// All pixels, times and wavelengths.
+    /// Number of all pixels, times and wavelengths.
     pub pixels: usize,
-    /// Pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
+    /// Number of pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
     pub clipped: usize,
 }
 
-/// Returns the scheme of a camera that reads intensities without polarizing elements.
+/// Returns the scheme of a camera that captures intensities without polarizing elements.
 fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
     glass.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(1.0) };
@@ -41,7 +41,7 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through the true elements. Only the values of the slice are captured; its
+    /// Captures a slice through the true elements. Only the values of the slice are captured. The
     /// standard errors are kept.
     ///
     /// # Errors
@@ -57,9 +57,9 @@ impl<'a> Readings<'a> {
         Ok(Self { slice, light, noise, captured })
     }
 
-    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not
-    /// determine a matrix. Standard errors combine those of the slice and of the captures. Believed
-    /// elements have the same positions as the real ones.
+    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine
+    /// a matrix. Standard errors combine those of the slice and of the captures. Assumed and true
+    /// elements have the same settings.
     ///
     /// # Errors
     /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.
@@ -98,8 +98,8 @@ impl<'a> Readings<'a> {
         Ok((Slice { mean, error }, count))
     }
 
-    /// Reconstructs whole matrices and their errors; returns the number of pixels that used readings at
-    /// saturation.
+    /// Reconstructs whole matrices and their errors; returns the number of pixels for which saturated
+    /// readings were used.
     fn matrices(
         &self,
         believed: &Scheme,
@@ -136,8 +136,8 @@ impl<'a> Readings<'a> {
         if tally.lost == 0 {
             return Ok(0);
         }
-        // A saturated reading is at least the maximum. Pixels that have too few other readings use this
-        // value.
+        // The true value of a saturated reading is at least the maximum. Pixels with too few unsaturated
+        // readings use this maximum.
         let [most, spread] = self.brim();
         for (i, v) in readings.iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
             *v = most as f32;
@@ -169,7 +169,7 @@ impl<'a> Readings<'a> {
         Some(f64::from(all[m * self.captured.layout.pixels() + p]))
     }
 
-    /// Returns the maximum radiance that the camera reads, and its variance.
+    /// Returns the maximum radiance that the camera can measure, and the variance of this reading.
     fn brim(&self) -> [f64; 2] {
         let Noise::Cmos { camera, .. } = &self.noise else {
             return [0.0; 2];

@@ -1,4 +1,4 @@
-//! Tests of slices through rigs with known parts and noise.
+//! Tests of slices that are captured by rigs with known elements and noise.
 
 use super::exposure::{Exposure, Laboratory, Meter};
 use super::few::{Choice, Expected, Task, chosen, objective};
@@ -91,9 +91,9 @@ fn perfect_rigs_return_the_slice() {
     }
 }
 
-/// Exactly known optical errors are compensated; with nominal optics they are not. Retardance of the wrong
-/// sign (a retarder with exchanged axes) changes the handedness, which the matrices show far beyond the
-/// tolerance above.
+/// Exactly known optical errors are compensated; with nominal optics they are not. Retardance of the
+/// wrong sign (a retarder with exchanged axes) reverses the handedness. The resulting error of the
+/// matrices is much larger than the tolerance above.
 #[test]
 fn only_known_optical_errors_are_compensated() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
@@ -115,7 +115,7 @@ fn only_known_optical_errors_are_compensated() {
         });
         let found = through(&s, &s, &lab, [&nominal, &wrong], 1);
         assert!(off(&found.mean, &s.mean) > 0.2, "{side:?}");
-        // Only elements, not settings, are copied from one scheme to another.
+        // Imperfections of elements, but not settings, are copied from one scheme to another.
         let few = Scheme::drr(7, false).expect("a scheme");
         let moved = with_elements(&few, &wrong);
         assert_eq!((moved.captures(), moved.parameters()), (7, few.parameters()));
@@ -139,7 +139,7 @@ fn leaking_polarizers_bias_in_closed_form() {
     let found = through(&depolarizer, &depolarizer, &lab, [&real, &nominal], 1);
     for (i, v) in found.mean.data.iter().enumerate() {
         let want = if i % 16 == 0 { (1.0 + epsilon).powi(2) } else { 0.0 };
-        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: {v} is not {want}");
+        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: found {v}, expected {want}");
     }
     // The polarized part of diag(1, a, a, a) is measured through both diattenuations.
     let a = 0.6;
@@ -154,15 +154,16 @@ fn leaking_polarizers_bias_in_closed_form() {
             5 | 10 | 15 => a * (1.0 - epsilon).powi(2),
             _ => 0.0,
         };
-        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: {v} is not {want}");
+        assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: found {v}, expected {want}");
     }
 }
 
 /// Compares the scatter over 400 seeds with the estimated errors: χ²/n is 1 within 5 standard errors,
-/// computed from the spread of the squares over seeds, and biases are below 5 of their standard errors and a
-/// tenth of an error. Tests a camera, a polarizer array, a counter, and intensities of both. The counter's
-/// light is equal in all bins, because its variances average neighbours in time, as in a rig's scans. It
-/// counts far less than one photon per pulse, because the variances ignore pile-up.
+/// computed from the spread of the squares over seeds. Biases are below 5 of their standard errors plus a
+/// tenth of a standard error of the data. The test covers a camera, a polarizer array, a counter, and
+/// intensities of camera and counter. The counter receives equal light in all bins, because the variances
+/// are averaged over neighbouring bins, as in a rig's scans. The rate is far below one photon per pulse,
+/// because the variances neglect pile-up.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_the_scatter() {
@@ -276,7 +277,7 @@ fn captures_are_optimized_for_the_functional() {
     }
 }
 
-/// The sum over time bins of a timed slice is the photograph only if there is no other photograph.
+/// The sum over time bins of a time-resolved slice is the photograph only if no other slice is suitable.
 #[test]
 fn the_sum_over_time_bins_replaces_a_missing_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));

@@ -4,10 +4,10 @@
 //! A metal reflects the light through the slab to the camera: M = C M₀. The slab's matrix is C = M
 //! M₀⁻¹, with M₀ measured without the slab.
 //!
-//! Elements of a matrix are estimated from the same samples. An error that is common to all
-//! elements is an error of the intensity, which does not change a decomposition. Therefore that
-//! part is subtracted from an element's variance, σ² - (m_ij σ₀₀/m₀₀)². The rest is treated as
-//! independent and propagated by finite differences of the size of the errors, as in
+//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is
+//! an error of the intensity, which does not change a decomposition. Therefore this contribution is
+//! subtracted from an element's variance, σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are treated as
+//! independent and are propagated by finite differences with steps of one standard error, as in
 //! `polarimetry::decompose::maps::errors`.
 
 use nalgebra::Matrix4;
@@ -30,7 +30,7 @@ pub struct Decomposed {
 }
 
 impl Measured {
-    /// Returns the errors without the part of the error that is common to all elements.
+    /// Returns the standard errors of the elements without the contribution that is common to all elements.
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
         self.error.zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())
@@ -42,8 +42,8 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
     Some(Properties::of(&rows, &decompose(&rows, SINGLE)?))
 }
 
-/// Decomposes the slab's matrix from M and the inverse of M₀, whose much smaller error is
-/// neglected; `None` if the slab's matrix has no decomposition.
+/// Computes the slab's matrix from M and the inverse of M₀, and decomposes it; `None` if there is no
+/// decomposition. The error of M₀ is much smaller than that of M and is neglected.
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
     let (mut variance, sigma) = (0.0, seen.relative_errors());
@@ -82,10 +82,10 @@ mod tests {
             let got = slab(&seen, &without).expect("it");
             approx::assert_abs_diff_eq!(got.properties.retardance, delta, epsilon = 1e-9);
             assert_eq!(got.error, 0.0);
-            // Errors of the intensity are not errors of the retardance.
+            // Errors of the intensity do not cause errors of the retardance.
             seen.error = seen.mean.abs() * 0.2;
             assert!(slab(&seen, &without).expect("it").error < 1e-6);
-            // Errors of the elements are: about σ/√2 for an isotropic σ of the retarder's block.
+            // Independent errors σ of the elements of the retarder's block cause an error of about σ/√2.
             seen.error = Matrix4::repeat(0.25 * 0.01);
             let error = slab(&seen, &without).expect("it").error;
             assert!(error > 0.003 && error < 0.03, "{error}");

@@ -1,12 +1,12 @@
-//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and of other
-//! light for slabs of quartz and calcite, compared with 2π L (n_e(ψ) - n_o)/λ.
+//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and non-epipolar
+//! light for slabs of quartz and calcite, compared with the theoretical retardance 2π L (n_e(ψ) - n_o)/λ.
 //!
 //! A decomposition gives a retardance between 0 and π, so the truth is folded to this range. Three
-//! wavelengths together determine the order ([`predicted::order`]). Each method learns one number
-//! from the training variants: the error that is not due to samples (the change of retardance
-//! within a pixel, internal reflections, light from the plate next to the observed point). This
-//! number is added to the standard errors so that half of the errors are within 0.6745 standard
-//! errors. The share within two estimated errors therefore tests this number on other slabs.
+//! wavelengths together determine the number of whole waves ([`predicted::order`]). Each method learns one
+//! number from the training variants: the error that is not due to Monte Carlo noise. Its sources are changes
+//! of retardance within a pixel, internal reflections, and light from the plate next to the observed point.
+//! This number is added to the standard errors so that half of the errors are within 0.6745 standard errors.
+//! The fraction of errors within two stated errors therefore tests this number on other slabs.
 
 pub mod faces;
 pub mod measured;
@@ -43,10 +43,10 @@ const METHODS: [(Method, Probe); 6] = [
     method("all light as it is", "Lu & Chipman 1996", Probe::AllAsItIs),
 ];
 
-/// Maximum path difference of the search, in waves at [`MIDDLE`].
+/// Maximum optical path difference of the search, in wavelengths at [`MIDDLE`].
 const MOST_WAVES: f64 = 12.0;
 
-/// Maximum error of a correct path difference, in waves.
+/// Maximum error of a path difference that counts as correct, in wavelengths.
 const NEAR_WAVES: f64 = 0.1;
 
 /// Number of standard deviations that contain half of normally distributed errors.
@@ -103,7 +103,8 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Returns error and standard error, radians, of every pixel and wavelength with a retardance.
+/// Returns the error and the standard error of the retardance, radians, for every pixel and wavelength
+/// with a decomposition.
 fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     let of = |i: usize| {
         let truth = seen.pixels[i].retardance.iter();
@@ -116,8 +117,7 @@ fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     (0..seen.pixels.len()).flat_map(of).collect()
 }
 
-/// Returns the error floor, radians, for which half of all errors are within [`HALF`] of the estimated
-/// errors.
+/// Returns the error floor, radians, for which half of all errors are within [`HALF`] stated errors.
 fn floor(train: &[Seen], probe: Probe) -> f64 {
     let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
     let within = |floor: f64| {

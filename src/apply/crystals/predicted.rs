@@ -1,9 +1,9 @@
-//! The theoretical retardance of every pixel: δ = 2π L (n_e(ψ) - n_o)/λ of the ray inside.
+//! The theoretical retardance of every pixel: δ = 2π L (n_e(ψ) - n_o)/λ along the ray inside the slab.
 //!
-//! The path inside is computed from layers of the scene: for the ray refracted with the mean index n̄ (at 550
-//! nm), the optical length minus the length is (n̄ - 1) L. Snell's law at the visible face with its normal
-//! gives the direction. At other wavelengths, the L of a slab is inversely proportional to the cosine at the
-//! faces.
+//! The path length L inside the slab is computed from layers of the scene. For the ray refracted with the
+//! mean index n̄ (at 550 nm), the optical path length minus the geometric length is (n̄ - 1) L. Snell's
+//! law at the visible face gives the direction. At other wavelengths, L is inversely proportional to the
+//! cosine of the angle to the normals of the faces.
 
 use super::mineral::Mineral;
 use crate::error::ApplyError;
@@ -13,11 +13,11 @@ use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Wavelength of the mean index that refracts the rays of the layers, nanometres.
+/// Wavelength in nanometres of the mean index with which the rays of the layers are refracted.
 pub const MIDDLE: f64 = 550.0;
 
-/// Maximum relative difference of a path from the slab's thickness; a larger difference means a ray
-/// through an edge.
+/// Maximum relative difference between the path length and the length expected from the slab's thickness.
+/// Rays with a larger difference pass through an edge.
 const THICKNESS: f64 = 0.01;
 
 /// Ground truth of a slab.
@@ -40,15 +40,15 @@ pub struct Pixel {
     pub path: f64,
 }
 
-/// Returns |δ| modulo 2π, folded to 0..π as in a decomposition.
+/// Returns |δ| modulo 2π, folded to 0..π like the retardance of a decomposition.
 pub fn folded(delta: f64) -> f64 {
     let turn = delta.abs() % TAU;
     turn.min(TAU - turn)
 }
 
 impl Slab {
-    /// Returns the direction inside and the cosine to the normal, for a ray that hits a face of normal `n`
-    /// (toward the viewer).
+    /// Returns the direction inside the slab and the cosine of its angle to the normal, for a ray that
+    /// hits a face. The normal `n` points toward the viewer.
     fn inside(&self, d: Vector3<f64>, n: Vector3<f64>, nm: f64) -> Option<(Vector3<f64>, f64)> {
         let index = self.mineral.indices(nm).iter().sum::<f64>() / 2.0;
         let cos = -d.dot(&n);
@@ -79,7 +79,7 @@ impl Slab {
         Some(Pixel { pixel, retardance: retardance?, path: path(MIDDLE)? })
     }
 
-    /// Returns all pixels that show only the slab, through front and back face.
+    /// Returns all pixels whose rays pass only through the slab's front and back face.
     ///
     /// # Errors
     /// [`ApplyError`] if layers are missing or do not have the camera's size.
@@ -107,10 +107,10 @@ impl Slab {
     }
 }
 
-/// Returns the absolute path difference at [`MIDDLE`], below `most` metres, whose folded retardances are
-/// closest to those of the wavelengths, in units of `sigma`. One wavelength does not determine the order;
-/// three do. The retardances at several wavelengths for a direction near the axis are proportional to the
-/// birefringences perpendicular to it.
+/// Returns the absolute optical path difference at [`MIDDLE`], below `most` metres, whose folded
+/// retardances are closest to the measured ones, in units of `sigma`. One wavelength does not determine
+/// the number of whole waves, but three do. The retardances at different wavelengths are assumed to be
+/// proportional to the birefringence perpendicular to the optic axis, divided by the wavelength.
 pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most: f64) -> f64 {
     const STEPS_A_WAVE: f64 = 100.0;
     let ratio = |nm: f64| mineral.birefringence(nm, 0.0) / mineral.birefringence(MIDDLE, 0.0);
@@ -136,8 +136,8 @@ mod tests {
         }
     }
 
-    /// Along the axis of a slab that is cut perpendicular to it there is no retardance; at 30° to the axis,
-    /// it follows from Snell's law.
+    /// A slab that is cut perpendicular to the optic axis has no retardance along the axis. At 30° to the
+    /// axis, the retardance follows from Snell's law.
     #[test]
     fn slab_retardance_matches_the_closed_form() {
         let slab = Slab { mineral: Mineral::Quartz, axis: Vector3::z(), thickness: 0.01 };
@@ -152,7 +152,7 @@ mod tests {
         let near_axis = length * inside.sin().powi(2) * (e - o);
         assert!((got.path / near_axis - 1.0).abs() < 0.02, "{} {near_axis}", got.path);
         approx::assert_relative_eq!(got.retardance[0], TAU * got.path / 550e-9, epsilon = 1e-9);
-        // Through an edge.
+        // A ray through an edge is rejected.
         assert_eq!(slab.pixel(0, d, Vector3::z(), 0.5 * length, &[MIDDLE]), None);
     }
 

@@ -1,4 +1,4 @@
-//! Decomposes the light of a variant of the slab, for every kind of light.
+//! Decomposes the Mueller matrices of a variant of the slab, for every kind of light.
 
 use super::measured::{Decomposed, Measured, slab};
 use super::mineral::Mineral;
@@ -9,20 +9,20 @@ use nalgebra::{Matrix4, Vector3};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 
-/// A kind of light, and the matrix that is divided out.
+/// The light to decompose, and the matrix M₀ whose inverse is applied first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Probe {
-    /// Epipolar light, with the plate divided out.
+    /// Epipolar light, multiplied by the inverse matrix of the plate.
     Epipolar,
     /// Non-epipolar light.
     NonEpipolar,
     /// The brighter of epipolar and non-epipolar light in each pixel.
     Brighter,
-    /// All light, with the plate divided out.
+    /// All light, multiplied by the inverse matrix of the plate.
     All,
-    /// All light, with an ideal mirror divided out.
+    /// All light, multiplied by the inverse matrix of an ideal mirror.
     AllBeforeMirror,
-    /// All light, with nothing divided out.
+    /// All light, without correction.
     AllAsItIs,
 }
 
@@ -111,7 +111,7 @@ impl Seen {
         })
     }
 
-    /// Returns the decompositions of a pixel of the slab (by its index in the list) at every wavelength.
+    /// Returns the decompositions at every wavelength of pixel `i` in the list of the slab's pixels.
     pub(super) fn found(&self, probe: Probe, i: usize) -> &[Option<Decomposed>] {
         match probe {
             Probe::Epipolar => &self.epipolar[i],

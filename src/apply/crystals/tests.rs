@@ -15,12 +15,11 @@ use tensor::axes::AxisKind;
 const SIZE: usize = 12;
 const NM: [f64; 3] = [450.0, 550.0, 660.0];
 
-/// Test case: the light and the slab.
+/// The properties of the light and of the slab in a test case.
 #[derive(Clone, Copy)]
 struct Case {
     /// Retardance of the plate behind the slab, in addition to that of a mirror.
     plate: f64,
-    /// Whether the light is epipolar.
     epipolar: bool,
     /// Relative excess of the slab's thickness over the truth map.
     thicker: f64,
@@ -31,7 +30,7 @@ fn camera() -> Pinhole {
     Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [0.0, 0.0, 0.2], axes)
 }
 
-/// Returns a retarder between the Stokes elements a and b.
+/// Returns the matrix of a retarder that rotates the Stokes elements a and b.
 fn retarder(a: usize, b: usize, delta: f64) -> Matrix4<f64> {
     let mut m = Matrix4::identity();
     let (sin, cos) = delta.sin_cos();
@@ -44,8 +43,8 @@ fn name_of(variant: u64) -> &'static str {
     ["quartz", "calcite"][(variant / 2 % 2) as usize]
 }
 
-/// Returns an observation of a slab with faces perpendicular to z; all quantities follow from
-/// Snell's law for the angle to z.
+/// Returns an observation of a slab with faces perpendicular to z; all quantities follow from Snell's law
+/// and the ray's angle to z.
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
@@ -131,7 +130,7 @@ fn retardance_is_measured_in_the_light_that_contains_it() {
             }
             assert_eq!(score(&outcome, dark, 2, variant), 0.0);
             assert!(score(&outcome, dark, 0, variant).is_nan());
-            // The effect of a mirror is not that of a slab.
+            // Without correction, the effect of the mirror causes a large error.
             assert!(score(&outcome, "all light as it is", 1, variant) > 20.0);
         }
     }
@@ -149,8 +148,7 @@ fn plate_retardance_is_compensated() {
     }
 }
 
-/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
-/// errors.
+/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated errors.
 #[test]
 fn a_wrong_thickness_is_detected() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));

@@ -1,7 +1,7 @@
 //! Simulates captures of a variant's light by a scheme, with detector noise, and estimates the
 //! Mueller matrices.
 //!
-//! The light is a slice with many samples and is treated as exact, so all errors come from the
+//! The light is a slice with many samples per pixel and is treated as exact, so all errors are due to the
 //! instrument. Noise is normal with a standard deviation of 5e-4 of the mean T00.
 
 use super::family::{NOISE, Ready, determines};
@@ -28,7 +28,7 @@ pub(super) struct Bench {
     pub lanes: usize,
     image: MuellerImage,
     seed: u64,
-    /// Object number of each pixel; -1 without an object.
+    /// Object index of each pixel; -1 without an object.
     pub object: Vec<i64>,
 }
 
@@ -110,9 +110,9 @@ impl Bench {
     }
 }
 
-/// Returns E[t tᵀ] of all lit matrices of some variants, with T00 = 1, including the mean, for principal
-/// components. Matrices below a hundredth of the mean T00 are ignored, because noise exceeds a twentieth of
-/// their light.
+/// Returns the second moment E[t tᵀ], without subtraction of the mean, of all lit matrices of the
+/// training variants, normalized to T00 = 1. Matrices below a hundredth of the mean T00 are ignored,
+/// because the noise exceeds a twentieth of their T00.
 pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
     let (mut sum, mut n) = (Moment::zeros(), 0.0);
     for bench in train {

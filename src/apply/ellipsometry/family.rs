@@ -11,8 +11,8 @@ use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 /// Standard deviation of the noise of an intensity, for light with T00 = 1 (Baek & Heide 2021, section 4).
 pub(super) const NOISE: f64 = 5e-4;
 
-/// Settings of the search for optimal angles. The loss is a closed form, so few random starts are enough; the
-/// seed is fixed.
+/// Settings of the search for optimal angles. The loss has a closed form, so few random starts are
+/// sufficient. The seed is fixed.
 const SEARCH: Search = Search { starts: 3, iterations: 200, adam_steps: 0, seed: 0 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,14 +30,14 @@ pub(super) struct Family {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub scheme: Scheme,
-    /// Second moment of the prior. Without a prior: least squares, with the minimum norm below rank
-    /// 16.
+    /// Second moment of the prior. If `None`, the estimator is least squares, with the minimum norm below
+    /// rank 16.
     pub prior: Option<Moment>,
 }
 
 impl Family {
-    /// Returns the scheme of `captures` captures, whose angles are optimized for matrices with this second
-    /// moment.
+    /// Returns the scheme of `captures` captures, whose angles are optimized for matrices with second
+    /// moment `moment` if the family has learned angles.
     pub(super) fn with(self, captures: usize, moment: &Moment) -> Result<Ready, ApplyError> {
         let failed =
             |e: SchemeError| ApplyError::Unsolved { method: "learned ellipsometry", cause: e.to_string() };
@@ -59,15 +59,14 @@ impl Family {
     }
 }
 
-/// Returns the lower bound of the root mean square error of an element for any scheme with this
-/// sensor and number of captures, without a prior, relative to the standard deviation of an
-/// intensity. `None` if the captures are too few to determine a matrix.
+/// Returns a lower bound of the root mean square error of an element, divided by the standard deviation
+/// of an intensity. The bound holds without a prior for all schemes with this sensor and number of
+/// captures. Returns `None` if too few captures are given to determine a matrix.
 pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     let scheme = Scheme::quad(captures, array).ok()?;
     (captures >= scheme.least_captures()).then(|| (a_optimal_bound(&scheme) / 16.0).sqrt())
 }
 
-/// Returns whether a scheme determines a matrix.
 pub(super) fn determines(scheme: &Scheme) -> bool {
     DesignMatrix::new(scheme, &Ray::axial(550.0)).rank() == 16
 }

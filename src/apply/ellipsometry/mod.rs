@@ -1,14 +1,13 @@
 //! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. Measures the
-//! error of captures with few learned angles, for a gold mirror and for materials that were not
-//! used for learning.
+//! reconstruction error of schemes with few captures and learned angles, for a gold mirror and for
+//! materials that were not used for learning.
 //!
-//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50
-//! captures of dual rotating retarders (DRR; Azzam 1978) with separate noise. Here the true
-//! matrices are known. Errors are computed against the true matrices and against the pseudo truth,
-//! which shows the error of the pseudo truth. Only the light is rendered. The noise is detector
-//! noise, 5e-4 of an intensity as in the paper, and the seeds select this noise. Angles and the
-//! prior (the second moment, whose principal components the paper shows) are learned from the
-//! training variants.
+//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50 captures
+//! of dual rotating retarders (DRR; Azzam 1978) with separate noise. Here the true matrices are known.
+//! Errors are computed with respect to the true matrices and to the pseudo truth. The difference between
+//! both is due to the error of the pseudo truth. Only the light is rendered. The noise is detector noise,
+//! 5e-4 of an intensity as in the paper, and the seeds select this noise. Angles and the prior (the
+//! second moment, whose principal components the paper shows) are learned from the training variants.
 
 mod bench;
 mod errors;
@@ -27,8 +26,7 @@ use rayon::prelude::*;
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
-/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of
-/// the scene.
+/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of the scene.
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 
@@ -47,7 +45,7 @@ const METRICS: [Metric; 10] = [
     metric("error, 36 captures", UNIT),
 ];
 
-/// Metrics that are the error against the truth, with their numbers of captures.
+/// Index and number of captures of each metric that is an error with respect to the truth.
 const CURVE: [(usize, usize); 5] = [(5, 7), (6, 10), (7, 20), (8, 25), (9, 36)];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
@@ -58,7 +56,7 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
 enum Kind {
     /// A family of captures with its estimator.
     Captures(Family),
-    /// The lower bound for a sensor without a prior, with a polarizer array or not.
+    /// The lower bound without a prior, for a sensor with a polarizer array (true) or without (false).
     Bound(bool),
 }
 
@@ -145,11 +143,12 @@ struct Judged {
     found: Option<Vec<f64>>,
 }
 
-/// Tests captures; `schemes` are that of 15 captures, then those of the curve.
+/// Computes the metrics of a family. `schemes` holds the scheme of 15 captures, followed by those of the
+/// curve.
 fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) -> Result<Judged, ApplyError> {
     let mut values = [f64::NAN; METRICS.len()];
     let found = bench.estimate(&schemes[0], stream)?;
-    // All methods use the same captures of the pseudo truth, as in a laboratory.
+    // As in a laboratory, the same captures of the pseudo truth are used for all methods.
     let pseudo = bench.estimate(pseudo_truth, 0)?;
     let per_mille = |against: &[f64], of: &Of<'_>| 1e3 * rms(bench, &found, against, of);
     values[0] = per_mille(bench.truth(), &ALL);
@@ -163,7 +162,7 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     Ok(Judged { values, found: Some(found) })
 }
 
-/// Returns the metrics of the bound. They depend on the variant only through the brightness of gold.
+/// Returns the metrics of the bound. The metrics depend on the variant only through the brightness of gold.
 fn judge_bound(bench: &Bench, array: bool) -> Judged {
     let mut values = [f64::NAN; METRICS.len()];
     let at = |captures| bound(captures, array).map_or(f64::NAN, |b| 1e3 * NOISE * b);

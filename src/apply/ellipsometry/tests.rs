@@ -9,11 +9,11 @@ use tensor::axes::AxisKind;
 
 const SIZE: [usize; 2] = [24, 18];
 
-/// Returns observations whose matrices are random mixtures of `count` kinds, which depend on the
-/// seed `kinds`; the left third is object 0.
+/// Returns observations whose Mueller matrices are random mixtures of `count` basis matrices. The seed
+/// `kinds` determines the basis matrices. The left third of the image is object 0.
 fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: u64) -> Vec<Observation> {
     let mut of_kinds = random(kinds);
-    // Realizable: a depolarizer plus a small arbitrary part.
+    // The matrices are realizable: a depolarizer plus small arbitrary elements.
     let kinds: Vec<[f64; 16]> = (0..count)
         .map(|_| std::array::from_fn(|e| if e == 0 { 1.0 } else { 0.08 * normal(&mut of_kinds) }))
         .collect();
@@ -49,9 +49,10 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     mean(&outcome.scores, method, METRICS[metric].name)
 }
 
-/// Errors are σ √(tr (AᵀA)⁻¹/16): for 36 captures of DRR, 196 σ²; learned angles reach the bound. There are
-/// five images of 864 matrices: the relative spread of a root mean square of 16 equal numbers is below 1/√(2
-/// · 5 · 864), and larger if few directions contain most of the error. The tolerance is 5 √8 of it.
+/// Errors are σ √(tr (AᵀA)⁻¹/16). For 36 captures of DRR, the trace is 196. Learned angles reach the
+/// bound. For five images of 864 matrices, the relative standard error of a root mean square of 16 equal
+/// variances is below 1/√(2 · 5 · 864); it is larger if few directions contain most of the error. The
+/// tolerance is 5 √8 times this value.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn errors_match_closed_forms() {
@@ -63,7 +64,7 @@ fn errors_match_closed_forms() {
     assert!(close(of(&outcome, "DRR", 9), drr), "{}", of(&outcome, "DRR", 9));
     assert!(close(of(&outcome, "L-QRPR-P", 0), learnt), "{}", of(&outcome, "L-QRPR-P", 0));
     assert!((of(&outcome, "A-optimal bound, array", 0) - learnt).abs() < 1e-9);
-    // The pseudo truth has an independent error, that of 50 captures, which adds to the square.
+    // The pseudo truth has the independent error of 50 captures; squared errors are added.
     let pseudo = polarimetry::capture::design_matrix::DesignMatrix::new(
         &polarimetry::capture::scheme::Scheme::drr(50, false).expect("a scheme"),
         &polarimetry::capture::element::Ray::axial(550.0),
@@ -73,13 +74,13 @@ fn errors_match_closed_forms() {
     assert!(close(of(&outcome, "L-QRPR-P", 2), misjudged), "{}", of(&outcome, "L-QRPR-P", 2));
     // An array reduces the variance by 1600/440 for any angles.
     assert!(of(&outcome, "L-QRPR", 7) > 1.5 * of(&outcome, "L-QRPR-P", 7));
-    // Seven captures leave components undetermined, which give errors far above the noise.
+    // Seven captures do not determine all components, so errors are far above the noise.
     assert!(of(&outcome, "DRR", 5) > 10.0 * drr);
 }
 
-/// A prior of six kinds beats least squares on mixtures of the same six kinds, and only the prior
-/// works with few captures. For other kinds, the prior has a larger error than least squares below
-/// rank 16, and an equal error at rank 16.
+/// On mixtures of six basis matrices, a prior learned from the same six matrices has a smaller error than
+/// least squares, and only the prior is accurate with few captures. For other basis matrices, the prior
+/// has a larger error below rank 16, and an equal error at rank 16.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn priors_help_only_for_known_materials() {
@@ -98,7 +99,8 @@ fn priors_help_only_for_known_materials() {
     assert!((a / b - 1.0).abs() < 0.1, "{a} against {b}");
 }
 
-/// An error planted in one element of the mirror's pixels is detected there and nowhere else.
+/// A deliberate error in one element of the mirror's pixels changes only the metrics of this element and
+/// these pixels.
 #[test]
 fn a_planted_error_is_localized() {
     let bench = Bench::new(&observations(5, 6, 0..1, 1)[0]).expect("a bench");

@@ -1,9 +1,10 @@
-//! One element of the tensor as an image: a part of the light by space and time, an element of the
-//! Mueller matrices, and a sign.
+//! One element of the tensor as an image. It is defined by a light component (selected by space and
+//! time), an element of the Mueller matrices, and a sign.
 
 use std::fmt;
 
-/// Light by origin: from all projector pixels, near the epipolar line of each camera pixel, or elsewhere.
+/// Light by origin: from all projector pixels, from those near the epipolar line of each camera pixel, or
+/// from all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
     /// Light from all projector pixels.
@@ -14,7 +15,7 @@ pub enum Space {
     NonEpipolar,
 }
 
-/// Light by travel time: in bins after the pixel's first light, or after emission.
+/// Light by travel time, in bins. Bins are counted from the pixel's first light, or from the emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
     /// Light at all times.
@@ -27,10 +28,10 @@ pub enum Time {
     At(usize),
 }
 
-/// The part of the light selected by space and time.
+/// The light component that is selected by space and time.
 pub type Part = (Space, Time);
 
-/// An element of the Mueller matrices of a part of the light.
+/// A Mueller element of a light component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
     pub part: Part,
@@ -38,8 +39,8 @@ pub struct Element {
     pub index: [usize; 2],
     /// Whether the sign is inverted.
     pub negative: bool,
-    /// Whether the value is √(Σ squares) of the elements that mix when devices rotate about their axes: rows
-    /// 1 and 2, columns 1 and 2.
+    /// Whether the value is √(Σ squares) over the elements that mix when camera or projector rotate about
+    /// their axes: rows 1 and 2, or columns 1 and 2.
     pub magnitude: bool,
 }
 

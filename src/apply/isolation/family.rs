@@ -1,11 +1,11 @@
-//! The elements that a method of isolation may use.
+//! The elements among which an isolation method may choose.
 
 use super::element::{Element, Space, Time};
 use super::seen::Seen;
 use super::task::Task;
 use crate::application::Method;
 
-/// The elements that a method may use.
+/// The set of elements among which a method may choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     /// The paper's element for the task, with its sign.
@@ -20,9 +20,9 @@ pub enum Family {
         /// Whether the sign is learned.
         either: bool,
     },
-    /// All elements of the parts of the light that the method distinguishes.
+    /// All elements of all light components that the method distinguishes.
     Any {
-        /// Whether the method distinguishes epipolar light from other light.
+        /// Whether the method distinguishes epipolar from non-epipolar light.
         space: bool,
         /// Whether the method distinguishes early from late light.
         time: bool,
@@ -44,8 +44,7 @@ impl Isolation {
 }
 
 impl Family {
-    /// Returns the elements with positive sign (except for the named element), and whether signs
-    /// are learned.
+    /// Returns the elements with positive sign (except for the named element), and whether signs are learned.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

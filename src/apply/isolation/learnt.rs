@@ -6,17 +6,17 @@ use crate::metrics::isolation::{cosine, gain, parted, threshold};
 use crate::metrics::roc::area;
 use std::fmt;
 
-/// A learned detector and a learned image of one kind of light.
+/// A learned detector and a learned image of one light component.
 pub(super) struct Learnt {
     /// Element for detection.
     detector: Shown,
     /// Threshold of the detector: values of at least `threshold` are classified as positive.
     pub threshold: f64,
-    /// Element for the image of the light's share.
+    /// Element for the image of the component's share of the light.
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
-    /// Area under the curve and cosine that the method reached on the training variants.
+    /// Area under the ROC curve and cosine that the method reached on the training variants.
     reached: [f64; 2],
 }
 
@@ -51,8 +51,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Keeps a candidate if it is better than the best so far. With `either`, also tries the opposite
-/// sign.
+/// Keeps a candidate if it is better than the best previous candidate. With `either`, also tries the
+/// opposite sign.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -62,7 +62,6 @@ fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, 
     }
 }
 
-/// Returns the mean of the finite values.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for v in values.filter(|v| v.is_finite()) {
@@ -73,8 +72,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// Learns the best candidates for a task, the first if several are equally good. `None` if no
-    /// variant has the task's light, or if no candidate is available.
+    /// Learns the best candidates for a task; of equal candidates, the first. Returns `None` if no
+    /// variant contains the task's light, or if no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
         let mut image: Option<(f64, Shown)> = None;
@@ -87,7 +86,7 @@ impl Learnt {
                     let (positive, negative) = parted(values, &seen.truth[task].classes);
                     area(&positive, &negative)
                 }));
-                // The opposite sign has one minus the area.
+                // With the opposite sign, the area is one minus this area.
                 keep(&mut detector, shown, reached, 1.0 - reached, either);
                 let reached = mean(all().map(|(seen, values)| cosine(values, &seen.truth[task].share)));
                 keep(&mut image, shown, reached, -reached, either);
@@ -114,7 +113,7 @@ impl Learnt {
         self.detector.values(seen).unwrap_or_default()
     }
 
-    /// Returns the image of the light's share, before its gain.
+    /// Returns the image of the component's share of the light, before multiplication by the gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
         self.image.values(seen).unwrap_or_default()
     }

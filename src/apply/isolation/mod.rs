@@ -1,12 +1,12 @@
-//! Isolation of light paths: one element of the tensor, learned or named, as a detector and as an
-//! image of one kind of light.
+//! Isolation of light paths: one element of the tensor, learned or named, is used as a detector and as an
+//! image of one light component.
 //!
-//! A [`Task`] defines the light. A method is a set of elements that it may use ([`Family`]). A
-//! method selects the best element on the training variants, with a sign, optionally divided by the
-//! photograph. The criterion of a detector is the area under the curve. The criterion of an image
-//! is its cosine to the share of each pixel's light, which determines the residual at the best
-//! gain. (It is not compared with the light itself, because a few bright pixels and fireflies would
-//! dominate.) Thresholds and gains are also learned from the training variants.
+//! A [`Task`] defines the light component, and a [`Family`] the elements among which a method may choose. A
+//! method selects the element and the sign that are best on the training variants, optionally after division
+//! by the photograph. The criterion for a detector is the area under the ROC curve. The criterion for an
+//! image is the cosine between the image and the component's share of each pixel's light, which determines
+//! the residual at the best gain. (Shares are used instead of the light itself, because a few bright pixels
+//! and fireflies would dominate.) Thresholds and gains are also learned from the training variants.
 
 pub mod element;
 mod family;
@@ -27,7 +27,7 @@ use crate::observation::{self, Observation};
 use learnt::Learnt;
 use seen::{Seen, Sight};
 
-/// Fits every method to every task on `train` and tests the fits on `test`; `sight` defines the
+/// Fits every method to every task on `train`, and tests the fits on `test`. `sight` defines the
 /// available slices.
 pub(crate) fn run(
     tasks: &[Task],

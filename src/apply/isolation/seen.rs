@@ -1,5 +1,5 @@
-//! The data of one variant for detectors: images of all elements of every part of the light, and
-//! the ground truth of each task.
+//! The data of one variant for detectors: images of all elements of every light component, and the ground
+//! truth of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -20,24 +20,24 @@ pub const GATED: &str = "gated";
 /// Name of the ground-truth slice: intensity by label and number of bounces.
 pub const PATHS: &str = "paths";
 
-/// Bins after a pixel's first light that separate early and late light.
+/// Numbers of bins after a pixel's first light at which early and late light are separated.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// Share of a pixel's brightest bin at which the first light begins.
+/// Fraction of a pixel's brightest bin that the first light must reach.
 const FIRST: f64 = 0.1;
 
 pub struct Seen {
     pub variant: u64,
     pub width: usize,
     pub height: usize,
-    /// Images by part of the light: `[element 4 i + j][pixel]`, or a single image for intensities;
-    /// summed over wavelengths.
+    /// Images of each light component, summed over wavelengths: `[element 4 i + j][pixel]`, or a single
+    /// image for intensities.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
     /// Ground truth of each task.
     pub truth: Vec<Truth>,
 }
 
-/// The ground truth of a task.
+/// The ground truth of a task, per pixel.
 pub struct Truth {
     /// Share of the task's light in each pixel; 0 outside the task's region.
     pub share: Vec<f64>,
@@ -74,7 +74,6 @@ fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
     images.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
 }
 
-/// Returns the bin of each pixel's first light.
 fn first_light(p: &Pixels) -> Vec<usize> {
     let light =
         |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
@@ -99,7 +98,8 @@ pub enum Sight {
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
-/// Returns the parts of the light for a rig with camera and projector, and the image size.
+/// Returns the images of the light components (epipolar, early, late) that a camera-projector rig
+/// captures, and the image size.
 fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
@@ -135,7 +135,7 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     Ok((parts, size))
 }
 
-/// Returns the bins of a coaxial rig, and their sum.
+/// Returns the images of each time bin of a coaxial rig and of all light, and the image size.
 fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
     let transient = o.pixels(TRANSIENT, true)?;
     let mut parts = BTreeMap::new();
@@ -186,7 +186,7 @@ impl Seen {
         Ok(Self { variant: o.variant, width, height, images: parts, truth })
     }
 
-    /// Returns the available parts of the light, with the number of elements of each.
+    /// Returns the available light components, each with the number of its elements.
     pub fn parts(&self) -> impl Iterator<Item = (Part, usize)> {
         self.images.iter().map(|(part, images)| (*part, images.len()))
     }
@@ -199,7 +199,7 @@ impl Seen {
             let plain = images.get(4 * e.index[0] + e.index[1])?;
             return Some(plain.iter().map(|v| sign * v).collect());
         }
-        // The linear elements 1 and 2 mix under rotation.
+        // The linear Stokes elements 1 and 2 mix under rotation.
         let mixed = |i: usize| if i == 1 || i == 2 { 1..=2 } else { i..=i };
         let together: Vec<&Vec<f64>> = mixed(e.index[0])
             .flat_map(|i| mixed(e.index[1]).map(move |j| 4 * i + j))
@@ -209,7 +209,7 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
-    /// Returns an image divided by the photograph; 0 where the photograph is dark.
+    /// Returns an image divided by the photograph; 0 in pixels in which the photograph is dark.
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

@@ -1,4 +1,4 @@
-//! A kind of light to isolate, and its metrics.
+//! A light component to isolate, and the metrics for it.
 
 use super::element::Element;
 use crate::application::Metric;
@@ -6,39 +6,39 @@ use crate::error::ApplyError;
 use crate::observation::Observation;
 use crate::paths::Path;
 
-/// Selects pixels of a variant.
+/// A function that selects pixels of a variant.
 pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
 
-/// A kind of light to isolate.
+/// A light component to isolate.
 #[derive(Clone, Copy, Debug)]
 pub struct Task {
     pub name: &'static str,
     /// Metrics, from `task!`.
     pub metrics: [Metric; 6],
-    /// Selects the paths of the light.
+    /// Returns whether a path belongs to the light component.
     pub light: fn(Path) -> bool,
-    /// Region in which the light counts; `None` for all pixels.
+    /// Region in which the task is defined; `None` for all pixels.
     pub region: Option<Region>,
-    /// Minimum share of the light in a positive pixel.
+    /// Minimum share of the component in the light of a positive pixel.
     pub share: f64,
-    /// The paper's element for the light, if any.
+    /// The paper's element for the light component, if any.
     pub named: Option<Element>,
 }
 
 impl Task {
-    /// Returns the task for the same light, counted only in the pixels of `region`.
+    /// Returns the same task, restricted to the pixels of `region`.
     pub(crate) const fn within(self, region: Region) -> Self {
         Self { region: Some(region), ..self }
     }
 
-    /// Returns the task with the paper's element for its light.
+    /// Returns the task with the paper's element for the light component.
     pub(crate) const fn named(self, element: Element) -> Self {
         Self { named: Some(element), ..self }
     }
 }
 
-/// Returns a task by its name, its light and the minimum share. The metrics are area under the
-/// curve, F1, precision, recall, correlation, error.
+/// Creates a task from its name, its light component and the minimum share. The metrics are area under
+/// the ROC curve, F1, precision, recall, correlation and error.
 macro_rules! task {
     ($name:literal, $light:expr, $share:expr) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {
@@ -64,7 +64,6 @@ macro_rules! task {
 }
 pub(crate) use task;
 
-/// Returns the metrics of all tasks.
 pub(crate) fn metrics_of(tasks: &[Task]) -> Vec<Metric> {
     tasks.iter().flat_map(|t| t.metrics).collect()
 }

@@ -1,5 +1,5 @@
-//! Tests with pixels that each contain one kind of light, where kinds differ in one known way:
-//! every family separates the kinds that its dimensions resolve.
+//! Tests with pixels that each contain one kind of light. The kinds differ in one known way, and every
+//! family separates the kinds that its dimensions resolve.
 
 use super::element::{Element, Space};
 use super::*;
@@ -17,7 +17,6 @@ pub(crate) struct Kind {
     pub bright: f64,
     /// Elements 4 i + j relative to (0,0), without (0,0).
     pub shares: &'static [(usize, f64)],
-    /// Whether the light is epipolar.
     pub epipolar: bool,
     /// Bins after the first light.
     pub delay: usize,
@@ -33,7 +32,7 @@ pub(crate) const SIZE: [usize; 2] = [24, 20];
 const BINS: usize = 8;
 const NOISE: f64 = 0.02;
 
-/// Returns the kind that makes up nine tenths of a pixel; the rest is the first kind.
+/// Returns the kind that makes up nine tenths of a pixel's light. The remaining tenth is of the first kind.
 pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
@@ -110,16 +109,16 @@ const METHODS: [Isolation; 8] = [
     Isolation::new("azimuth", "", Family::NamedAnyAzimuth),
 ];
 
-/// Returns the areas for two kinds of light that differ only as given.
+/// Returns the area of each method for a plain kind of light and `kind`.
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
-/// Range of areas of methods that cannot separate the kinds. For 4 variants with 240 pixels of
-/// either kind, an area of one half has an error of √(1/12 · 2/960) = 0.013; the best of many
-/// uninformative candidates is uninformative on other variants.
+/// Range of areas of methods that cannot separate the kinds. For 4 variants with 240 pixels of either
+/// kind, an area of one half has a standard error of √(1/12 · 2/960) = 0.013. The best of many
+/// uninformative candidates is also uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
 /// Asserts that the methods in `separating` have areas above `least`, and all others areas in `none`.
@@ -145,7 +144,7 @@ fn each_family_separates_its_own_dimension() {
     only(&areas(elsewhere), &["all", "space"]);
     let late = Kind { delay: 3, ..plain };
     only(&areas(late), &["all", "time"]);
-    // A photograph measures brightness, so every family does.
+    // A photograph measures brightness, so every family detects it.
     let bright = Kind { bright: 60.0, ..plain };
     let table = areas(bright);
     for (name, a) in &table[..5] {
@@ -159,7 +158,7 @@ fn a_named_element_depends_on_its_sign() {
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
-    // The planted error: metal that preserves the handedness of circular light.
+    // A deliberate error: metal that preserves the handedness of circular polarization.
     let kept = Kind { shares: &[(15, 0.8)], ..turned };
     let all = observations(&[Kind::new(8, 1), kept], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
@@ -167,19 +166,19 @@ fn a_named_element_depends_on_its_sign() {
     assert!(of("named", "it: area") < 0.05 && of("either", "it: area") > 0.95);
     assert!(of("named", "it: correlation") < -0.5 && of("either", "it: correlation") > 0.9);
     assert_eq!(of("named", "it: error"), 1.0);
-    // Light of 0.9, and an image with noise only: 0.02 √3 per pixel of 0.8 · 0.9 and more.
+    // The share of the light is 0.9, and the image has only noise: 0.02 √3 in pixels of at least 0.8 · 0.9.
     assert!(of("either", "it: error") < 0.1, "{}", of("either", "it: error"));
     assert!(
         of("either", "it: F1") > 0.9
             && of("either", "it: precision") > 0.9
             && of("either", "it: recall") > 0.9
     );
-    // (5,5) of the same pixels would be as good; intensity classifies all pixels as positive.
+    // The intensity classifies all pixels as positive.
     assert!((of("intensity", "it: recall") - 1.0).abs() < 0.1 && of("intensity", "it: precision") < 0.6);
 }
 
-/// Gloss whose plane of incidence varies between pixels has no consistent sign, but its magnitude is
-/// detected.
+/// If the plane of incidence varies between pixels, the elements of specular reflection have no
+/// consistent sign, but their magnitude is detected.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn elements_of_varying_sign_are_separated_by_magnitude() {
@@ -212,8 +211,8 @@ fn two_disturbances_need_two_dimensions() {
     let outcome = run(&[TASK], &methods, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method| mean(&outcome.scores, method, "it: area");
     assert!(of("space and polarization") > 0.95);
-    // Space alone separates it from the mirrored kind, polarization alone from the matte kind: three quarters
-    // each.
+    // Space alone separates the kind from the mirrored kind, and polarization alone from the matte kind.
+    // The area is three quarters for each.
     for alone in ["space", "polarization"] {
         assert!((of(alone) - 0.75).abs() < 0.07, "{alone} {}", of(alone));
     }
@@ -235,7 +234,7 @@ fn light_outside_the_region_counts_as_negative() {
         o.truth.insert("left".into(), map);
     }
     let outcome = run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
-    // Positives are half of the polarized pixels: a third of the negatives has the same scores.
+    // Positives are half of the polarized pixels. A third of the negatives has the same scores.
     let area = mean(&outcome.scores, "named", "it: area");
     assert!((area - (1.0 - 0.5 / 3.0)).abs() < 0.05, "{area}");
     let precision = mean(&outcome.scores, "named", "it: precision");

@@ -4,14 +4,14 @@ use super::seen::{Scoring, Seen};
 use crate::error::ApplyError;
 use crate::regression::discriminant::Discriminant;
 
-/// The features of a classifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Features {
-    /// T00 of all light per wavelength, and its logarithm (which separates brightness from colour).
+    /// T00 of all light and the logarithm of T00, per wavelength. The logarithm separates brightness from
+    /// colour.
     Colour,
     /// The features of `Colour`, for epipolar light.
     EpipolarColour,
-    /// For epipolar light, per wavelength: T00 as above, and the 15 other elements divided by T00.
+    /// For epipolar light, per wavelength: T00 and its logarithm, and the 15 other elements divided by T00.
     All,
 }
 
@@ -44,7 +44,7 @@ impl Scoring for Classifier {
     }
 }
 
-/// Minimum value for the logarithm, relative to the brightest pixel.
+/// Minimum T00 of which the logarithm is computed, relative to the brightest pixel.
 const DARK: f64 = 1e-6;
 
 impl Features {

@@ -1,12 +1,12 @@
 //! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Separates real fruit from
 //! painted plastic of the same colour.
 //!
-//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" there,
-//! and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree
-//! of polarization. The bound is a linear classifier of all 16 epipolar elements. Each method
-//! computes a score per pixel. The metric is the probability that a pixel of a real fruit scores
-//! above one of a fake fruit. Classifiers, and the sign of the degree of polarization, are learned
-//! from the training variants.
+//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" in this
+//! element, and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the
+//! degree of polarization. The bound is a linear classifier of all 16 epipolar elements. Each method
+//! computes a score per pixel. The metric is the probability that a pixel of a real fruit has a higher
+//! score than a pixel of a fake fruit. Classifiers, and the sign of the degree of polarization, are
+//! learned from the training variants.
 
 mod classifier;
 mod scores;
@@ -22,15 +22,15 @@ use classifier::{Classifier, Features};
 use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
 use seen::{Scoring, Seen, group};
 
-/// Number of bootstrap draws.
+/// Number of bootstrap samples.
 const DRAWS: usize = 1000;
 
 const METRICS: [Metric; 1] = [Metric { name: "area under the curve", unit: "", more_is_better: true }];
 
-/// Learns a score from training variants.
+/// A function that learns a score from training variants.
 type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
 
-/// A method, and how its score is learned.
+/// A method, and the function that learns its score.
 struct Learning {
     method: Method,
     learn: Learn,
@@ -121,7 +121,8 @@ fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture 
     }
 }
 
-/// Formats both confidence intervals of the area for the pixels of all variants together.
+/// Formats both confidence intervals of the area under the ROC curve, for the pixels of all variants
+/// together.
 fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
     let all =
         |f: fn(&Group) -> &Vec<f64>| groups.iter().flat_map(|g| f(g).iter().copied()).collect::<Vec<f64>>();

@@ -1,4 +1,5 @@
-//! Scores of single elements, and of the degree of polarization. At most a sign is learned.
+//! Scores that are computed from a single element or from the degree of polarization. At most the sign of
+//! a score is learned.
 
 use super::seen::{Scoring, Seen, group};
 use crate::metrics::roc::area;
@@ -10,7 +11,7 @@ fn sum(p: &Pixels, pixel: usize, element: usize) -> f64 {
     lanes.map(|(bin, lane)| p.at(pixel, bin, element, lane)).sum()
 }
 
-/// -T22 of epipolar light: preserved 45° linear polarization, whose sign is that of a mirror.
+/// The score -T22 of epipolar light: preserved linear polarization at ±45°, positive for a mirror.
 pub(super) struct Element22;
 
 impl Scoring for Element22 {
@@ -19,7 +20,7 @@ impl Scoring for Element22 {
     }
 }
 
-/// -T22 divided by T00, independent of brightness.
+/// The score -T22/T00 of epipolar light, which does not depend on brightness.
 pub(super) struct NormalizedElement22;
 
 impl Scoring for NormalizedElement22 {
@@ -29,7 +30,8 @@ impl Scoring for NormalizedElement22 {
     }
 }
 
-/// √(T10² + T20² + T30²)/T00 under full, unpolarized light, with a sign learned from the training variants.
+/// The degree of polarization √(T10² + T20² + T30²)/T00 under full unpolarized light. The sign of the
+/// score is learned from the training variants.
 pub(super) struct DegreeOfPolarization {
     sign: f64,
 }

@@ -42,12 +42,12 @@ impl Seen {
     }
 }
 
-/// A score of a pixel; higher means real.
+/// A method that computes a score per pixel. Real fruit should have higher scores.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }
 
-/// Returns the scores of the pixels of a variant.
+/// Returns the scores of all real and fake pixels of a variant.
 pub(super) fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
     let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
     Group { positive: of(&seen.real), negative: of(&seen.fake) }

@@ -1,11 +1,12 @@
-//! Tests with fruit that differs in one known way: each score detects only its own difference.
+//! Tests with real and fake fruit that differ in one known property. Each score detects only the property
+//! that it measures.
 
 use super::*;
 use crate::isolation::tests::{assert_only, mean};
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
-/// The difference of real and fake fruit.
+/// The difference between real and fake fruit.
 #[derive(Clone, Copy, Default)]
 struct Difference {
     /// Difference in -T22/T00 of epipolar light.
@@ -14,8 +15,8 @@ struct Difference {
     red: [f64; 2],
     /// Difference in T10/T00 of full light.
     polarized: f64,
-    /// Difference in T31/T00 + T13/T00 of epipolar light; noise of opposite signs in both elements
-    /// hides it in each.
+    /// Difference in T31/T00 + T13/T00 of epipolar light; each single element hides this difference,
+    /// because the elements have noise of opposite signs.
     hidden: f64,
 }
 
@@ -71,8 +72,8 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
-/// Range of areas of scores without information. For 640 pixels of a kind, the standard error of an
-/// area of one half is √(1/12 · 2/640) = 0.0161, also for classifiers trained on noise.
+/// Range of areas of scores without information. For 640 pixels of each kind, the standard error of an area
+/// of one half is √(1/12 · 2/640) = 0.0161. This also applies to classifiers that are trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], separating: &[&str]) {
@@ -93,8 +94,8 @@ fn each_score_separates_its_own_difference() {
     let t22 = Difference { element22: 0.2, ..Difference::default() };
     only(&of(t22), &["-(2,2) epipolar", "-(2,2)/(0,0) epipolar", bound]);
     let full = Difference { red: [0.5, 0.0], ..Difference::default() };
-    // A brighter red also changes the degree of polarization, because the polarized part does not grow with
-    // it.
+    // A brighter red also changes the degree of polarization, because the polarized component does not
+    // increase.
     let table = of(full);
     assert!(table[2].1 > 0.9 && NONE.contains(&table[3].1) && NONE.contains(&table[5].1), "{table:?}");
     let epipolar = Difference { red: [0.0, 0.5], ..Difference::default() };
@@ -111,7 +112,7 @@ fn each_score_separates_its_own_difference() {
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_fruit_inverts_the_scores() {
-    // The planted error: exchanged fruit.
+    // A deliberate error: real and fake fruit are exchanged.
     let d = Difference { element22: -0.05, ..Difference::default() };
     let table = areas(d);
     assert!(table[0].1 < 0.1, "{table:?}");

@@ -1,7 +1,7 @@
-//! Contrast of marks: Michelson's (bright - dark) / (bright + dark), by depth.
+//! Contrast of marks as a function of depth: the Michelson contrast (bright - dark) / (bright + dark).
 //!
-//! Bright and dark pixels are selected by the ground truth. Otherwise, with the brightest and darkest pixels
-//! of the image itself, noise would count as contrast.
+//! The ground truth selects bright and dark pixels. If the image itself selected them, noise would count
+//! as contrast.
 
 use crate::map::Map;
 
@@ -27,7 +27,7 @@ pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: us
             let (Some(first), Some(last)) = (sorted.first(), sorted.last()) else {
                 return f64::NAN;
             };
-            // Values between the two are ambiguous.
+            // Values between the two thresholds are neither bright nor dark.
             let third = (last - first) / 3.0;
             let (dark, bright): (Vec<_>, Vec<_>) = (
                 here.iter().copied().filter(|i| mean(truth, *i) <= first + third).collect(),
@@ -50,7 +50,8 @@ mod tests {
 
     #[test]
     fn contrast_under_a_veil_matches_the_closed_form() {
-        // Stripes of 1 and 3 under a veil that increases with depth (rows): contrast 2 / (4 + 2 v).
+        // Stripes of values 1 and 3 under a veil v that increases with depth (with the row) have contrast
+        // 2 / (4 + 2 v).
         let truth = Map::from_fn(16, 40, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let veil = |y: usize| (y / 10) as f64;
         let seen = Map::from_fn(16, 40, 1, |x, y, out| out[0] = truth.at(x, y)[0] + veil(y));
@@ -74,8 +75,8 @@ mod tests {
             out[0] = 1.0 + state as f64 / f64::from(1_u32 << 31);
         });
         let depth: Vec<f64> = (0..4096).map(|i| f64::from(i % 64)).collect();
-        // The noise has a spread of 1/√12 about 1.5; 4096 pixels in two halves: 5 σ = 5 · (0.289 / 1.5) /
-        // √4096.
+        // The noise has mean 1.5 and standard deviation 1/√12. With 4096 pixels in two halves, the
+        // tolerance of 5 σ is 5 · (0.289 / 1.5) / √4096.
         let c = by_depth(&noise, &truth, &depth, &[true; 4096], 1, 0.1)[0];
         assert!(c.abs() < 5.0 * 0.289 / 1.5 / 64.0, "{c}");
     }

@@ -1,9 +1,9 @@
-//! Metrics of an image of signed values that isolates one kind of light with a known image.
+//! Metrics of an image of signed values that isolates one light component, whose true image is known.
 //!
-//! As a detector: pixels in which the light has at least a given share are positive, and values
-//! above a learned threshold are classified as positive ([`threshold`]); see [`super::roc`] and
-//! [`super::precision_recall`]. As an image: its correlation with the light, and the residual of
-//! the light after subtracting the image times a learned gain.
+//! As a detector, the image is evaluated by the metrics of [`super::roc`] and [`super::precision_recall`].
+//! Pixels in which the component has at least a given share are positive, and values of at least a learned
+//! [`threshold`] are classified as positive. As an image, it is evaluated by its correlation with the
+//! component, and by the residual after subtraction of the image times a learned gain.
 
 use super::precision_recall::Counts;
 
@@ -16,7 +16,7 @@ pub enum Class {
     Dark,
 }
 
-/// Pixels darker than this share of the image's mean are neither positive nor negative.
+/// Pixels below this fraction of the image's mean are neither positive nor negative.
 pub const DARK: f64 = 1e-3;
 
 /// Returns the class of each pixel: positive if `light` is at least `share` of `all`.
@@ -36,7 +36,7 @@ pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
         .collect()
 }
 
-/// Returns the scores of positives and of negatives.
+/// Returns the scores of positive and of negative pixels.
 pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     let of = |class: Class| {
         let chosen = values.iter().zip(classes).filter(|(_, c)| **c == class);
@@ -46,7 +46,8 @@ pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Returns the threshold, a score of a positive, for which the decision "at least the threshold" has the
-/// largest F1 on these scores; the larger of equal ones. `None` without positives.
+/// largest F1 on these scores. Of several such thresholds, returns the largest. Returns `None` without
+/// positives.
 pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     let mut all: Vec<(f64, bool)> = positive.iter().map(|v| (*v, true)).collect();
     all.extend(negative.iter().map(|v| (*v, false)));
@@ -56,7 +57,7 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     for (i, (value, is)) in all.iter().enumerate() {
         found += u64::from(*is);
         wrong += u64::from(!*is);
-        // Equal scores have the same decision.
+        // Equal scores must have the same decision.
         if all.get(i + 1).is_some_and(|next| next.0 == *value) {
             continue;
         }
@@ -68,14 +69,13 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     best.1
 }
 
-/// Counts correct and wrong decisions, where the decision is positive if the value is at least
-/// `threshold`.
+/// Counts correct and wrong decisions, where the decision is positive if the value is at least `threshold`.
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
-/// Returns Pearson's correlation; 0 for a constant image, NaN for constant light.
+/// Returns Pearson's correlation of image and light; 0 for a constant image, NaN for constant light.
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
@@ -86,9 +86,9 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     if xx == 0.0 && yy > 0.0 { 0.0 } else { xy / (xx * yy).sqrt() }
 }
 
-/// Returns the cosine between image and light as vectors of pixels: with the best gain, the
-/// residual is √(1 - cosine²) of the light. Unlike [`correlation`], the cosine requires an image
-/// that is dark where the light is dark. NaN if either is zero.
+/// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is
+/// √(1 - cosine²) of the light. Unlike [`correlation`], the cosine requires an image that is dark where
+/// the light is dark. NaN if image or light is zero.
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Returns an image and its light: light of 2 in every second of 8 columns, over a background.
+    /// Returns an image and its light: light of value 2 in every second of 8 columns, over a background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn the_light_itself_has_perfect_scores() {
         let [light, all] = columns(|_| 1.0);
-        // 2 of 3 is above a share of a half.
+        // The share 2/3 is above one half.
         let classes = classes(&light, &all, 0.5);
         let (p, n) = parted(&light, &classes);
         assert_eq!((p.len(), n.len()), (32, 32));
@@ -144,8 +144,8 @@ mod tests {
 
     #[test]
     fn a_photograph_has_lower_scores() {
-        // Over a uniform background, the only error of a photograph is the background: gain 6/10, residual
-        // (0.2, 0.6) of (2, 0).
+        // Over a uniform background, the only error of a photograph is the background. The gain is 6/10,
+        // and the residual (0.2, 0.6) for light (2, 0).
         let [light, all] = columns(|_| 1.0);
         let g = gain([(&all[..], &light[..])]);
         approx::assert_relative_eq!(g, 0.6, epsilon = 1e-12);
@@ -155,18 +155,20 @@ mod tests {
             (1.0 - cosine(&all, &light).powi(2)).sqrt(),
             epsilon = 1e-12
         );
-        // Over a background of 1 above and 4 below, the light is 2/3 and 1/3 of its pixels.
+        // The background is 1 in the upper half and 4 in the lower half, so the share of the light is 2/3
+        // or 1/3 in its columns.
         let [light, all] = columns(|i| if i < 32 { 1.0 } else { 4.0 });
         let classes = classes(&light, &all, 0.5);
         let (p, n) = parted(&all, &classes);
         assert_eq!((p.len(), n.len()), (16, 48));
-        // Positives are 3; negatives are 16 of 1, 16 of 6, 16 of 4: a third of them is below.
+        // Positives have the value 3. Of the negatives, 16 have the value 1, 16 the value 6 and 16 the
+        // value 4, so a third of them is below 3.
         approx::assert_relative_eq!(area(&p, &n), 1.0 / 3.0, epsilon = 1e-12);
-        // The best decision is "at least 3": 16 right, 32 wrong.
+        // The best decision is "at least 3", with 16 true and 32 false positives.
         let c = decided(&all, &classes, threshold(&p, &n).expect("one"));
         approx::assert_relative_eq!(c.precision(), 1.0 / 3.0, epsilon = 1e-12);
         assert_eq!(c.recall(), 1.0);
-        // Covariance 1, variances 1 and 1 + 1.5².
+        // The covariance is 1, and the variances are 1 and 1 + 1.5².
         approx::assert_relative_eq!(
             correlation(&all, &light),
             1.0 / (1.0 + 1.5_f64.powi(2)).sqrt(),
@@ -184,7 +186,7 @@ mod tests {
         approx::assert_relative_eq!(correlation(&turned, &light), -1.0, epsilon = 1e-12);
         let g = gain([(&turned[..], &light[..])]);
         assert_eq!((g, error(&turned, &light, g)), (0.0, 1.0));
-        // A threshold learned from the light finds nothing in it.
+        // A threshold that was learned from the light classifies no pixel of the negative image as positive.
         let c = decided(&turned, &classes, 2.0);
         assert!(c.recall() == 0.0 && c.f1() == 0.0 && c.precision().is_nan());
     }
@@ -196,10 +198,11 @@ mod tests {
         assert_eq!(correlation(&flat, &light), 0.0);
         assert!(correlation(&light, &flat).is_nan() && error(&light, &vec![0.0; 64], 1.0).is_nan());
         assert_eq!(threshold(&[], &[1.0]), None);
-        // Ties have the same decision: 1 right and 2 wrong at 5, against 2 right and 3 wrong at 4.
+        // Equal scores have the same decision: the threshold 5 gives 1 true and 2 false positives, the
+        // threshold 4 gives 2 true and 3 false positives.
         assert_eq!(threshold(&[5.0, 4.0], &[5.0, 5.0, 4.0]), Some(4.0));
         assert_eq!(threshold(&[5.0, 1.0], &[4.0, 3.0, 2.0]), Some(5.0));
-        // Pixels without light are neither.
+        // Pixels without light are neither positive nor negative.
         let mut dark = all.clone();
         (dark[0], dark[1]) = (0.0, f64::NAN);
         let classes = classes(&light, &dark[..1], 0.5);

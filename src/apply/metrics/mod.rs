@@ -1,4 +1,4 @@
-//! Metrics for methods.
+//! Metrics by which methods are evaluated.
 
 pub mod angle;
 pub mod contrast;

@@ -1,18 +1,18 @@
 //! Differences between two methods on the same renders, and their standard errors.
 //!
-//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random
-//! effects: d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is
-//! σa²/V + σb²/S + σe²/(V S). The unbiased estimate of this variance is (MSa + MSb - MSe)/(V S), from the
-//! mean squares of the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3), and at
-//! least MSe/(V S). With one seed, the variance is the usual MSa/V.
+//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random effects:
+//! d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S +
+//! σe²/(V S). The unbiased estimate of this variance is (MSa + MSb - MSe)/(V S), from the mean squares of
+//! the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3). The estimate is
+//! limited to at least MSe/(V S). With one seed, it is MSa/V.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// Mean over variants and seeds.
     pub mean: f64,
-    /// Standard error; NaN for a single number.
+    /// Standard error; NaN if the table has a single number.
     pub error: f64,
-    /// Numbers of variants and seeds.
+    /// Number of variants, and number of seeds.
     pub counts: [usize; 2],
 }
 
@@ -73,7 +73,7 @@ mod tests {
         let (variants, seeds) = (6, 5);
         let mut state = 12345_u64;
         let mut normal = || {
-            // The sum of twelve uniform numbers minus six has variance 1.
+            // The sum of twelve uniform random numbers in [0, 1), minus six, has mean 0 and variance 1.
             let mut sum = -6.0;
             for _ in 0..12 {
                 state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -101,9 +101,10 @@ mod tests {
         let n = f64::from(trials);
         let error = ((squares / n - (stated / n).powi(2)) / n).sqrt();
         assert!((stated / n - truth).abs() < 5.0 * error, "{} ± {error}, truth {truth}", stated / n);
-        // The means scatter accordingly: the relative error of a variance from n draws is √(2/n).
+        // The variance of the means agrees; the relative standard error of a variance from n samples is
+        // √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
-        // The planted error: treating all numbers as independent would be far off.
+        // A deliberate error: treating all numbers as independent gives a far smaller variance.
         assert!(truth > 2.0 * (sa * sa + sb * sb + se * se) / 30.0);
     }
 

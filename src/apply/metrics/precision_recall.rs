@@ -1,4 +1,4 @@
-//! Precision and recall of a decision per pixel.
+//! Precision and recall of binary decisions per pixel.
 
 /// Counts of decisions against the ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,12 +23,12 @@ impl Counts {
         c
     }
 
-    /// Returns the share of correct positive decisions; NaN without positive decisions.
+    /// Returns the fraction of positive decisions that are correct; NaN without positive decisions.
     pub fn precision(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
     }
 
-    /// Returns the share of positives that were found; NaN without positives.
+    /// Returns the fraction of positives that are decided as positive; NaN without positives.
     pub fn recall(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
     }

@@ -2,9 +2,8 @@
 
 use crate::map::Map;
 
-/// Returns the PSNR of `image` against `truth` over the pixels of `mask` and all channels, with the
-/// largest possible value `peak`. Infinite if the images are equal; NaN if no pixel is in the mask
-/// or sizes differ.
+/// Returns the PSNR of `image` against `truth` over the pixels of `mask` and all channels, with the largest
+/// possible value `peak`. Infinite if the images are equal; NaN if no pixel is in the mask or sizes differ.
 pub fn psnr(image: &Map, truth: &Map, mask: &[bool], peak: f64) -> f64 {
     let mean = mean_squared_difference(image, truth, mask);
     10.0 * (peak * peak / mean).log10()

@@ -1,33 +1,33 @@
-//! Area under the receiver operating characteristic: the probability that a positive scores above a
-//! negative (ties count half).
+//! Area under the receiver operating characteristic: the probability that a positive has a higher score
+//! than a negative (ties count as one half).
 //!
-//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from
-//! ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object, the variance is
-//! estimated by bootstrap over groups.
+//! The variance of the area is computed as in DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with
+//! placements from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object, the
+//! variance is estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
-/// An area with its 95 % confidence interval.
+/// An area under the ROC curve with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
     /// The area, 0..1; NaN without positives or negatives.
     pub area: f64,
     pub error: f64,
-    /// Lower and upper end, within 0..1.
+    /// Lower and upper end of the 95 % confidence interval, within 0..1.
     pub interval: [f64; 2],
 }
 
 /// Half the width of a 95 % interval of a normal distribution, in standard deviations.
 const NORMAL_95: f64 = 1.959963984540054;
 
-/// Returns the area for scores of positives and negatives: the Mann–Whitney statistic.
+/// Returns the area for scores of positives and negatives (the normalized Mann–Whitney statistic).
 pub fn area(positive: &[f64], negative: &[f64]) -> f64 {
     let places = placements(positive, negative);
     places.0.iter().sum::<f64>() / places.0.len() as f64
 }
 
-/// Returns the area with DeLong's error; the scores must be independent.
+/// Returns the area with DeLong's standard error. The scores must be independent.
 pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     let (of_positive, of_negative) = placements(positive, negative);
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
@@ -41,8 +41,8 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     Area { area, error, interval: [-1.0, 1.0].map(|side| (area + side * NORMAL_95 * error).clamp(0.0, 1.0)) }
 }
 
-/// Returns for each positive the share of negatives below it, and for each negative the share of positives
-/// above it; ties count half.
+/// Returns for each positive the fraction of negatives with lower scores, and for each negative the
+/// fraction of positives with higher scores. Ties count as one half.
 fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let sorted = |v: &[f64]| {
         let mut v = v.to_vec();
@@ -81,7 +81,8 @@ pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let whole = pooled(&all);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut found = vec![];
-    // Some sample has both kinds unless all groups lack one.
+    // Of this many samples, at least one contains positives and negatives, unless one of them is missing
+    // in all groups.
     for _ in 0..10 * draws {
         if found.len() == draws || !whole.is_finite() {
             break;
@@ -118,10 +119,11 @@ mod tests {
         assert_eq!(area(&[3.0, 4.0], &[1.0, 2.0]), 1.0);
         assert_eq!(area(&[1.0, 2.0], &[3.0, 4.0]), 0.0);
         assert_eq!(area(&[1.0, 3.0], &[2.0, 2.0]), 0.5);
-        // Pairs: 2 > 1, 2 = 2, 5 > 1, 5 > 2.
+        // The pairs are 2 > 1, 2 = 2, 5 > 1 and 5 > 2.
         assert_eq!(area(&[2.0, 5.0], &[1.0, 2.0]), 3.5 / 4.0);
         assert!(area(&[], &[1.0]).is_nan() && area(&[1.0], &[]).is_nan());
-        // DeLong's components by hand: placements (0.75, 1) and (1, 0.75), variances 1/32 each, over 2.
+        // DeLong's components, computed by hand: the placements are (0.75, 1) and (1, 0.75), and their
+        // variances are 1/32, each divided by 2.
         let a = delong(&[2.0, 5.0], &[1.0, 2.0]);
         approx::assert_relative_eq!(a.error, (2.0 * (1.0 / 32.0) / 2.0_f64).sqrt(), epsilon = 1e-12);
     }
@@ -143,16 +145,17 @@ mod tests {
             seen += (a.area - truth).powi(2);
         }
         let n = trials as f64;
-        // The estimated variance equals that of the areas, which n draws determine to √(2/n).
+        // The estimated variance equals the variance of the areas, whose relative standard error from n
+        // samples is √(2/n).
         assert!((stated / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", stated / seen);
         let share = f64::from(covered) / n;
-        // 95 %, minus the error of the normal approximation at these counts.
+        // The coverage is 95 %, minus the error of the normal approximation at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
     }
 
     #[test]
     fn correlated_groups_have_larger_errors_than_delong() {
-        // Every group has a separate shift that its twenty scores share.
+        // Every group has a random shift, which is common to its twenty scores.
         let shifts = numbers(5, 40);
         let groups: Vec<Group> = shifts
             .chunks_exact(2)
@@ -162,7 +165,8 @@ mod tests {
         let naive = delong(&take(|g| &g.positive), &take(|g| &g.negative));
         let grouped = bootstrap(&groups, 2000, 1);
         assert_eq!(naive.area, grouped.area);
-        // The equivalent number of independent scores is that of groups: DeLong with one score per group.
+        // The effective number of independent scores is the number of groups, so DeLong's method is
+        // applied with one score per group.
         let single = delong(
             &groups.iter().map(|g| g.positive[0]).collect::<Vec<_>>(),
             &groups.iter().map(|g| g.negative[0]).collect::<Vec<_>>(),

@@ -1,11 +1,11 @@
 //! Coins of four metals in front of a mirror (Fig. 13; section 6.4: "specular interreflection often
 //! flips the circular polarization").
 //!
-//! The captions name no elements for coins, so those of the disco ball with the same meaning are
-//! used. Each reflection by metal reverses the handedness of circular light. The sign of (3,3)
-//! therefore separates odd from even numbers of reflections. Light is epipolar if camera and
-//! projector both see the scene directly or both in the mirror, but not if only one of them sees it
-//! in the mirror.
+//! The captions name no elements for coins, so the elements that the captions name for corresponding
+//! light of the disco ball are used. Each reflection by metal reverses the handedness of circular
+//! polarization. The sign of (3,3) therefore separates odd from even numbers of reflections. Light is
+//! epipolar if camera and projector both view the scene directly or both via the mirror, but not if only
+//! one of them views it via the mirror.
 
 use super::methods::{METHODS, application};
 use crate::application::{Application, Truth};
@@ -14,7 +14,7 @@ use crate::isolation::seen::{self, Sight};
 use crate::isolation::{self, Task, task};
 use crate::paths::Path;
 
-/// Selects paths of exactly `bounces` reflections by metal.
+/// Returns whether a path consists of exactly `bounces` reflections by metal.
 fn metal(p: Path, bounces: u32) -> bool {
     p.all_specular() && p.bounces == bounces
 }
@@ -25,11 +25,11 @@ const TASKS: [Task; 5] = [
     task!("two reflections by metal", |p| metal(p, 2), 0.5).named(Element::of(Space::NonEpipolar, [3, 3])),
     task!("three reflections by metal", |p| metal(p, 3), 0.2)
         .named(Element::of(Space::Epipolar, [3, 3]).negative()),
-    // Like -(1,0) of the floor under the disco ball.
+    // The element is -(1,0), as for the floor under the disco ball.
     task!("mirror to table", Path::one_mirror_one_diffuse, 0.2)
         .within(|o| seen::within(o, "table", |share| share[0] >= 0.5))
         .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
-    // Like (2,1), which "removes the specular reflection".
+    // The element is (2,1), which "removes the specular reflection".
     task!("table alone", Path::single_diffuse, 0.5).named(Element::of(Space::Epipolar, [2, 1])),
 ];
 

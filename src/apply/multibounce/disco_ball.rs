@@ -10,13 +10,14 @@ use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
 
-/// Selects paths from a facet to a wall to the camera, or reversed, including the wall's gloss.
+/// Returns whether a path leads from a facet via a wall to the camera, or in the reverse order. Specular
+/// reflection by the wall is included.
 fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
-/// Returns the pixels of the walls in the upper right or lower left of the ball's centre (`side` = 1), or on
-/// the other diagonal.
+/// Returns the pixels of the walls to the upper right or lower left of the ball's centre (`side` = 1), or
+/// on the other diagonal (`side` = -1).
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];
@@ -39,8 +40,8 @@ const TASKS: [Task; 6] = [
         .within(|o| seen::within(o, "floor", |share| share[0] >= 0.5))
         .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
-    // incidence of a facet is at +45° for light to the upper right or lower left, and at -45° for light along
-    // the other diagonal. The sign of (0,2) distinguishes these two directions best.
+    // incidence at a facet is at +45° for light that is reflected to the upper right or lower left, and at
+    // -45° for light along the other diagonal. The sign of (0,2) distinguishes these two directions best.
     task!("ball along one diagonal", patch, 0.2)
         .within(|o| diagonal(o, 1.0))
         .named(Element::of(Space::NonEpipolar, [0, 2])),

@@ -7,7 +7,7 @@ pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
     Family::Any { space, time, polarization }
 }
 
-/// All methods; the paper's is the first.
+/// All methods. The first is that of the paper.
 pub(super) const METHODS: [Isolation; 8] = [
     Isolation::new("the named element", "Baek & Heide 2021", Family::Named),
     Isolation::new("the named element, either sign", "its sign learnt", Family::NamedEitherSign),
@@ -31,8 +31,8 @@ pub(super) const METHODS: [Isolation; 8] = [
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
 
-/// Returns the application of a scene. `maps` are the truth maps for the regions of tasks; `run` isolates the
-/// tasks' light by [`METHODS`].
+/// Returns the application of a scene. `maps` are the truth maps that define the regions of tasks. `run`
+/// isolates the light of each task with [`METHODS`].
 pub(super) fn application(
     [name, shows, scene]: [&'static str; 3],
     maps: &[Truth],

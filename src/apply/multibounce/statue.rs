@@ -2,10 +2,10 @@
 //! diffuse transient reflections as T(s,s,3,3,t1)" and "specular transient reflections from metallic surfaces
 //! as T(s,s,3,3,t2)".
 //!
-//! The paper shows two times but not how they were chosen: here each task's bin of travel time is learned,
-//! like all free parameters. Every reflection by metal reverses the handedness of circular light. The
-//! statue's gold leaf therefore has -(3,3), both directly and in the mirror (three reflections), which the
-//! caption's (3,3) cannot show.
+//! The paper shows two times, but does not state how they were chosen. Here the bin of travel time of
+//! each task is learned, like all free parameters. Every reflection by metal reverses the handedness of
+//! circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), both directly
+//! and via the mirror (three reflections). The caption's positive (3,3) cannot isolate this light.
 
 use super::methods::any;
 use crate::application::{Application, Plan, Size, Truth, itself};
@@ -15,7 +15,7 @@ use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
 use crate::paths::Path;
 use tensor::label::SPECULAR;
 
-/// Selects paths to the statue and back via the mirror.
+/// Returns whether a path leads to the statue and back via the mirror.
 fn in_the_mirror(p: Path) -> bool {
     p.bounces == 3 && p.label & SPECULAR != 0
 }

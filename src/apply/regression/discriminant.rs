@@ -1,26 +1,25 @@
-//! Fisher's linear discriminant (Fisher 1936): w = Sw⁻¹ (μ₁ - μ₀), with the covariance Sw within the two
-//! kinds.
+//! Fisher's linear discriminant (Fisher 1936): w = Sw⁻¹ (μ₁ - μ₀), where Sw is the covariance within the
+//! two classes, and μ₀ and μ₁ are their means.
 //!
-//! Sw is slightly regularized, Sw + 1e-6 diag(Sw), so that features may be dependent.
+//! Sw is slightly regularized to Sw + 1e-6 diag(Sw), so that features may be linearly dependent.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Share of the diagonal that is added to the covariance.
+/// Fraction of the diagonal that is added to the covariance.
 const RIDGE: f64 = 1e-6;
 
-/// Variance relative to the squared mean below which it is a rounding error.
+/// Ratio of variance to squared mean below which a variance is due to rounding errors.
 const ROUNDING: f64 = 1e-13;
 
-/// A direction along which one kind has larger values than the other.
+/// A direction in feature space along which the positive class has larger values than the negative class.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discriminant {
-    /// One weight for each feature.
     pub weights: DVector<f64>,
 }
 
 impl Discriminant {
-    /// Computes the discriminant from examples of both kinds, each a vector of features. Returns
-    /// `None` if a kind has fewer than two examples, or if the kinds cannot be separated.
+    /// Computes the discriminant from examples of both classes, each a vector of features. Returns `None`
+    /// if a class has fewer than two examples, or if the classes cannot be separated.
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {
@@ -37,7 +36,7 @@ impl Discriminant {
         };
         let (above, below) = (mean(positive), mean(negative));
         let count = (positive.len() + negative.len()) as f64;
-        // A spread of the size of the mean's rounding is zero.
+        // A standard deviation of the size of the mean's rounding error counts as zero.
         let scale = DVector::from_fn(features, |i, _| {
             let v = within[(i, i)];
             let rounding = ROUNDING * count * (above[i].powi(2) + below[i].powi(2));
@@ -55,7 +54,7 @@ impl Discriminant {
         weights.iter().all(|w| w.is_finite()).then_some(Self { weights })
     }
 
-    /// Returns the score of features; higher values mean the positive kind.
+    /// Returns the score of a feature vector. The positive class has higher scores.
     pub fn score(&self, features: &[f64]) -> f64 {
         features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum()
     }
@@ -69,8 +68,8 @@ mod tests {
 
     #[test]
     fn reaches_the_optimum_for_normal_classes() {
-        // Two normal kinds with one covariance: the area is Φ(d/√2) with the Mahalanobis distance d (here 1
-        // along a + b, while each feature alone separates less).
+        // For two normally distributed classes of equal covariance, the area is Φ(d/√2) with the
+        // Mahalanobis distance d. Here d is 1 along a + b, and smaller along each single feature.
         let mut r = random(4);
         let mut kind = |shift: f64, n: usize| -> Vec<Vec<f64>> {
             (0..n)
@@ -83,9 +82,9 @@ mod tests {
         let (positive, negative) = (kind(0.5, 4000), kind(0.0, 4000));
         let found = Discriminant::new(&positive, &negative).expect("two kinds");
         let scores = |all: &[Vec<f64>]| all.iter().map(|x| found.score(x)).collect::<Vec<_>>();
-        // a + b = shift + noise of 0.5: d = 1, and Φ(1/√2) = 0.760250.
+        // a + b is the shift plus noise of standard deviation 0.5, so d = 1 and Φ(1/√2) = 0.760250.
         let a = area(&scores(&positive), &scores(&negative));
-        // The standard error of an area of 4000 and 4000 is about 0.0053.
+        // The standard error of an area from 4000 examples per class is about 0.0053.
         assert!((a - 0.760250).abs() < 5.0 * 0.0053, "{a}");
         let alone = |i: usize| {
             let take = |all: &[Vec<f64>]| all.iter().map(|x| x[i]).collect::<Vec<_>>();

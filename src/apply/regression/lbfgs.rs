@@ -1,9 +1,10 @@
-//! Weights and biases of equation (descattering) of Baek & Heide (2021) by L-BFGS (Liu & Nocedal 1989; crate
-//! argmin), as in the paper.
+//! Weights and biases of the descattering equation of Baek & Heide (2021), optimized with L-BFGS (Liu &
+//! Nocedal 1989; crate argmin) as in the paper.
 //!
-//! Minimizes over W, b the mean of (Σₑ Wₑ (xₑ + bₑ) - y)². The biases act only through the number Σ Wₑ bₑ, so
-//! the problem has the same minimum as linear least squares ([`super::least_squares`]), but it is not convex.
-//! The paper gives no starting point; ours is the image itself: W = 1 for M00, 0 for the others, b = 0.
+//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The biases enter only through the sum Σ
+//! Wₑ bₑ, so the problem has the same minimum as linear least squares ([`super::least_squares`]), but it
+//! is not convex. The paper states no starting point. The starting point here is the image itself: W = 1
+//! for M00, W = 0 for the other elements, and b = 0.
 
 use super::moments::{Linear, Moments};
 use nalgebra::{DMatrix, DVector};
@@ -13,8 +14,8 @@ use std::cmp::Ordering;
 /// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference as a sum of squares, which rounding cannot make negative: Σᵢ (rowᵢ · (W, Σ W
-/// b, -1))², in units in which the root mean squares of the first feature and of y are 1.
+/// The mean squared difference, written as a sum of squares so that rounding errors cannot make it negative:
+/// Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in which the root mean squares of the first feature and of y are 1.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -39,7 +40,7 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // Regularization, larger if rounding requires it, makes the matrix positive definite.
+        // Regularization makes the matrix positive definite. It is increased if rounding errors require it.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
@@ -65,7 +66,8 @@ impl Smooth for Problem {
     }
 }
 
-/// Returns the fit Σ W (x + b), with the image itself as start: weight 1 for the first feature.
+/// Returns the fit Σ W (x + b). The optimization starts at weight 1 for the first feature and 0 for all
+/// others.
 ///
 /// # Errors
 /// If the images or targets are dark or not finite.
@@ -77,7 +79,7 @@ pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
         return Err("the images contain no light");
     }
     let mut start = vec![0.0; 2 * n];
-    // Weight 1 in the features' unit.
+    // The starting weight is 1 in the unit of the features.
     start[0] = first / target;
     let problem =
         Problem::new(moments, first, target).ok_or("the images contain values that are not finite")?;
@@ -110,7 +112,7 @@ mod tests {
     #[test]
     fn the_gradient_matches_the_cost() {
         let problem = Problem::new(&examples(), 2.0, 3.0).expect("a problem");
-        // The cost is the loss, in y's unit.
+        // The cost equals the loss after conversion to the unit of y.
         let moments = examples();
         let mut image = vec![0.0; 12];
         (image[0], image[6]) = (0.8, 1.5);

@@ -5,28 +5,28 @@
 //! - zero;
 //! - λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ from
 //!   leave-one-group-out cross-validation;
-//! - minus the features' noise (Fuller 1987, section 2.2). Noise in x makes weights too small, and
-//!   subtracting it gives the weights of noise-free features. If the test examples have the same
-//!   noise, R = 0 predicts best.
+//! - minus the noise covariance of the features (Fuller 1987, section 2.2). Noise in x makes weights too
+//!   small, and subtracting its covariance gives the weights for noise-free features. If test examples
+//!   have the same noise, R = 0 gives the best predictions.
 
 use super::moments::{Centred, Linear, Moments};
 use nalgebra::{DMatrix, DVector};
 
-/// Minimum regularization of the diagonal of standardized covariances, so that dependent features share their
-/// weight.
+/// Minimum regularization of the diagonal of standardized covariances, so that the weight is divided
+/// between linearly dependent features.
 const LOADING: f64 = 1e-10;
 
-/// Variance relative to the squared mean below which it is a rounding error.
+/// Ratio of variance to squared mean below which a variance is due to rounding errors.
 const ROUNDING: f64 = 1e-13;
 
-/// Share of noise that is subtracted, relative to the largest share for which covariances stay
-/// positive definite.
+/// Fraction of the noise covariance that is subtracted, relative to the largest fraction for which the
+/// result is positive definite.
 const TAKEN: f64 = 0.95;
 
-/// Number of bisection steps for the largest share of noise.
+/// Number of bisection steps in the search for the largest fraction.
 const HALVINGS: usize = 30;
 
-/// Fits by least squares; for dependent features, standardized weights of least norm.
+/// Fits by least squares. For linearly dependent features, the standardized weights have minimum norm.
 pub fn least_squares(moments: &Moments) -> Linear {
     let c = moments.centred();
     solve(&c, c.xx.clone())
@@ -42,8 +42,8 @@ pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
     solve(&c, xx)
 }
 
-/// Fits by ridge regression with the λ, among powers of √10 from 1e-8 to 10, of least mean loss on left-out
-/// groups of examples. Also returns that λ.
+/// Fits by ridge regression with the λ that has the least mean loss on held-out groups of examples.
+/// Candidates are powers of √10 from 1e-8 to 10. Also returns the chosen λ.
 pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     let all = Moments::sum(groups);
     if groups.len() < 2 {
@@ -60,9 +60,9 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     (ridge(&all, best), best)
 }
 
-/// Fits by least squares with the features' noise subtracted, limited so that covariances stay
-/// positive definite. Also returns the subtracted share of the noise. Errors of different features
-/// are treated as independent.
+/// Fits by least squares with the noise covariance of the features subtracted, as far as the result stays
+/// positive definite. Also returns the subtracted fraction. Errors of different features are treated as
+/// independent.
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
     let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();
@@ -80,8 +80,8 @@ pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     (solve(&c, xx), share)
 }
 
-/// Returns the weights from covariances, standardized; constant features have no weight. NaN for non-finite
-/// input.
+/// Returns the linear model for the given covariances, computed with standardized features. Constant
+/// features have weight zero. The result is NaN for non-finite input.
 fn solve(c: &Centred, xx: DMatrix<f64>) -> Linear {
     let n = c.mean.len();
     let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
@@ -147,22 +147,23 @@ pub(crate) mod tests {
 
     #[test]
     fn noise_shrinks_weights_and_its_correction_restores_them() {
-        // Attenuation in closed form: w = σ²/(σ² + noise²) of the true weight, for independent features.
+        // For independent features, noise attenuates the weight by the factor σ²/(σ² + noise²).
         let n = 200_000;
         let moments = examples(n, 0.3);
         let plain = least_squares(&moments);
-        // Standard error of a weight: residual spread over the feature's, over √n.
+        // The standard error of a weight is the standard deviation of the residuals divided by that of
+        // the feature and by √n.
         let residual = moments.loss(&plain).sqrt();
         let error = |feature: f64| residual / feature / (n as f64).sqrt();
         assert!((plain.weights[0] - 2.0 / 1.09).abs() < 5.0 * error(1.09_f64.sqrt()));
         assert!((plain.weights[1] + 1.5).abs() < 5.0 * error(0.18_f64.sqrt()));
         let (fit, share) = without_noise(&moments);
         assert!(share > 0.9);
-        // Twice the error for the feature that is half noise; includes the part of the correction that was
-        // not applied.
+        // The tolerance is twice the standard error for the feature that is half noise. It includes the
+        // fraction of the correction that was not applied.
         assert!((fit.weights[0] - 2.0).abs() < 0.03, "{fit:?} {share}");
         assert!((fit.weights[1] + 3.0).abs() < 0.3, "{fit:?} {share}");
-        // The plain solution predicts data with the same noise better.
+        // Uncorrected least squares predicts data with the same noise better.
         assert!(moments.loss(&plain) < moments.loss(&fit));
     }
 
@@ -177,7 +178,8 @@ pub(crate) mod tests {
 
     #[test]
     fn cross_validation_shrinks_noise() {
-        // Forty uninformative features and few examples: plain least squares fits the noise.
+        // With forty uninformative features and few examples, least squares without regularization fits
+        // the noise.
         let mut r = random(3);
         let mut group = |n: usize| {
             let (mut x, mut y) = (vec![], vec![]);

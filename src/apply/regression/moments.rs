@@ -1,12 +1,12 @@
-//! First and second moments of examples: the sufficient statistics of linear least squares, whose size does
-//! not depend on the number of examples.
+//! First and second moments of examples: the sufficient statistics of linear least squares. Their size
+//! does not depend on the number of examples.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Sums over examples (x, y), with a vector of features x and a target y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moments {
-    /// Number of examples.
+    /// Number n of examples.
     pub count: f64,
     /// Σ x.
     pub x: DVector<f64>,
@@ -25,13 +25,12 @@ pub struct Moments {
 /// A linear model: y ≈ weights · x + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
-    /// One weight for each feature.
     pub weights: DVector<f64>,
     pub offset: f64,
 }
 
 impl Linear {
-    /// Returns the estimate from features.
+    /// Returns the estimate of y for a feature vector.
     pub fn of(&self, features: &[f64]) -> f64 {
         self.offset + features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum::<f64>()
     }
@@ -51,7 +50,8 @@ impl Moments {
         }
     }
 
-    /// Returns the moments of examples: features and their standard errors, example by example, and targets.
+    /// Returns the moments of examples. `x` and `errors` hold the features and their standard errors,
+    /// example by example; `y` holds the targets.
     pub fn of(features: usize, x: &[f64], errors: &[f64], y: &[f64]) -> Self {
         let all = DMatrix::from_column_slice(features, y.len(), x);
         let target = DVector::from_column_slice(y);
@@ -81,19 +81,18 @@ impl Moments {
         self.noise += &other.noise;
     }
 
-    /// Returns the moments of all parts except one.
+    /// Returns the sum of all parts except one.
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
         parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
         all
     }
 
-    /// Returns the moments of all parts.
     pub fn sum(parts: &[Self]) -> Self {
         Self::without(parts, usize::MAX)
     }
 
-    /// Returns the moments of the single feature Σ wᵢ xᵢ.
+    /// Returns the moments of examples with the single feature Σ wᵢ xᵢ.
     pub fn projected(&self, w: &DVector<f64>) -> Self {
         Self {
             count: self.count,
@@ -113,7 +112,7 @@ impl Moments {
             - 2.0 * w.dot(&self.xy)
             - 2.0 * b * self.y;
         let mean = sum / self.count;
-        // Rounding may give a negative value; NaN is kept.
+        // Rounding errors may cause a negative value. NaN is kept.
         if mean < 0.0 { 0.0 } else { mean }
     }
 
@@ -160,7 +159,7 @@ mod tests {
         let direct = x.chunks_exact(2).zip(y).map(|(x, y)| (fit.of(x) - y).powi(2)).sum::<f64>() / 4.0;
         approx::assert_relative_eq!(moments.loss(&fit), direct, epsilon = 1e-12);
         approx::assert_relative_eq!(moments.noise[1], 0.04, epsilon = 1e-12);
-        // Parts add up, with and without a left-out part.
+        // The sum of parts equals the whole, with and without excluding a part.
         let parts: Vec<Moments> =
             (0..4).map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i])).collect();
         approx::assert_relative_eq!(Moments::sum(&parts).xx, moments.xx, epsilon = 1e-12);

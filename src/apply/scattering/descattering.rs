@@ -1,4 +1,4 @@
-//! The methods: linear estimates of the clear image from several features of a pixel.
+//! The descattering methods: linear estimates of the clear image from several features of a pixel.
 
 use super::seen::Seen;
 use crate::application::Method;
@@ -26,20 +26,20 @@ enum Features {
     GatedElements,
     /// A photograph under full light: Σ over s' of T00.
     Photograph,
-    /// T00 of light from each camera pixel's epipolar line, which excludes light that was scattered out of
-    /// its plane (O'Toole, Raskar & Kutulakos 2012).
+    /// T00 of light from the epipolar line of each camera pixel. This excludes light that was scattered
+    /// out of the epipolar plane (O'Toole, Raskar & Kutulakos 2012).
     EpipolarPhotograph,
-    /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this Stokes
-    /// element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
+    /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this
+    /// Stokes element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
     ///
-    /// With the light S of the objects and the light B of the medium, of degrees of polarization p_S and
-    /// p_B: I_max = S (1 + p_S)/2 + B (1 + p_B)/2, I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (their eq.
-    /// 13) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and an offset are
-    /// learned together, because S is linear in the two images.
+    /// Let S be the light from the objects and B that from the medium, with degrees of polarization p_S and p_B.
+    /// Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (eq.
+    /// 13 of the paper) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and
+    /// an offset are learned together, because S is linear in the two images.
     Pair(usize),
-    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): two images as for
-    /// [`Self::Pair`] under lines that are projected one after the other. The lines are epipolar
-    /// lines, as in the comparison of Baek & Heide (2021).
+    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): the two images of [`Self::Pair`],
+    /// captured while lines are projected one after the other. The lines are epipolar lines, as in the
+    /// comparison of Baek & Heide (2021).
     EpipolarPair(usize),
     /// T00 of all light in every bin of travel time.
     Bins,
@@ -50,14 +50,14 @@ enum Features {
 enum Solver {
     /// L-BFGS, as in the paper.
     Lbfgs,
-    /// Closed form: the minimum loss on the training variants.
+    /// The closed-form solution with minimum loss on the training variants.
     LeastSquares,
     /// Ridge regression, cross-validated over training variants.
     Ridge,
     /// Least squares with the noise of the features subtracted.
     WithoutNoise,
-    /// Time gating: the window of bins of least loss on the training variants. A gate that follows the depth
-    /// of objects, as in a scan over depth, is not included.
+    /// Time gating with the window of bins that has the least loss on the training variants. The gate is
+    /// the same for all pixels and does not follow the depth of objects.
     Window,
 }
 
@@ -65,7 +65,7 @@ const fn new(name: &'static str, source: &'static str, features: Features, solve
     Descattering { method: Method { name, source }, features, solver }
 }
 
-/// All methods, Sunstone's first, the baselines from [`BASELINES`] on.
+/// All methods. Those of Sunstone are first; the baselines begin at index [`BASELINES`].
 pub(super) const METHODS: [Descattering; 11] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
@@ -155,7 +155,7 @@ impl Descattering {
     }
 }
 
-/// Fits every window of features; returns the one of least loss.
+/// Fits every window of consecutive features and returns the fit of least loss.
 fn best_window(all: &Moments) -> Option<Linear> {
     let bins = all.x.len();
     let windows = (0..bins).flat_map(|from| (from + 1..=bins).map(move |to| (from, to)));
@@ -168,8 +168,8 @@ fn best_window(all: &Moments) -> Option<Linear> {
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(fit, _)| fit)
 }
 
-/// Returns Σₑ wₑ Tₑ over elements of a pixel (and all bins), and its standard error for independent errors of
-/// the elements.
+/// Returns Σₑ wₑ Tₑ over the elements of a pixel, summed over all bins, and the standard error of the sum
+/// for independent errors of the elements.
 pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, f64)]) -> (f64, f64) {
     let (mut sum, mut variance) = (0.0, 0.0);
     for bin in 0..p.bins {
@@ -181,8 +181,8 @@ pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, 
     (sum, variance.sqrt())
 }
 
-/// Returns the two images of [`Features::Pair`]: light of unit power in Stokes element `k` only, [1, 0, ..,
-/// 1], behind analyzers [1, 0, .., ±1]/2.
+/// Returns the two images of [`Features::Pair`]: the illumination is fully polarized in Stokes element
+/// `k`, [1, 0, .., 1], and the analyzers are [1, 0, .., ±1]/2.
 pub(super) fn along_and_across(p: &Pixels, pixel: usize, lane: usize, k: usize) -> [(f64, f64); 2] {
     [0.5, -0.5].map(|sign| weighed(p, pixel, lane, &[(0, 0.5), (k, 0.5), (4 * k, sign), (5 * k, sign)]))
 }

@@ -1,14 +1,13 @@
-//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for
-//! W and b.
+//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
 //!
-//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. Every
-//! method is a linear estimate of the image without milk from several features of a pixel, for each
-//! wavelength; methods differ in the features. The gains and offsets of all methods, including the
-//! baselines, are learned from the training variants only.
+//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. For each
+//! wavelength, every method is a linear estimate of the image without milk from several features of a
+//! pixel. Methods differ in the features. The gains and offsets of all methods, including the baselines,
+//! are learned from the training variants only.
 //!
-//! The features contain the render's noise, which makes learned weights too small (see
-//! [`crate::regression::least_squares`]), like noise in captures. Therefore ridge regression and
-//! the errors-in-variables solution are compared with plain least squares.
+//! Like captures, the features contain noise (from the render), which makes learned weights too small
+//! (see [`crate::regression::least_squares`]). Therefore ridge regression and the errors-in-variables
+//! solution are compared with ordinary least squares.
 
 mod descattering;
 mod seen;
@@ -24,13 +23,14 @@ use descattering::{BASELINES, Descattering, METHODS};
 use rayon::prelude::*;
 use seen::Seen;
 
-/// Number of variants of one arrangement of objects: the first without milk, then five concentrations.
+/// Number of variants per arrangement of objects: the first without milk, followed by five concentrations
+/// of milk.
 const CONCENTRATIONS: u64 = 6;
 
-/// Number of parts of the ruler, by depth.
+/// Number of depth intervals of the ruler.
 const PARTS: usize = 3;
 
-/// Minimum contrast in clear water of marks that count.
+/// Minimum contrast in clear water of the marks that are evaluated.
 const LEAST_CONTRAST: f64 = 0.2;
 
 const METRICS: [Metric; 2 + PARTS] = [
@@ -156,8 +156,8 @@ fn image(method: &Descattering, fits: &[Linear], seen: &Seen) -> Map {
     })
 }
 
-/// Draws the weights of 16 elements, or of all their bins side by side: four rows, four columns per bin, a
-/// channel per wavelength.
+/// Returns an image of the weights of the 16 elements, or of all bins side by side. The image has four
+/// rows, four columns per bin, and one channel per wavelength.
 fn weight_map(fits: &[Linear]) -> Option<Map> {
     let n = fits.first()?.weights.len();
     if n % 16 != 0 {

@@ -11,9 +11,9 @@ pub(super) const CLEAR: &str = "clear";
 /// Slices and ground truth of a variant.
 pub(super) struct Seen {
     pub variant: u64,
-    /// Summed over all projector pixels.
+    /// Mueller matrices, summed over all projector pixels.
     pub polarimetric: Pixels,
-    /// Summed over the projector pixels of each camera pixel's epipolar line.
+    /// Mueller matrices, summed over the projector pixels on the epipolar line of each camera pixel.
     pub epipolar: Pixels,
     /// Epipolar light as in `epipolar`, in bins of travel time.
     pub gated: Pixels,
@@ -68,8 +68,7 @@ impl Seen {
     }
 }
 
-/// Returns the number of wavelengths, after checking that all variants have equal numbers of wavelengths and
-/// bins.
+/// Returns the number of wavelengths. Checks that all variants have equal numbers of wavelengths and bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let Some(first) = train.first() else {
         return Err(ApplyError::Empty("pass variants for training".into()));

@@ -1,4 +1,4 @@
-//! Tests each method with a synthetic tank whose backscatter the method removes exactly.
+//! Tests each method with a synthetic tank for which the method removes the backscatter exactly.
 
 use super::descattering::{along_and_across, weighed};
 use super::*;
@@ -9,23 +9,23 @@ use crate::regression::least_squares::tests::{normal, random};
 /// The backscatter of a synthetic tank's milk.
 #[derive(Clone, Copy)]
 struct Milk {
-    /// Preserved degree of linear polarization.
+    /// Degree of linear polarization of the backscatter for linearly polarized light.
     linear: f64,
-    /// Preserved degree of circular polarization, negative if the handedness is reversed.
+    /// Degree of circular polarization of the backscatter for circularly polarized light; negative if the
+    /// handedness is reversed.
     circular: f64,
     /// Degree of linear polarization that the objects preserve.
     things: f64,
     /// Share of the backscatter that is epipolar.
     epipolar: f64,
-    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last
-    /// bin.
+    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last bin.
     bins: usize,
 }
 
 const SIZE: [usize; 2] = [24, 16];
 const BINS: usize = 4;
 
-/// Two training variants and two test variants, with random objects and random milk in each pixel.
+/// Returns two training variants and two test variants, with random objects and random milk in each pixel.
 fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
     let mut r = random(seed);
     let n = SIZE[0] * SIZE[1];
@@ -112,8 +112,7 @@ fn recovered(along: f64, across: f64, of_medium: f64, of_things: f64) -> f64 {
     (across * (1.0 + of_medium) - along * (1.0 - of_medium)) / (of_medium - of_things)
 }
 
-/// PSNR in dB: minimum of results that are exact to single precision, and maximum of results with
-/// backscatter.
+/// Minimum PSNR, dB, of results that are exact to single precision.
 const EXACT: f64 = 80.0;
 const VEILED: f64 = 25.0;
 
@@ -122,7 +121,7 @@ const PLAIN: Milk = Milk { linear: 0.0, circular: 0.0, things: 0.0, epipolar: 1.
 #[test]
 fn plain_backscatter_is_not_removed_without_time() {
     for (name, value) in psnr_of(PLAIN) {
-        // Time bins determine the veil, because all except the last contain nothing else.
+        // Time bins determine the veil, because all bins except the last contain only the veil.
         let by_time = name.starts_with("time");
         assert!(by_time || value < VEILED, "{name}: {value}");
     }
@@ -138,13 +137,13 @@ fn treibitz_and_schechner_remove_linearly_polarized_backscatter() {
         for other in ["conventional", "epipolar confocal", "cross-polarization, circular"] {
             assert!(of(&table, other) < VEILED, "{other} {table:?}");
         }
-        // Our method includes it as a special case.
+        // The method of Baek & Heide includes this baseline as a special case.
         assert!(
             of(&table, "W, b by least squares") > EXACT && of(&table, "W, b by L-BFGS") > 50.0,
             "{table:?}"
         );
-        // Their formula with the known degrees is exact per pixel; with wrong degrees, the planted error, it
-        // is not.
+        // The formula of Treibitz & Schechner is exact in every pixel for the true degrees of
+        // polarization, and wrong for deliberately wrong degrees.
         let all = observations(milk, 11);
         let seen = Seen::new(&all[0]).expect("seen");
         for pixel in [0, 17, 200] {
@@ -180,7 +179,7 @@ fn epipolar_light_removes_backscatter_off_the_plane() {
 
 #[test]
 fn striping_needs_both_lines_and_polarization() {
-    // The non-epipolar veil has another degree of polarization than the epipolar one.
+    // The degrees of polarization of the non-epipolar and the epipolar veil differ.
     let table = psnr_of(Milk { linear: 0.6, epipolar: 0.5, ..PLAIN });
     assert!(of(&table, "polarized light striping") > EXACT, "{table:?}");
     for veiled in ["epipolar confocal", "cross-polarization, linear", "conventional"] {
@@ -201,7 +200,7 @@ fn time_gating_uses_the_bin_without_backscatter() {
 
 #[test]
 fn analyzer_images_match_the_forward_model() {
-    // Element by element: light [1, 0, 1, 0]/... behind [1, ±1]/2.
+    // Compute both images element by element, for light [1, 0, 1, 0]/... and analyzers [1, ±1]/2.
     let all = observations(PLAIN, 3);
     let seen = Seen::new(&all[0]).expect("seen");
     for k in [1, 3] {

@@ -1,7 +1,8 @@
-//! Fig. 11 as an application: normals and depths of statues of translucent stone by every method.
+//! The application of Fig. 11: normals and depths of statues of translucent stone, reconstructed by every
+//! method.
 //!
-//! All methods know the pixels that the statue covers completely. Errors are means over the known
-//! pixels for which a method has a result; `coverage` is the share of these pixels.
+//! All methods are given the pixels that the statue covers completely. Errors are means over those of the
+//! pixels for which a method has a result. `coverage` is the fraction of pixels with a result.
 
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
@@ -26,7 +27,7 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// Our method first; the paper's pseudo truth last.
+/// All methods. That of Baek & Heide (2021) is the first, and the pseudo truth of the paper is the last.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",
@@ -68,8 +69,8 @@ pub(crate) fn application() -> Application {
     Application {
         name: "shape",
         shows: "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)",
-        // Even variants are translucent, odd ones their sprayed twins; each six variants include all materials
-        // and statues.
+        // Even variants are translucent, and odd variants are the same statues after spraying. Each group
+        // of six variants includes all materials and statues.
         plan: Plan {
             scene: "sss_statue/variants.toml",
             train: vec![0, 4, 8],
@@ -119,11 +120,12 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Draws normals as colours: ½(1 + n), with x to the right red, y up green, z toward the camera blue.
+/// Draws normals as colours ½(1 + n): red is x (to the right), green is y (up), blue is z (toward the
+/// camera).
 fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
     let map = Map::from_fn(normals.width, normals.height, 3, |x, y, out| {
         let n = normals.at(x, y);
-        // Channels of pictures are sorted by wavelength: blue comes first.
+        // Channels of images are sorted by wavelength, so blue is the first channel.
         out.copy_from_slice(&[-n[2], -n[1], n[0]].map(|v| 0.5 * (1.0 + v)));
     });
     Picture { method, name: "normals", variant: Some(variant), shared: true, map }

@@ -68,7 +68,7 @@ fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     mean(&outcome.scores, method, METRICS[metric].name)
 }
 
-/// Returns the scans with this light, in the order of the table.
+/// Returns the structured-light methods that use this light, in the order of the table.
 fn scans(light: Light) -> impl Iterator<Item = &'static str> {
     METHODS
         .iter()
@@ -76,8 +76,8 @@ fn scans(light: Light) -> impl Iterator<Item = &'static str> {
         .map(|m| m.0.name)
 }
 
-/// On paint, Gray code, like every other code, is accurate to half a column (0.13 mm on average). Its normals
-/// tie with the best of the codes, and the pseudo truth is the same scan.
+/// On matte paint, Gray code is accurate to half a column (0.13 mm on average), like every other code. The
+/// normals from Gray code are as accurate as those from the best code, and the pseudo truth is the same scan.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn gray_code_ties_on_a_diffuse_object() {
@@ -100,9 +100,9 @@ fn gray_code_ties_on_a_diffuse_object() {
     assert!(normals(METHODS[0].0.name) < 3.0, "{}", normals(METHODS[0].0.name));
 }
 
-/// Errors of a method appear only if it uses the light that causes them. Two thirds of the light
-/// come from neighbouring columns, off the epipolar lines. Gray code and phase shift fail; epipolar
-/// codes, Sunstone's method and the scan of the sprayed twin do not change.
+/// A method has errors only if it uses the light that causes them. Two thirds of the light come from
+/// neighbouring columns, off the epipolar lines. Gray code and phase shift fail; epipolar codes,
+/// Sunstone's method and the scan of the sprayed twin do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_from_neighbouring_columns_affects_only_methods_that_use_it() {

@@ -1,8 +1,8 @@
 //! T(s, u), the light from projector column u to camera pixel s, and captures under patterns of columns.
 //!
 //! Light is linear in the drive, so the capture under a pattern P that is equal in all rows is I(s) = Σ_u
-//! T(s, u) P(u). T(s, u) is a sum over all rows or, for epipolar structured light, over those near the
-//! epipolar line of s (O'Toole et al. 2012, 2014).
+//! T(s, u) P(u). T(s, u) is a sum over all projector rows or, for epipolar structured light, over the
+//! rows near the epipolar line of s (O'Toole et al. 2012, 2014).
 
 use crate::map::Map;
 use thiserror::Error;
@@ -14,7 +14,7 @@ pub struct ColumnLight {
     pub light: Map,
 }
 
-/// Patterns of columns: drives in 0..1, one list per capture.
+/// Patterns that are constant along columns: drives in 0..1, one list per capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patterns {
     /// Number of projector columns.
@@ -31,12 +31,12 @@ impl Patterns {
     }
 }
 
-/// The reason why captures cannot be made or decoded.
+/// The reason why captures cannot be simulated or decoded.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum CodeError {
     /// The light and the patterns have different numbers of columns.
     #[error(
-        "the light has {light} projector columns, but the patterns have {patterns}: use one projector for both"
+        "the light has {light} projector columns, but the patterns have {patterns}; use the same projector for both"
     )]
     Columns {
         /// Number of columns of the light.
@@ -45,7 +45,7 @@ pub enum CodeError {
         patterns: usize,
     },
     /// The number of captures does not match the code.
-    #[error("got {got} captures, but the code has {want} patterns: capture every pattern once")]
+    #[error("got {got} captures, but the code has {want} patterns; capture every pattern once")]
     Captures {
         /// Number of captures given.
         got: usize,
@@ -58,9 +58,9 @@ pub enum CodeError {
 }
 
 impl ColumnLight {
-    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (the
-    /// last column may combine fewer). Stripes narrower than a camera pixel's footprint lose
-    /// contrast in any scene, so codes need columns about as wide as camera pixels.
+    /// Returns the light of a coarser projector, each column of which combines `n` columns (the last
+    /// column may combine fewer). Stripes narrower than a camera pixel's footprint lose contrast in any
+    /// scene, so codes need columns that are about as wide as camera pixels.
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);
@@ -76,7 +76,7 @@ impl ColumnLight {
     /// Returns the captures under patterns, one per channel.
     ///
     /// # Errors
-    /// If the patterns have another number of columns.
+    /// If the number of columns of the patterns differs from that of the light.
     pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
         let (light, columns) = (&self.light, patterns.columns);
         if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {

@@ -6,15 +6,15 @@ use crate::metrics::angle::angle_deg;
 /// Errors over the pixels with a known truth and estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean of the absolute errors: degrees for normals, metres for depths. NaN without pixels.
+    /// Mean of the absolute errors, in degrees for normals and metres for depths; NaN without pixels.
     pub mean: f64,
-    /// Median of the absolute errors (the lower of the middle two).
+    /// Median of the absolute errors (of two middle values, the lower).
     pub median: f64,
     /// Share of the pixels with a known truth that have an estimate.
     pub coverage: f64,
 }
 
-/// Summarizes errors of the pixels with a known truth; NaN means no estimate.
+/// Summarizes the errors of the pixels with a known truth. Pixels without an estimate have the error NaN.
 fn summary(errors: impl Iterator<Item = f64>) -> Errors {
     let all: Vec<f64> = errors.collect();
     let mut known: Vec<f64> = all.iter().copied().filter(|e| e.is_finite()).collect();

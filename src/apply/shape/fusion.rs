@@ -2,13 +2,13 @@
 //! (Nehab et al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al.
 //! 2022; applied to scan and polarization as in Baek et al. 2018).
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log
-//! z_i = log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their
-//! two normals, which is perpendicular to the chord of a sphere and of a plane. Weights are inverse
-//! variances. The weight of a depth is (z/σ_z)². A normal rotated by σ_n changes a step by h
-//! σ_n/cos²α, with the angle h between the rays and the angle α between normal and ray. Outlier
-//! depths and steps across edges are suppressed by Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385,
-//! which are updated iteratively.
+//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, satisfy log z_j - log z_i
+//! = log(n·r_i / n·r_j), which is linear in ℓ = log z. For a pair of neighbours, n is the sum of both
+//! normals. On a sphere and on a plane, this sum is perpendicular to the chord between the points.
+//! Weights are inverse variances. The weight of a depth is (z/σ_z)². Rotation of the normal by σ_n
+//! changes the step log z_j - log z_i by h σ_n/cos²α, with the angle h between the rays and the angle α
+//! between normal and ray. Outlier depths and steps across edges are suppressed by Cauchy's weights, 1/(1 +
+//! r²/(c²σ²)), c = 2.385, which are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -24,7 +24,8 @@ const ROUNDS: usize = 10;
 /// Relative residual at which the solver stops.
 const TOLERANCE: f64 = 1e-9;
 
-/// Minimum cosine between normal and view direction: a normal at grazing angle does not determine the step.
+/// Minimum cosine between normal and view direction. At grazing angles, a normal does not determine the
+/// step between two depths.
 const LEAST_COSINE: f64 = 0.1;
 
 /// The uncertainties of depths and normals.
@@ -38,7 +39,7 @@ pub struct Believed {
     pub robust: bool,
 }
 
-/// Returns the step between two pixels from their normals (either may be unknown).
+/// Returns the step in log z between two pixels from their normals, one of which may be unknown.
 fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: f64) -> Step {
     let of =
         |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());
@@ -58,7 +59,7 @@ fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: 
     Step { step: (along[0] / along[1]).ln(), weight: count / (2.0 * deviation * deviation) }
 }
 
-/// Returns the problem without robust weights.
+/// Returns the least-squares problem without robust weights.
 fn problem(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> LogDepth {
     let (w, h) = (depth.width, depth.height);
     let pixels = || (0..h).flat_map(|y| (0..w).map(move |x| [x, y]));
@@ -89,12 +90,12 @@ fn problem(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) ->
     }
 }
 
-/// Returns Cauchy's weight for a residual with weight `weight`.
+/// Returns `weight` multiplied by Cauchy's weight for a residual.
 fn trusted(weight: f64, residual: f64) -> f64 {
     weight / (1.0 + weight * residual * residual / (CAUCHY * CAUCHY))
 }
 
-/// Returns the pixels that are connected to a known depth.
+/// Returns the pixels that steps connect to a pixel with a known depth.
 fn reached(p: &LogDepth) -> Vec<bool> {
     let mut known: Vec<bool> = p.values.iter().map(|v| v.weight > 0.0).collect();
     loop {
@@ -157,8 +158,9 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// With exact normals of a plane only the scale is unknown. Noise of σ in N depths becomes σ/√N
-    /// (its mean square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
+    /// With exact normals of a plane, only the scale is unknown. Noise σ of N depths is reduced to σ/√N
+    /// (the mean square is z² σ²/Σz², summed over the plane). The test uses 40 seeds and a tolerance of
+    /// five standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn exact_normals_of_a_plane_leave_one_unknown() {
@@ -173,7 +175,7 @@ mod tests {
             })
             .collect();
         let mean = ratios.iter().sum::<f64>() / 40.0;
-        // A squared normally distributed number has mean 1 and variance 2.
+        // The square of a standard normal variable has mean 1 and variance 2.
         assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 40.0).sqrt(), "{mean}");
         assert!(mean > 0.05);
     }
@@ -195,9 +197,9 @@ mod tests {
         assert!(rms(&alone, &noisy) < 1e-12);
     }
 
-    /// With errors of 3 cm in a tenth of the depths, robust weights find the surface and plain
-    /// least squares does not. Normals fill in pixels without a depth. Pixels without depth and
-    /// normal stay unknown.
+    /// With errors of 3 cm in a tenth of the depths, the fit with robust weights recovers the surface,
+    /// and least squares does not. Pixels without a depth obtain a depth from normals. Pixels without
+    /// depth and normal stay unknown.
     #[test]
     fn outliers_are_rejected_and_holes_filled() {
         let camera = rig(40, 256).camera;
@@ -208,7 +210,7 @@ mod tests {
         let mut normals = shape.normals.clone();
         normals.data[..3].fill(f64::NAN);
         depth.data[0] = f64::NAN;
-        // The corner's neighbours have normals, so it is connected; disconnect it.
+        // The corner is connected, because its neighbours have normals. Disconnect the corner.
         normals.data[3..6].fill(f64::NAN);
         normals.data[120..123].fill(f64::NAN);
         let believed = |robust| Believed { depth: constant(&shape.depth, 1e-3), normals: 0.01, robust };

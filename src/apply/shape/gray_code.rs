@@ -1,17 +1,15 @@
-//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the
-//! column's number, and its inverse.
+//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the column's
+//! index, and the inverse of each pattern.
 //!
-//! The Gray code of i is i ⊕ ⌊i/2⌋: neighbours differ in one bit. A bit is read by comparing a
-//! capture with that of the inverse pattern, so neither albedo nor a constant background affects
-//! the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of a
-//! stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a
-//! bit below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its
-//! simplest form).
+//! The Gray code of i is i ⊕ ⌊i/2⌋, so that neighbouring columns differ in one bit. A bit is read by
+//! comparing a capture with that of the inverse pattern, so neither albedo nor a constant background
+//! affects the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of a
+//! stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
+//! below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its simplest form).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 
-/// Returns the number of bits for `columns` columns.
 pub fn bits(columns: usize) -> usize {
     columns.max(2).next_power_of_two().trailing_zeros() as usize
 }
@@ -21,7 +19,7 @@ pub fn gray_bit(u: usize, k: usize) -> bool {
     (u ^ (u >> 1)) >> k & 1 == 1
 }
 
-/// Returns the column whose Gray code has these bits, the coarsest first.
+/// Returns the column whose Gray code has these bits, coarsest bit first.
 pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     let (mut column, mut last) = (0, false);
     for bit in bits {
@@ -31,7 +29,7 @@ pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     column
 }
 
-/// Returns alternating bit patterns and inverses, from a function of pattern number and column.
+/// Returns patterns, each followed by its inverse. `bit` returns the bit of a pattern at a column.
 pub(super) fn with_inverses(columns: usize, bit: impl Fn(usize, usize) -> bool) -> Patterns {
     Patterns::from_fn(2 * bits(columns), columns, |k, u| f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1))))
 }
@@ -48,8 +46,7 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     (bits.collect(), least)
 }
 
-/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is
-/// too low.
+/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
     if column < columns && contrast > 0.0 && contrast >= least { column as f64 + 0.5 } else { f64::NAN }
 }
@@ -99,8 +96,8 @@ mod tests {
         }
     }
 
-    /// Light from half the image away is brighter than the direct light: exactly the bits in which
-    /// the two columns differ are wrong, so the decoded column is that of the indirect light.
+    /// If indirect light from a column half an image away is brighter than the direct light, exactly the bits
+    /// in which the two columns differ are wrong. The decoded column is then that of the indirect light.
     #[test]
     fn brighter_indirect_light_is_decoded_as_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);
@@ -108,9 +105,9 @@ mod tests {
         assert!(got.iter().enumerate().all(|(i, c)| *c == ((i + 128) % 256) as f64 + 0.5));
     }
 
-    /// Light blurred by σ columns has contrast about exp(-2π²σ²/16)·4/π of the finest stripes, whose period
-    /// is 4: at σ = 3, 2e-5. A contrast threshold rejects such bits; with a direct part of 1/10 they are
-    /// valid again.
+    /// Blurred by σ columns, the finest stripes, whose period is 4, have a contrast of about
+    /// exp(-2π²σ²/16)·4/π, which is 2e-5 for σ = 3. A contrast threshold rejects such bits. With a direct
+    /// component of 1/10, the bits are valid again.
     #[test]
     fn narrow_codes_fade_in_blurred_light() {
         let blurred = Light::direct(0.0).plus_blurred(1.0, 3.0, 0.0);
@@ -121,8 +118,9 @@ mod tests {
         assert!(got[inner].iter().enumerate().filter(|(i, c)| **c == *i as f64 + 20.5).count() > 150);
     }
 
-    /// 20,000 pixels with noise of 1/8 of the amplitude: a bit's difference is 8/√2 = 5.7 standard errors, so
-    /// none of 160,000 bits is expected to be wrong (8e-9 each); at 1/2 it is √2 errors, and 7.9 % are wrong.
+    /// The test uses 20,000 pixels. With noise of 1/8 of the amplitude, the difference for a bit is 8/√2
+    /// = 5.7 standard errors, so none of 160,000 bits is expected to be wrong (probability 8e-9 each).
+    /// With noise of 1/2, the difference is √2 standard errors, and 7.9 % of the bits are wrong.
     #[test]
     fn bit_error_rate_matches_theory() {
         let n = 256;

@@ -1,15 +1,17 @@
 //! Joint optimization of scan and polarization (Baek & Heide 2021, section 8.1; with all light: Baek et al.
 //! 2018).
 //!
-//! The unknowns are the depths and, per pixel, which of polarization's two candidate normals is true. The
-//! normals of the current surface select the candidates, and the least-squares surface is fitted to depths
-//! and selected normals ([`super::fusion`]). This is repeated until no selection changes, at most ten times.
+//! The unknowns are the depths and, for each pixel, the correct one of the two candidate normals from
+//! polarization. The normals of the current surface select the candidates, and the least-squares surface
+//! is fitted to depths and selected normals ([`super::fusion`]). This is repeated until no selection
+//! changes, at most ten times.
 //!
-//! Finite differences cannot resolve curvature within their window, while polarization gives a normal for
-//! each pixel. Therefore the final normals are the means of both, weighted by their variances.
+//! Normals of the surface are fitted to windows and do not resolve curvature within a window, while
+//! polarization yields a normal for each pixel. Therefore the final normals are the means of both
+//! normals, weighted by inverse variances.
 //!
-//! The refractive index, which polarization alone does not determine, may be fitted too: the fitted index
-//! gives the zenith angles closest to those of the coarse surface (median of the absolute differences).
+//! The refractive index, which polarization alone does not determine, can also be fitted. The fitted index
+//! minimizes the median absolute difference between the zenith angles and those of the coarse surface.
 
 use super::fusion::{Believed, fuse};
 use super::polarization::{Cues, Reflection, cues, frame, nearest};
@@ -35,9 +37,9 @@ pub struct Surface {
 /// The result of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Least-squares depths, and the means of their normals and the selected ones.
+    /// Least-squares depths, and the means of the surface's normals and the selected candidates.
     pub surface: Surface,
-    /// Selected normal of polarization in each pixel, camera frame; three channels.
+    /// The selected candidate normal in each pixel, camera frame; three channels.
     pub chosen: Map,
     /// Refractive index, given or fitted.
     pub index: f64,
@@ -52,13 +54,13 @@ pub struct Options {
     pub coarse: Window,
     /// Window for the normals of the fused surface.
     pub fine: Window,
-    /// Standard deviation of polarization's normals, radians.
+    /// Standard deviation of the normals from polarization, radians.
     pub sigma_normals: f64,
     /// Standard deviation of the fused surface's normals (due to curvature within the window), radians.
     pub sigma_surface: f64,
 }
 
-/// Returns the refractive index for which polarization's zenith angles are closest to those of a
+/// Returns the refractive index for which the zenith angles from polarization are closest to those of a
 /// coarse surface.
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
@@ -150,8 +152,9 @@ mod tests {
         }
     }
 
-    /// A sphere with depth noise of 1 mm, whose scan normals are wrong by tens of degrees: with exact Stokes
-    /// vectors, depths and normals are right, for a given or a fitted index.
+    /// For a sphere with depth noise of 1 mm, the normals of the scan have errors of tens of degrees.
+    /// With exact Stokes vectors, depths and normals of the joint method are accurate, for a given and
+    /// for a fitted index.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn a_noisy_scan_and_exact_polarization_reconstruct_a_sphere() {

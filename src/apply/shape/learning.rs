@@ -1,5 +1,6 @@
-//! Learns free parameters of methods on training variants: each in turn is set to the value of a short list
-//! with the least mean angular error of normals. A pixel without a normal counts as 90°.
+//! Learns free parameters of methods on training variants: one after another is set to the value of a
+//! short list for which the mean angular error of normals is smallest. A pixel without a normal counts as
+//! an error of 90°.
 
 use super::errors::angular;
 use super::joint::Surface;
@@ -26,11 +27,11 @@ pub(super) enum Free {
     MicroPeriod,
     /// Refractive index, for methods without a scan.
     Index,
-    /// Whether specular light is excluded from the degree of polarization, 0 or 1.
+    /// Whether specular reflection is excluded from the degree of polarization, 0 or 1.
     MirroredOff,
-    /// Standard deviation of columns, columns.
+    /// Standard deviation of decoded columns, in columns.
     SigmaColumns,
-    /// Standard deviation of polarization's normals, degrees.
+    /// Standard deviation of the normals from polarization, degrees.
     SigmaNormals,
     /// Standard deviation of the fused surface's normals, degrees.
     SigmaSurface,
@@ -111,9 +112,11 @@ impl Route {
         Ok(all?.iter().sum::<f64>() / train.len() as f64)
     }
 
-    /// Returns the parameters of least loss on training variants, and a description of them.
+    /// Returns the parameters with the least loss on training variants, and a description of these
+    /// parameters.
     pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
-        // A joint method uses the best parameters of its scan, which are much faster to find.
+        // A joint method uses the best parameters of its structured-light scan alone, because learning
+        // them is much faster.
         let (mut best, mut words) = match self.method {
             Method::Joint(code, light) => {
                 let scan = Self { method: Method::StructuredLight(code, light), ..self };
@@ -132,7 +135,7 @@ impl Route {
                     Ok((self.loss(train, &p)?, *value, p))
                 })
                 .collect();
-            // The first of equal ones, for any number of threads.
+            // Of equal values, use the first, so that the result does not depend on the number of threads.
             if let Some((_, value, p)) = tried?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 words.push(format!("{} {value}", free.name()));
                 best = p;

@@ -1,16 +1,16 @@
-//! Least squares over the logarithm of depth by conjugate gradients, with values at pixels and steps between
-//! them:
+//! Least squares over the logarithm of depth by conjugate gradients, for given values at pixels and given
+//! steps between neighbouring pixels:
 //!
 //! > E(ℓ) = Σ_i w_i (ℓ_i - v_i)² + Σ_{i→j} w_ij (ℓ_j - ℓ_i - g_ij)²
 //!
-//! over the pixels i and their right and lower neighbours j. The normal equations are a diagonal plus a graph
-//! Laplacian, symmetric and positive. Conjugate gradients with the diagonal as preconditioner (Saad 2003,
-//! alg. 9.1) need no matrix.
+//! over the pixels i and their right and lower neighbours j. The matrix of the normal equations is the sum of
+//! a diagonal matrix and a graph Laplacian, and is symmetric and positive semidefinite. Conjugate gradients
+//! with the diagonal as preconditioner (Saad 2003, alg. 9.1) do not store the matrix.
 
-/// A value or a step to a neighbour, with its weight; 0 for none.
+/// A value, or a step to a neighbour, with its weight. The weight is 0 if there is no value or step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
-    /// g: the neighbour's value minus that of the pixel.
+    /// The value v of a pixel, or the step g: the neighbour's value minus that of the pixel.
     pub step: f64,
     /// Weight, the inverse of the variance.
     pub weight: f64,
@@ -21,7 +21,7 @@ pub struct Step {
 pub struct LogDepth {
     /// Number of pixel columns.
     pub width: usize,
-    /// v and its weight, row by row.
+    /// The value v of each pixel and its weight, row by row.
     pub values: Vec<Step>,
     /// Steps to the right neighbour; steps of the last column are ignored.
     pub right: Vec<Step>,
@@ -54,9 +54,9 @@ impl LogDepth {
         out
     }
 
-    /// Returns the least-squares values, iterating from `start` until the residual is below `tolerance` times
-    /// the norm of the right side, with at most four iterations per pixel. Pixels without any weight keep
-    /// their start.
+    /// Returns the least-squares values, iterating from `start` until the residual is below `tolerance`
+    /// times the norm of the right side, with at most four iterations per pixel. Pixels without any
+    /// weight keep their start value.
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
         let mut diagonal: Vec<f64> = self.values.iter().map(|v| v.weight).collect();
@@ -137,9 +137,10 @@ mod tests {
         assert!(got.iter().zip(want.iter()).all(|(g, w)| (g - w).abs() < 1e-9));
     }
 
-    /// Values with noise of variance 1 and exact steps of weight q: with the Laplacian's eigenvalues on a
-    /// grid, μ = 4 - 2cos(πk/w) - 2cos(πl/h), the mean squared error is Σ 1/(1 + qμ)² / (wh). 60 grids of 24
-    /// × 20 pixels; the bound is five standard errors of the measured mean.
+    /// For values with noise of variance 1 and exact steps of weight q, the mean squared error is Σ 1/(1 +
+    /// qμ)² / (wh). The sum is over the eigenvalues of the Laplacian on the grid, μ = 4 - 2cos(πk/w) -
+    /// 2cos(πl/h). The test uses 60 grids of 24 × 20 pixels and a tolerance of five standard errors of
+    /// the measured mean.
     #[test]
     fn noise_reduction_by_exact_steps_matches_theory() {
         let (w, h) = (24, 20);

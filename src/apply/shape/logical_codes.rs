@@ -1,15 +1,13 @@
-//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal,
-//! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global
-//! illumination").
+//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
+//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
 //!
-//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every
-//! pattern is combined by exclusive or with one fine pattern, the base, which is also projected
-//! alone. All projected patterns then have narrow stripes, under which long-range indirect light is
-//! equal to that under the inverse. Decoding combines the read bits with the read base again. The
-//! base of XOR-02 has stripes of 2 columns, that of XOR-04 stripes of 4, which are more robust to
-//! short-range blur. [`consensus`] keeps columns on which two codes agree: these two long-range
-//! codes and the conventional Gray code (their ensemble without its fourth code, which has only
-//! wide stripes).
+//! Strong indirect light from the surroundings of a wide stripe inverts the bits of its pixels. Therefore
+//! every pattern is combined by exclusive OR with one fine pattern, the base, which is also projected
+//! alone. All projected patterns then have narrow stripes, for which long-range indirect light is the
+//! same under a pattern and its inverse. Decoding combines the bits with the bit of the base by exclusive
+//! OR. The base of XOR-02 has stripes of 2 columns, that of XOR-04 stripes of 4, which are more robust to
+//! short-range blur. [`consensus`] keeps columns on which two codes agree: these two long-range codes and
+//! the conventional Gray code (their ensemble without its fourth code, which has only wide stripes).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
@@ -59,9 +57,9 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     })
 }
 
-/// Returns per pixel the mean column of two codes that agree to within one column; otherwise NaN.
-/// If several pairs agree, the pair with the largest confidence counts. The confidence is the larger
-/// of the pair's two.
+/// Returns, for each pixel, the mean column of two codes that agree to within one column, or NaN if no
+/// pair agrees. If several pairs agree, the pair with the largest confidence is used. The confidence of a
+/// pair is the larger of its two confidences.
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {
@@ -97,7 +95,7 @@ mod tests {
         }
     }
 
-    /// Every projected pattern has stripes of at most twice the columns of the base's stripes.
+    /// Every projected pattern has stripes that are at most twice as wide as the stripes of the base.
     #[test]
     fn all_stripes_are_narrow() {
         for (base, widest) in [(Base::Xor02, 4), (Base::Xor04, 8)] {
@@ -108,8 +106,8 @@ mod tests {
         }
     }
 
-    /// Indirect light 1.5 times as bright as the direct light, spread widely around a column a quarter of the
-    /// image away: the Gray code is wrong in many columns, the XOR codes in none.
+    /// The indirect light is 1.5 times as bright as the direct light and spread widely around a column a
+    /// quarter of the image away. The Gray code is wrong in many columns, the XOR codes in none.
     #[test]
     fn long_range_light_does_not_flip_bits() {
         let n = 256;

@@ -1,7 +1,7 @@
-//! The methods of Fig. 11, from inputs to depth and normals, with their parameters.
+//! The methods of Fig. 11, which compute depth and normals from the inputs, and the methods' parameters.
 //!
-//! All methods use the same render: T(s, u) over all light or the epipolar band, and Mueller images of
-//! either.
+//! All methods use the same render: T(s, u) for all light and for the epipolar band, and the Mueller
+//! images of both.
 
 use super::column_light::{CodeError, ColumnLight, Decoded};
 use super::joint::{Options, Surface, reconstruct};
@@ -37,9 +37,9 @@ pub enum Light {
 /// A method of shape reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Structured light: depth from a code, normals from planes through it.
+    /// Structured light: depth from a code, normals from planes that are fitted to the depth.
     StructuredLight(Code, Light),
-    /// Shape from polarization only: normals, no depth (Atkinson & Hancock 2006).
+    /// Shape from polarization only, which yields normals but no depth (Atkinson & Hancock 2006).
     Polarization(Light),
     /// Joint optimization of structured light and polarization, with all light (Baek et al. 2018) or epipolar
     /// light (Baek & Heide 2021).
@@ -77,13 +77,12 @@ pub struct Inputs {
     pub epipolar_columns: ColumnLight,
     /// Mueller images under full light: 16 channels, row by row.
     pub mueller: Map,
-    /// Mueller images of the epipolar band (in a time bin, if the rig gates).
+    /// Mueller images of the epipolar band (of one time bin, if the rig is time-gated).
     pub epipolar_mueller: Map,
     /// The object's pixels: 1 inside, otherwise 0.
     pub mask: Map,
 }
 
-/// Parameters of all methods.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     /// Minimum contrast of a code's captures.
@@ -96,19 +95,19 @@ pub struct Parameters {
     pub scan_window: Window,
     /// Window for the normals of fused surfaces.
     pub fused_window: Window,
-    /// Standard deviation of a code's columns.
+    /// Standard deviation of decoded columns, in columns.
     pub sigma_columns: f64,
-    /// Standard deviation of polarization's normals, degrees.
+    /// Standard deviation of the normals from polarization, degrees.
     pub sigma_normals_deg: f64,
     /// Standard deviation of the fused surface's normals, degrees.
     pub sigma_surface_deg: f64,
-    /// Exclude specular light from the degree of polarization.
+    /// Whether specular reflection is excluded from the degree of polarization.
     pub mirrored_off: bool,
 }
 
 impl Default for Parameters {
-    /// Returns the default parameters. Those of the fusion were chosen for a sphere and a marble
-    /// doll, 5 cm high in 64 × 64 pixels.
+    /// Returns the default parameters. The parameters of the fusion were chosen for a sphere and a marble
+    /// doll, 5 cm high in images of 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -131,7 +130,7 @@ pub enum ShapeError {
     Code(#[from] CodeError),
     /// A map does not have the camera's size.
     #[error(
-        "{what} has {got:?} pixels, but the camera has {want:?}: use maps with the resolution of the camera"
+        "{what} has {got:?} pixels, but the camera has {want:?}; use maps with the resolution of the camera"
     )]
     Size {
         what: &'static str,
@@ -205,7 +204,8 @@ fn masked(map: &Map, mask: &Map) -> Map {
 /// Runs a method. The depth of shape from polarization only is NaN.
 ///
 /// # Errors
-/// If the maps belong to different cameras, or the light has too many or too few columns for the code.
+/// If the resolution of a map differs from that of the camera, or the light has too many or too few
+/// columns for the code.
 pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
     check(inputs)?;
     let camera = &inputs.rig.camera;
@@ -267,9 +267,9 @@ pub(super) mod tests {
     /// Side length of the camera image, pixels.
     const SIDE: usize = 32;
 
-    /// Returns the inputs and the true shape of a sphere of diffuse glass. Direct light comes from
-    /// one or two columns per pixel; other pixels are dark. In all light, the share `blurred` comes
-    /// uniformly from 36 columns to the left and is not epipolar.
+    /// Returns the inputs and the true shape of a sphere of diffuse glass. Direct light comes from one or
+    /// two columns per pixel; other pixels are dark. The fraction `blurred` of all light comes uniformly
+    /// from 36 columns to the left and is not epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);
@@ -304,9 +304,9 @@ pub(super) mod tests {
         (inputs, shape)
     }
 
-    /// Depth is as accurate as the code: half a column of Gray code is 0.25 mm here (z²/bf), and sinusoids
-    /// are exact to a thirtieth of it. The normals of joint methods are accurate within the limits of a
-    /// window of 3 × 3 pixels on a sphere.
+    /// Depth is as accurate as the code. Half a column of Gray code is 0.25 mm here (z²/bf), and the
+    /// error of sinusoids is a thirtieth of this value. The normals of joint methods are accurate within
+    /// the limits of a window of 3 × 3 pixels on a sphere.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn every_method_reconstructs_a_sphere() {
@@ -329,8 +329,8 @@ pub(super) mod tests {
         assert!(alone.depth.data.iter().all(|z| z.is_nan()));
     }
 
-    /// Two thirds indirect light biases the phase shift and breaks the Gray code; the epipolar band does not
-    /// contain it.
+    /// If two thirds of the light are indirect, the phase shift is biased and the Gray code fails. The
+    /// epipolar band does not contain the indirect light.
     #[test]
     fn epipolar_light_excludes_the_light_that_breaks_codes() {
         let (inputs, shape) = scene(0.67);

@@ -1,10 +1,10 @@
-//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods, so
-//! that slowly varying indirect light and defocus are equal in all captures.
+//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods. Slowly
+//! varying indirect light and defocus then have the same effect in all captures.
 //!
-//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 -
-//! 2πk/3), and one of each other period, I_f = O + A cos φ_f. Offset O and amplitude A are common
-//! because the periods are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F identify
-//! the column with the closest numbers, and the first phase gives its subpixel position.
+//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and
+//! one of each other period, I_f = O + A cos φ_f. Offset O and amplitude A are common because the periods
+//! are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F form the code vector. A pixel is
+//! assigned the column with the closest code vector, and the first phase determines the subpixel position.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
@@ -30,8 +30,8 @@ fn distance2(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
-/// Returns the minimum distance between the code vectors of columns that are at least half a period apart,
-/// which bounds the allowed noise.
+/// Returns the minimum distance between the code vectors of columns that are at least half a period
+/// apart, which limits the allowed noise.
 pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
     let apart = periods.first().map_or(1, |p| (p / 2.0) as usize).max(1);
@@ -44,8 +44,8 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the
-/// best of random sets (equal on every call). Gupta & Nayar also choose the periods by search.
+/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
+/// several pseudorandom sets (the same on every call). Gupta & Nayar also choose the periods by search.
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -130,14 +130,15 @@ mod tests {
         assert_eq!(periods(256, 16.0, 5), periods(256, 16.0, 5));
     }
 
-    /// A single period cannot distinguish its repetitions.
+    /// With a single period, columns that differ by whole periods cannot be distinguished.
     #[test]
     fn one_period_alone_is_ambiguous() {
         assert!(margin(256, &[16.0]) < 1e-9);
     }
 
-    /// The light that biases a period of the image's width by 13 columns (see `phase_shift`) biases no column
-    /// by more than 1e-6: at periods of 16, a Gaussian of σ = 20 is attenuated by exp(-2π²·400/256) = 4e-14.
+    /// Indirect light that causes a bias of 13 columns for a period of the image's width (see
+    /// `phase_shift`) causes a bias below 1e-6 columns. For periods of 16, a Gaussian of σ = 20 is
+    /// attenuated by exp(-2π²·400/256) = 4e-14.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn smooth_indirect_light_does_not_bias() {
@@ -150,9 +151,9 @@ mod tests {
         }
     }
 
-    /// Indirect light from one other column (a mirror) contains all frequencies, so it biases every code of
-    /// sinusoids. The bias is the angle of the sum of phasors 1 and 0.3, four columns, or about a quarter
-    /// turn, apart.
+    /// Indirect light from one other column (a mirror) contains all frequencies, so it biases every code
+    /// of sinusoids. The bias is the phase angle of the sum of two phasors of lengths 1 and 0.3, which
+    /// are four columns (about 90°) apart.
     #[test]
     fn mirrored_light_still_biases() {
         let n = 256;
@@ -166,8 +167,8 @@ mod tests {
         assert!(right > 200, "{right}");
     }
 
-    /// Noise σ in three captures of amplitude ½ changes the phase by σ√(2/3)/½: 300 × 256 pixels, within five
-    /// errors.
+    /// Noise σ in three captures of amplitude ½ changes the phase by σ√(2/3)/½. The test uses 300 × 256
+    /// pixels and a tolerance of five standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn column_noise_matches_theory() {

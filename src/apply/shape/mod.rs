@@ -1,11 +1,13 @@
-//! Shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth from structured light,
-//! normals from polarization, and both together, each from all light or from epipolar light only.
+//! Shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth from structured
+//! light, normals from polarization, and the combination of both. Each is computed from all light or from
+//! epipolar light only.
 //!
 //! > T(s, u) ─ pattern ─► captures ─ code ─► projector column ─ triangulation ─► depth ─► normals
 //! >                                                                       └─ with Stokes images ─► fused depth ─► normals
 //!
-//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u), the
-//! tensor summed over the projector's rows ([`column_light`]). Hence patterns need no separate renders.
+//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u),
+//! the tensor summed over the projector's rows ([`column_light`]). Therefore, no separate renders are
+//! needed for the patterns.
 //!
 //! **Frames.** Depths are z along the camera's axis, metres. Normals are unit vectors in the camera's frame
 //! (x right, y down, z forward) that point toward the camera. Unknown values are NaN. Pixel (i, j) covers [i,

@@ -1,13 +1,13 @@
 //! Phase shifting with temporal unwrapping (Srinivasan et al. 1984; Huntley & Saldner 1993): sinusoids of
-//! decreasing period, each shifted by four quarter turns.
+//! decreasing period, each with four phase shifts of 90°.
 //!
 //! Captures of period P are I_k = O + A cos(φ - kπ/2), φ = 2πu/P, so tan φ = (I_1 - I_3)/(I_0 - I_2),
-//! independent of O. The longest period spans the image and needs no unwrapping; the number of turns of each
-//! shorter period comes from the previous one.
+//! independent of O. The longest period spans the image and needs no unwrapping. For each shorter period,
+//! the number of whole periods is determined from the previous period.
 //!
-//! Indirect light g(u') adds its phasor to the direct one, A e^{iφ} = d e^{2πiu/P} + Σ g(u') e^{2πiu'/P}. The
-//! phase error is the angle between the two sums. It is largest for long periods, because blur does not
-//! attenuate them.
+//! The phasor of indirect light g(u') is added to that of the direct light, A e^{iφ} = d e^{2πiu/P} + Σ
+//! g(u') e^{2πiu'/P}. The phase error is the angle between the two sums. It is largest for long periods,
+//! because blur does not attenuate them.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Returns the periods, in projector columns: the image's width, then each a quarter of the
-/// previous one, down to 16 columns or slightly less.
+/// Returns the periods, in projector columns: the image's width, then each a quarter of the previous one,
+/// down to at most 16 columns.
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {
@@ -109,8 +109,8 @@ mod tests {
         }
     }
 
-    /// The decoded coordinate of a point that receives light (1 - a, a) from two columns has an
-    /// error below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
+    /// If a point receives the fractions 1 - a and a of its light from two neighbouring columns, the
+    /// error of the decoded coordinate is below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
     #[test]
     fn between_columns_it_is_exact_to_third_order() {
         let (n, period) = (256, 16.0);
@@ -125,8 +125,8 @@ mod tests {
         }
     }
 
-    /// The bias by smooth indirect light is the angle of the phasors' sum, and nearly zero for a short
-    /// period.
+    /// The bias due to smooth indirect light is the phase angle of the sum of phasors, which is nearly
+    /// zero for a short period.
     #[test]
     fn smooth_indirect_light_biases_by_the_sum_of_phasors() {
         let (n, sigma, shift, g) = (1024, 20.0, 30.0, 0.8);
@@ -149,9 +149,9 @@ mod tests {
         assert!(bias(16.0).abs() < 1e-9);
     }
 
-    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased by
-    /// 36 columns. This is more than half of the next period, 64, which then has the wrong number of turns:
-    /// all columns are wrong by exactly 64.
+    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased
+    /// by 36 columns. This is more than half of the next period, 64, for which the number of whole
+    /// periods is then wrong. All columns are wrong by exactly 64.
     #[test]
     fn biased_long_periods_unwrap_incorrectly() {
         let n = 1024;
@@ -162,8 +162,8 @@ mod tests {
         }
     }
 
-    /// White noise σ changes the column by P/(2π)·σ√2/(A·2), with A half the light: 500 × 256 pixels, the rms
-    /// within five of its errors.
+    /// White noise σ changes the column by P/(2π)·σ√2/(A·2), where A is half the light. The test uses 500
+    /// × 256 pixels and a tolerance of five standard errors of the RMS.
     #[test]
     fn column_noise_matches_theory() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);

@@ -1,18 +1,18 @@
 //! Normals from polarization, with a 180° ambiguity (Atkinson & Hancock 2006; Kadambi et al. 2015;
 //! Baek et al. 2018).
 //!
-//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The
-//! degree √(s1² + s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The
-//! angle ½ atan2(s2, s1) is the azimuth of the normal for diffuse light from below the surface, and
-//! 90° from it for specular light, both with a 180° ambiguity.
+//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree
+//! √(s1² + s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The angle ½
+//! atan2(s2, s1) is the azimuth of the normal for diffuse light from below the surface, and differs by
+//! 90° from it for specular reflection. Both have a 180° ambiguity.
 //!
-//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x projected
-//! perpendicular to the ray, and the second axis is d × x with the propagation direction d of the
-//! light, so angles increase counter-clockwise in the image.
+//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x axis projected onto the
+//! plane perpendicular to the ray, and the second axis is d × x, where d is the propagation direction of
+//! the light, so angles increase counter-clockwise in the image.
 //!
-//! If the projector is near the camera, one specular reflection inverts circular polarization, T33
-//! = -T00. Diffuse light loses its circular polarization (Baek et al. 2018). T00 + T33 is therefore
-//! the diffuse light only.
+//! If the projector is near the camera, one specular reflection reverses the handedness of circular
+//! polarization, T33 = -T00. Diffuse light is not circularly polarized (Baek et al. 2018). T00 + T33 is
+//! therefore the diffuse light only.
 
 use super::zenith;
 use crate::map::Map;
@@ -20,7 +20,7 @@ use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
-/// The light whose polarization is used.
+/// The component of the reflected light whose polarization is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reflection {
     /// Diffuse light from below the surface.
@@ -40,7 +40,7 @@ pub struct Cues {
 /// Returns the Stokes vectors (s0, s1, s2) under unpolarized light, from Mueller matrices (16 channels, row
 /// by row).
 ///
-/// `mirrored_off` excludes specular light from s0: s0 = T00 - max(0, -T33).
+/// `mirrored_off` excludes specular reflection from s0: s0 = T00 - max(0, -T33).
 pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     Map::from_fn(mueller.width, mueller.height, 3, |x, y, out| {
         let m = mueller.at(x, y);
@@ -68,8 +68,8 @@ pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     Cues { angles }
 }
 
-/// Returns the axes of the frame of the light that reaches a pixel: x, d × x, and its direction d toward the
-/// camera.
+/// Returns the frame of the light that reaches a pixel: the axes x and d × x, and the propagation
+/// direction d toward the camera.
 pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
     let d = -camera.centre(x, y).normalize();
     let horizontal = (Vector3::x() - d * d.x).normalize();
@@ -88,7 +88,8 @@ pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
-/// Returns the candidates closest to a guess of the normals (a coarse scan); NaN without a guess.
+/// Returns the candidates closest to approximate normals, such as those of a coarse scan; NaN for pixels
+/// without an approximate normal.
 pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
         let guess = Vector3::from_column_slice(guess.at(x, y));
@@ -108,8 +109,8 @@ pub(super) mod tests {
     use super::*;
     use crate::shape::synthetic::{Shape, rig};
 
-    /// Returns the Mueller matrices of a smooth dielectric with this reflection: Fresnel's degree of
-    /// polarization, in each pixel's frame.
+    /// Returns the Mueller matrices of a smooth dielectric for this reflection component, in each pixel's
+    /// frame. The degree of polarization follows from the Fresnel equations.
     pub fn mueller(camera: &Pinhole, shape: &Shape, n: f64, reflection: Reflection) -> Map {
         Map::from_fn(shape.normals.width, shape.normals.height, 16, |x, y, out| {
             let normal = Vector3::from_column_slice(shape.normals.at(x, y));
@@ -120,7 +121,7 @@ pub(super) mod tests {
                 // Its plane of polarization is perpendicular to the normal's.
                 Reflection::Specular => -zenith::specular(cos.acos(), n),
             };
-            // (cos 2α, sin 2α) from the components of the normal, without angles.
+            // Compute (cos 2α, sin 2α) from the components of the normal, without computing α.
             let (a, b) = (normal.dot(&right), normal.dot(&up));
             let length = (a * a + b * b).max(1e-300);
             out[0] = cos;
@@ -140,7 +141,8 @@ pub(super) mod tests {
             for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
                 let want = Vector3::from_column_slice(shape.normals.at(x, y));
                 let zenith = want.dot(&frame(&camera, x, y)[2]).acos();
-                // Above Brewster's angle, specular light gives the other zenith angle.
+                // Above Brewster's angle, the smaller of the two zenith angles is returned for specular
+                // reflection.
                 if zenith.is_nan() || (reflection == Reflection::Specular && zenith > 0.97) {
                     continue;
                 }
@@ -168,8 +170,8 @@ pub(super) mod tests {
         let shape = Shape::sphere(&camera, 0.04);
         let matrices = mueller(&camera, &shape, 1.5, Reflection::Diffuse);
         let cues = cues(&stokes(&matrices, false), 1.5, Reflection::Diffuse);
-        // A guess rotated by 20 degrees about the view direction is sufficient, except where the normal faces
-        // the camera.
+        // Approximate normals that are rotated by 20 degrees about the view direction are sufficient,
+        // except for normals that point toward the camera.
         let (sin, cos) = 20.0_f64.to_radians().sin_cos();
         let mut guess = shape.normals.clone();
         for n in guess.data.chunks_mut(3) {

@@ -1,10 +1,10 @@
-//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline
-//! (Miyazaki et al. 2003; Atkinson & Hancock 2006).
+//! Resolves the 180° ambiguity of normals from polarization without depth: azimuths are propagated from
+//! the outline (Miyazaki et al. 2003; Atkinson & Hancock 2006).
 //!
 //! At the outline of a smooth object, the normal is perpendicular to the view direction and points
-//! outward. From the outline inward, pixels are decided one by one in descending order of zenith
-//! angle. Each pixel receives the candidate normal closest to those of its decided neighbours. This
-//! is correct for convex objects; normals of concave parts have the wrong sign.
+//! outward. From the outline inward, the ambiguity is resolved pixel by pixel in descending order of
+//! zenith angle. Each pixel is assigned the candidate normal that is closest to the normals of its
+//! resolved neighbours. This is correct for convex objects; normals of concave parts have the wrong sign.
 
 use super::polarization::{Cues, candidates};
 use crate::map::Map;
@@ -13,10 +13,11 @@ use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Distance in pixels from the outline within which outside pixels are searched.
+/// Distance in pixels up to which pixels outside the object are searched to find the direction of the
+/// outline.
 const REACH: isize = 3;
 
-/// A pixel with decided neighbours, and its zenith angle.
+/// A pixel with resolved neighbours, and its zenith angle.
 struct Next {
     zenith: f64,
     at: [usize; 2],
@@ -49,7 +50,8 @@ fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> 
         .filter(move |at| *at != [x as isize, y as isize])
 }
 
-/// Returns the normals of the object's pixels (`inside`, one channel, nonzero); NaN outside and without cues.
+/// Returns the normals of the object's pixels, for which the single channel of `inside` is nonzero. Other
+/// pixels and pixels without cues are NaN.
 pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let (w, h) = (inside.width, inside.height);
     let within = |[x, y]: [isize; 2]| x >= 0 && y >= 0 && x < w as isize && y < h as isize;
@@ -60,7 +62,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let mut normals = Map::from_fn(w, h, 3, |_, _, out| out.fill(f64::NAN));
     let mut queue = BinaryHeap::new();
     let mut queued = vec![false; w * h];
-    // Decides a pixel for a direction in the image.
+    // Selects the candidate of a pixel that is closest to a direction.
     let decide = |at: [usize; 2], toward: Vector3<f64>, normals: &mut Map| {
         let [a, b] = candidates(camera, cues, at);
         let chosen = if b.dot(&toward) > a.dot(&toward) { b } else { a };
@@ -68,7 +70,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
         normals.data[first..first + 3].copy_from_slice(chosen.as_slice());
     };
     for at in (0..h).flat_map(|y| (0..w).map(move |x| [x, y])).filter(|at| known(*at)) {
-        // Pixels outside the image do not define the outline.
+        // The edge of the image does not count as outline.
         let beside = around(at, 1).any(|n| within(n) && !is_inside(n));
         if beside {
             let outside = around(at, REACH).filter(|n| within(*n) && !is_inside(*n));
@@ -133,7 +135,7 @@ mod tests {
         assert!(seen > 1000, "{seen}");
     }
 
-    /// If the image contains no outline, no normal is decided.
+    /// If the image contains no outline, no normal is determined.
     #[test]
     fn without_an_outline_no_normals_are_decided() {
         let camera = rig(8, 16).camera;

@@ -16,8 +16,8 @@ pub(super) struct Seen {
     pub seed: u64,
     /// Input of the methods.
     pub inputs: Inputs,
-    /// Input with T(s, u) of the same statue sprayed with matte paint; all other inputs are those
-    /// of the unsprayed statue.
+    /// Input of the methods in which T(s, u) is that of the same statue after spraying with matte paint.
+    /// All other inputs are those of the unsprayed statue.
     pub sprayed: Inputs,
     /// True depth, metres, and normals in the camera's frame, for pixels that the statue covers completely;
     /// otherwise NaN.
@@ -25,8 +25,8 @@ pub(super) struct Seen {
     pub normals: Map,
 }
 
-/// Returns the means of a slice at the wavelength, over `y` and `x`, with the remaining `channels` entries as
-/// channels.
+/// Returns the means of a slice at [`WAVELENGTH`] as an image over `y` and `x`. The remaining `channels`
+/// entries are the channels.
 fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Result<Map, ApplyError> {
     let wrong = |axis| ApplyError::Axis { variant: o.variant, slice: name.to_owned(), axis };
     let mean = &o.slice(name)?.mean;

@@ -1,10 +1,10 @@
 //! Normals from a depth map by robust fits of planes to windows.
 //!
-//! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a| (n·P
-//! = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera). The vector a is fitted to a
-//! window by weighted least squares. The weights are those of Tukey's biweight at 4.685 robust standard
-//! deviations (1.4826 medians of the absolute residuals; Huber 1981), so that neighbours beyond an edge do
-//! not affect it.
+//! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a|
+//! (n·P = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera). The vector a is
+//! fitted to a window by weighted least squares. The weights are those of Tukey's biweight at 4.685
+//! robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981), so that neighbours
+//! beyond an edge do not affect the fit.
 
 use crate::map::Map;
 use crate::pinhole::Pinhole;
@@ -24,7 +24,7 @@ const LEAST: usize = 4;
 pub struct Window {
     /// Number of pixels from the centre of the window to its edge.
     pub radius: usize,
-    /// Whether the fit uses robust weights; otherwise it is plain least squares.
+    /// Whether the fit uses robust weights. Otherwise it is least squares with equal weights.
     pub robust: bool,
 }
 
@@ -70,8 +70,8 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     Some(plane)
 }
 
-/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame; NaN with too few
-/// depths. Windows are centred on a pixel, whose depth must be known.
+/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame; NaN if too few
+/// depths are known. The depth of the central pixel of a window must be known.
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);
     let mut points = Vec::new();
@@ -87,7 +87,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
             for i in x.saturating_sub(r)..(x + r + 1).min(w) {
                 let z = depth.at(i, j)[0];
                 if z > 0.0 {
-                    // Relative coordinates in pixels, so that the fit is well conditioned.
+                    // Use relative coordinates in pixels, so that the fit is well conditioned.
                     let at = camera.centre(i, j) - middle;
                     let at = Vector3::new(at.x * camera.focal[0], at.y * camera.focal[1], 1.0);
                     points.push((at, 1.0 / z));
@@ -100,7 +100,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
         if let Some(p) = plane(&points, window.robust) {
             let slope = [p.x * camera.focal[0], p.y * camera.focal[1]];
             let a = Vector3::new(slope[0], slope[1], p.z - slope[0] * middle.x - slope[1] * middle.y);
-            // Away from the camera: a·ray > 0.
+            // The vector a must point away from the camera: a·ray > 0.
             if a.dot(&middle) > 0.0 {
                 out.copy_from_slice((-a.normalize()).as_slice());
             }
@@ -140,14 +140,15 @@ mod tests {
             let pairs = got.data.chunks(3).zip(shape.normals.data.chunks(3));
             pairs.filter(|(a, b)| angle(a, b) > 1e-3).count()
         };
-        // On average 5 of 25 depths are wrong; more than half are wrong only rarely (p < 1e-3 inside, more in
-        // corners of 9).
+        // On average 5 of 25 depths are wrong. More than half are rarely wrong (p < 1e-3 inside the
+        // image, more often in windows of 9 pixels at the corners).
         assert!(wrong(robust) < 48 * 48 / 20, "{}", wrong(robust));
         assert!(wrong(Window { robust: false, ..robust }) > 48 * 48 * 9 / 10);
     }
 
-    /// Inverse depths with noise σ: least squares over 5 × 5 pixels have slopes of variance σ²/50 per pixel
-    /// (Σ i² = 50). 150 × 9 disjoint windows, within five errors of the variance.
+    /// For inverse depths with noise σ, least squares over 5 × 5 pixels yield slopes with variance σ²/50
+    /// per pixel (Σ i² = 50). The test uses 150 × 9 disjoint windows and a tolerance of five standard
+    /// errors of the variance.
     #[test]
     fn normal_noise_matches_theory() {
         let camera = rig(21, 256).camera;

@@ -1,4 +1,4 @@
-//! Synthetic scenes for tests: rows of T(s, u), a calibrated pair of devices, planes and spheres.
+//! Synthetic scenes for tests: rows of T(s, u), a calibrated camera and projector, planes and spheres.
 
 use super::column_light::ColumnLight;
 use crate::map::Map;
@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// Returns another column, given a column and the number of columns.
 type Elsewhere = fn(usize, usize) -> usize;
 
-/// Light T(s, u) of pixels: pixel i receives its direct light from column i.
+/// The light T(s, u) of a row of pixels, in which pixel i receives its direct light from column i.
 pub struct Light {
     direct: f64,
     constant: f64,
@@ -23,7 +23,7 @@ impl Light {
         Self { direct, constant: 0.0, at: None, blurred: None }
     }
 
-    /// Adds indirect light of sum `constant`, spread uniformly over all columns.
+    /// Adds indirect light with sum `constant`, spread uniformly over all columns.
     pub fn plus_constant(self, constant: f64) -> Self {
         Self { constant, ..self }
     }
@@ -33,8 +33,8 @@ impl Light {
         Self { at: Some((light, column)), ..self }
     }
 
-    /// Adds indirect light of sum `light`, spread over columns as a Gaussian of width σ = `sigma`
-    /// columns around a shifted column.
+    /// Adds indirect light with sum `light`, spread over columns as a Gaussian of standard deviation
+    /// `sigma` columns around a column that is shifted by `shift`.
     pub fn plus_blurred(self, light: f64, sigma: f64, shift: f64) -> Self {
         Self { blurred: Some([light, sigma, shift]), ..self }
     }
@@ -55,12 +55,12 @@ impl Light {
     }
 }
 
-/// Returns a row of as many pixels as columns.
+/// Returns the light of a row with the same number of pixels and columns.
 pub fn one_row(columns: usize, light: &Light) -> ColumnLight {
     ColumnLight { light: Map::from_fn(columns, 1, columns, |x, _, out| light.of(x, out)) }
 }
 
-/// Returns a standard normal number (Box & Muller).
+/// Returns a random number with the standard normal distribution (Box & Muller).
 pub fn normal(stream: &mut Stream) -> f64 {
     let (a, b) = (f64::from(stream.uniform()), f64::from(stream.uniform()));
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
@@ -88,7 +88,7 @@ pub fn rig(size: usize, columns: usize) -> Rig {
     Rig { camera: toward(-0.03, size), projector: toward(0.03, columns) }
 }
 
-/// Depths and camera-frame normals of a surface in a camera image; NaN outside it.
+/// Depths and camera-frame normals of a surface in a camera image; NaN for pixels without the surface.
 pub struct Shape {
     pub depth: Map,
     pub normals: Map,
@@ -121,7 +121,7 @@ impl Shape {
         })
     }
 
-    /// Returns the sphere of radius `r` about (0, 0, 0.22).
+    /// Returns the sphere of radius `r`, metres, about (0, 0, 0.22).
     pub fn sphere(camera: &Pinhole, r: f64) -> Self {
         Self::seen(camera, |o, d| {
             let q = o - Vector3::new(0.0, 0.0, 0.22);
@@ -132,7 +132,7 @@ impl Shape {
         })
     }
 
-    /// Returns the coordinates of the projector columns that light the shape.
+    /// Returns the column coordinates of the projector light at every pixel of the shape.
     pub fn columns(&self, rig: &Rig) -> Map {
         Map::from_fn(self.depth.width, self.depth.height, 1, |x, y, out| {
             let z = self.depth.at(x, y)[0];

@@ -8,8 +8,8 @@ use crate::map::Map;
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
-/// Returns the depth along the camera's axis of the point that column coordinate `column` lights in camera
-/// pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
+/// Returns the depth along the camera's axis of the point that projector column coordinate `column`
+/// illuminates in camera pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
     let across = (column - projector.principal[0]) / projector.focal[0];
@@ -19,14 +19,15 @@ pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     (z > 0.0 && z.is_finite()).then_some(z)
 }
 
-/// Returns [`depth_at`] for every pixel; NaN if there is none.
+/// Returns [`depth_at`] for every pixel; NaN if there is no intersection.
 pub fn depth(rig: &Rig, columns: &Map) -> Map {
     Map::from_fn(columns.width, columns.height, 1, |x, y, out| {
         out[0] = depth_at(rig, x, y, columns.at(x, y)[0]).unwrap_or(f64::NAN);
     })
 }
 
-/// Returns the depth error per column error of a code: |dz/du|, metres, by differences of half a column.
+/// Returns the ratio of depth error to column error of a code: |dz/du|, metres per column, from
+/// differences of half a column.
 pub fn depth_per_column(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let near = depth_at(rig, x, y, column - 0.5)?;
     Some((depth_at(rig, x, y, column + 0.5)? - near).abs())
@@ -55,7 +56,8 @@ mod tests {
         }
     }
 
-    /// An error of half a column gives half of `depth_per_column`: about z²/(b f) for two parallel devices.
+    /// An error of half a column causes a depth error of half of `depth_per_column`, which is about z²/(b
+    /// f) for two parallel devices.
     #[test]
     fn depth_errors_follow_column_errors() {
         let rig = rig(64, 512);

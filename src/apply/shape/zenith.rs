@@ -1,23 +1,24 @@
-//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9
-//! and 13).
+//! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
 //!
-//! Diffuse light from below the surface leaves through it: with s = sin²θ, c = cos θ and index n,
+//! Diffuse light from below the surface leaves through the surface with the degree of polarization, for s
+//! = sin²θ, c = cos θ and index n,
 //!
 //! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
 //!
-//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission.
-//! Specular light is polarized perpendicular to that plane,
+//! which increases from 0 to its maximum at grazing angles. The light is polarized parallel to the plane
+//! of emission. Specular reflection is polarized perpendicular to this plane,
 //!
 //! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
 //!
-//! with the value 1 at Brewster's angle, tan θ = n. Each degree below 1 therefore has two angles.
+//! with the value 1 at Brewster's angle, tan θ = n. Each degree of polarization below 1 therefore occurs
+//! at two angles.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// Bisection steps for angles: to 1e-15 rad.
+/// Number of bisection steps for angles, which gives an accuracy of 1e-15 rad.
 const HALVINGS: usize = 52;
 
-/// Returns ρ_d for light that leaves at `zenith` radians from the normal, from index `n`.
+/// Returns ρ_d for light that leaves a medium of index `n` at `zenith` radians from the normal.
 pub fn diffuse(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
     let s = sin * sin;
@@ -26,7 +27,7 @@ pub fn diffuse(zenith: f64, n: f64) -> f64 {
     minus / plus
 }
 
-/// Returns ρ_s for unpolarized light reflected at `zenith` radians from the normal by index `n`.
+/// Returns ρ_s for unpolarized light that a medium of index `n` reflects at `zenith` radians from the normal.
 pub fn specular(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
     let s = sin * sin;
@@ -34,8 +35,8 @@ pub fn specular(zenith: f64, n: f64) -> f64 {
     2.0 * s * cos * (n * n - s).max(0.0).sqrt() / over
 }
 
-/// Returns the angle in the interval at which an increasing function reaches `value`; an end of the interval
-/// if it does not.
+/// Returns the angle in the interval at which an increasing function reaches `value`. If there is no such
+/// angle, returns the nearer end of the interval.
 fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (from + to);
@@ -48,7 +49,7 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
     0.5 * (from + to)
 }
 
-/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree
+/// Returns the zenith angle of diffuse light with this degree of polarization, radians; π/2 if the degree
 /// exceeds the maximum, NaN if the degree is invalid.
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
@@ -57,7 +58,8 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
 }
 
-/// Returns the two zenith angles of specular light with this degree: below and above Brewster's angle.
+/// Returns the two zenith angles, radians, of specular reflection with this degree of polarization: below
+/// and above Brewster's angle.
 pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return [f64::NAN; 2];
@@ -73,7 +75,8 @@ mod tests {
     use optics::polarization::fresnel::dielectric;
     use optics::spectrum::Spectral;
 
-    /// The formulas agree with Fresnel's equations: degrees of the program's dielectric interface, in f32.
+    /// The formulas agree with the degrees of polarization of the renderer's dielectric interface
+    /// (Fresnel equations in f32).
     #[test]
     fn degrees_match_fresnel() {
         for n in [1.3, 1.5, 1.8] {
@@ -82,7 +85,8 @@ mod tests {
                 let block = fresnel.reflection.to_mueller().lane(0).map(|row| row.map(f64::from));
                 let (mean, difference) = (block[0][0], block[1][0]);
                 assert!((difference / mean - specular(zenith, n)).abs() < 2e-5, "{n} {zenith}");
-                // The rest is transmitted, with equal shares in both directions.
+                // The light that is not reflected is transmitted; the transmittance is the same in both
+                // directions.
                 let through = difference / (1.0 - mean);
                 assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
             }
@@ -97,7 +101,7 @@ mod tests {
                 assert!((of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6, "{n} {zenith}");
                 let both = of_specular(specular(zenith, n), n);
                 let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
-                // At Brewster's angle the degree has zero slope: half of the digits are lost.
+                // At Brewster's angle the degree has zero slope, so half of the digits are lost.
                 let flat = (zenith - n.atan()).abs() < 0.01;
                 assert!(nearest < if flat { 1e-5 } else { 1e-6 }, "{n} {zenith}: {both:?}");
                 assert!(both[0] <= n.atan() + 1e-6 && both[1] >= n.atan() - 1e-6);

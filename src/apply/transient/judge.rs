@@ -1,19 +1,19 @@
-//! Computes the metrics of a scoring on a variant against the labels.
+//! Computes the metrics of a scoring on a variant, with the renderer's labels as ground truth.
 
 use super::score::{Scoring, counts};
 use super::seen::{Seen, Target};
 use crate::metrics::roc;
 
-/// Minimum number of positives and of negatives in a bin for a separate area.
+/// Minimum number of positives and of negatives in a bin for which an area is computed.
 const FEW: usize = 5;
 
-/// Returns the area under the curve over all lit pixels and bins.
+/// Returns the area under the ROC curve over all lit pixels and bins.
 pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let [positive, negative] = scoring.groups([seen], target, |_| true);
     roc::area(&positive, &negative)
 }
 
-/// Returns the mean over bins of the area under the curve within each bin; NaN if no bin has enough
+/// Returns the mean over bins of the area under the ROC curve within a bin; NaN if no bin has enough
 /// positives and negatives.
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
@@ -25,7 +25,7 @@ pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     areas.iter().sum::<f64>() / areas.len() as f64
 }
 
-/// Returns F1 at the learned threshold; NaN for a variant without such light.
+/// Returns F1 at the learned threshold; NaN for a variant without light of the target.
 pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let counts = counts(scoring, seen, target);
     if counts.true_positive + counts.false_negative == 0 {
@@ -34,8 +34,8 @@ pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     counts.f1()
 }
 
-/// Returns the correlation of the score's positive part, which pictures show, with the light of the
-/// target over lit pixels and bins.
+/// Returns the correlation between the positive part of the score, which images show, and the light of
+/// the target, over lit pixels and bins.
 pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let pairs = seen
         .lit
@@ -44,7 +44,7 @@ pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     pearson(&pairs.collect::<Vec<_>>())
 }
 
-/// Returns [`correlation`] for sums over the bins of each pixel.
+/// Returns [`correlation`] for the sums over the bins of each pixel.
 pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
     let mut lit = vec![false; sums.len()];
@@ -88,7 +88,7 @@ mod tests {
         };
         assert!((of(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]) - 1.0).abs() < 1e-12);
         assert!((of(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
-        // 1/√(2 · 14/3): by hand.
+        // The value 1/√(2 · 14/3) is computed by hand.
         let want = 1.0 / (2.0_f64 * 14.0 / 3.0).sqrt();
         assert!((of(&[1.0, 2.0, 3.0], &[1.0, 4.0, 2.0]) - want).abs() < 1e-12);
         assert_eq!(of(&[2.0, 2.0], &[0.0, 1.0]), 0.0);

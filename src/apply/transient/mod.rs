@@ -1,14 +1,14 @@
-//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of
-//! a coaxial rig, bin of travel time by bin, by its change of circular polarization.
+//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of a
+//! coaxial rig in each bin of travel time by its change of circular polarization.
 //!
-//! Each specular reflection reverses the handedness of circular light, and diffuse surfaces
-//! depolarize the light. Hence -T33 > 0 is "circular-inverting" light and T33 > 0
-//! "circular-keeping" light, with s3 viewed toward the source for both directions (CONVENTIONS.md).
-//! The renderer labels light. Positives are bins of pixels in which most light had only specular
-//! reflections, an odd number for inverting and an even number for keeping. (With s' = s, the
-//! second is light between two sides of a crease within one pixel: all longer paths end where they
-//! began, with an odd number of reflections.) Signs that physics does not determine, and
-//! thresholds, are learned from the training variants.
+//! Each specular reflection reverses the handedness of circular light, and diffuse surfaces depolarize
+//! the light. Hence -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, where
+//! the handedness of s3 is defined looking toward the source for both directions (CONVENTIONS.md). The
+//! renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had
+//! only specular reflections, an odd number for inverting and an even number for keeping. (With s' = s,
+//! an even number occurs only between two sides of a crease within one pixel. All longer paths end where
+//! they began, after an odd number of reflections.) Thresholds, and signs that physics does not
+//! determine, are learned from the training variants.
 
 mod judge;
 mod score;
@@ -22,7 +22,7 @@ use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
 use score::{Measure, Scoring};
 use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
 
-/// A metric of a scoring.
+/// A function that computes a metric of a scoring.
 type Judge = fn(&Scoring, &Seen, Target) -> f64;
 
 const METRICS: [(Metric, Judge, Target); 10] = [
@@ -106,7 +106,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Draws the values of lit pixels and bins, summed over bins.
+/// Draws the values of lit pixels, summed over lit bins.
 fn picture(
     method: &'static str,
     shared: bool,
@@ -130,7 +130,7 @@ fn picture(
     }
 }
 
-/// Returns a note on the number of positives.
+/// Returns a note on the numbers of positives in a variant.
 fn of_all(seen: &Seen) -> String {
     let count = |target| seen.lit.iter().filter(|p| seen.is(target, **p)).count();
     format!(

@@ -1,19 +1,21 @@
-//! Scores of places (a pixel in one bin): a higher value means more light of the target.
+//! Scores of places (pairs of a pixel and a bin). Higher scores mean more light of the target.
 
 use super::seen::{Seen, TARGETS, Target};
 use crate::metrics::precision_recall::Counts;
 use crate::metrics::roc::area;
 
-/// The quantity of a score.
+/// The quantity from which a score is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Measure {
     /// T33 of the bin: positive for preserved circular polarization.
     Circular,
     /// T33/T00 of the bin.
     CircularShare,
-    /// Right-handed light in, right-handed minus left-handed light out: T30 + T33. Two captures.
+    /// T30 + T33: right-handed illumination, and right-handed minus left-handed light detected. Requires
+    /// two captures.
     CircularPair,
-    /// Horizontal light in, parallel minus crossed out: T10 + T11. Two captures.
+    /// T10 + T11: horizontally polarized illumination, and parallel minus crossed polarization detected.
+    /// Requires two captures.
     LinearPair,
     /// T00 of the bin.
     Intensity,
@@ -53,11 +55,11 @@ pub(super) struct Scoring {
     threshold: [f64; 2],
 }
 
-/// Number of thresholds to try.
+/// Number of candidate thresholds.
 const STEPS: usize = 200;
 
 impl Scoring {
-    /// Learns undetermined signs, and the thresholds of best F1, from training variants.
+    /// Learns undetermined signs, and the thresholds with the largest F1, from training variants.
     pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
         let mut out = Self { measure, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
         for (i, target) in TARGETS.into_iter().enumerate() {
@@ -79,8 +81,8 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Returns the scores of lit places of the target, and of others, among the places that pass
-    /// `counts`.
+    /// Returns the scores of lit places of the target, and of all other lit places, among the places that
+    /// satisfy `counts`.
     pub(super) fn groups<'a>(
         &self,
         all: impl IntoIterator<Item = &'a Seen>,
@@ -98,7 +100,8 @@ impl Scoring {
     }
 }
 
-/// Returns the threshold of best F1, among evenly spread ranks of the positives; infinite without positives.
+/// Returns the threshold with the largest F1 among scores at evenly spaced ranks of the positives;
+/// infinite without positives.
 fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
     let mut positive: Vec<f64> = positive.iter().copied().filter(|v| v.is_finite()).collect();
     let mut negative: Vec<f64> = negative.iter().copied().filter(|v| v.is_finite()).collect();
@@ -117,7 +120,7 @@ fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
     best.1
 }
 
-/// Counts the decisions of a scoring for the lit places of a variant.
+/// Counts true and false decisions of a scoring for the lit places of a variant.
 pub(super) fn counts(scoring: &Scoring, seen: &Seen, target: Target) -> Counts {
     let threshold = scoring.threshold(target);
     Counts::of(seen.lit.iter().map(|place| {

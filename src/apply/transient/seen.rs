@@ -6,15 +6,16 @@ use crate::observation::{Observation, Pixels};
 use crate::paths::Labelled;
 use tensor::axes::AxisKind;
 
-/// Name of the methods' slice.
+/// Name of the slice that the methods use.
 pub(super) const TRANSIENT: &str = "transient";
 /// Name of the truth slice.
 pub(super) const LABELLED: &str = "labelled";
 
-/// Minimum light of a lit place, relative to the pixel's mean light per bin; less is noise of the labels.
+/// Minimum light of a lit place, relative to the pixel's mean light per bin. Smaller values are noise of
+/// the labelled render.
 const LEAST: f64 = 0.01;
 
-/// The change of circular polarization by the path.
+/// The change of circular polarization along a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// An odd number of specular reflections.
@@ -23,7 +24,6 @@ pub(super) enum Target {
     Keeping,
 }
 
-/// Both changes of circular polarization.
 pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 
 /// One variant with one seed. Places are pixels with their bins: `pixel * bins + bin`.
@@ -32,8 +32,8 @@ pub(super) struct Seen {
     pub pixels: Pixels,
     /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
-    /// Light with an odd number and with an even number of specular reflections, and all light;
-    /// W/(m² sr nm).
+    /// Light that had only specular reflections, an odd number (first list) or an even number (second
+    /// list); W/(m² sr nm).
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }

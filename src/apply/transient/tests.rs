@@ -11,7 +11,7 @@ const SIZE: [usize; 2] = [18, 12];
 const BINS: usize = 6;
 const BOUNCES: usize = 4;
 
-/// The difference of specular from diffuse light.
+/// The differences between specular and diffuse light.
 #[derive(Clone, Copy)]
 struct Differs {
     /// Whether the circular polarization differs.
@@ -64,8 +64,8 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
             ];
             let mut mean = zeros("labelled", axes);
             for (place, b) in bright.iter().enumerate() {
-                // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by
-                // facets (4).
+                // Specular light contains some diffuse light. Light after an odd number of reflections
+                // has the label of a mirror (2), light after an even number that of microfacets (4).
                 let (bounces, label) = [(1, 2), (2, 4), (1, 8)][kind(place / BINS, place % BINS, d.mixed)];
                 mean.data[(place * BOUNCES + bounces) * 16 + label] += (0.8 * b) as f32;
                 mean.data[(place * BOUNCES + 2) * 16 + 12] += (0.2 * b) as f32;
@@ -85,9 +85,9 @@ fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
 const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
-/// For physically plausible light, circular polarization separates all kinds, and one pair of
-/// captures is equally good. Linear polarization separates specular from diffuse light but not odd
-/// from even, intensity separates nothing, and without time all kinds are mixed.
+/// For physically plausible light, circular polarization separates all kinds, and so does one pair of
+/// captures. Linear polarization separates specular from diffuse light, but not odd from even numbers of
+/// reflections. Intensity separates no kinds, and without time all kinds are mixed.
 #[test]
 fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);
@@ -99,7 +99,8 @@ fn circular_polarization_separates_odd_from_even() {
     }
     for metric in [INVERTING, KEEPING] {
         let linear = of("parallel less crossed, time-gated", metric);
-        // Above diffuse light, equal to the other kind: 3/4.
+        // Scores are higher than those of diffuse light and equal to those of the other kind, so the area
+        // is 3/4.
         assert!((linear - 0.75).abs() < 0.05, "{linear}");
         let intensity = of("transient intensity", metric);
         assert!((intensity - 0.5).abs() < 0.08, "{intensity}");
@@ -110,8 +111,9 @@ fn circular_polarization_separates_odd_from_even() {
     assert!(of("(3,3) of the bin", "correlation, inverting, summed over time") > 0.98);
 }
 
-/// Baselines win or tie where expected: intensity if specular light is brighter and not polarized, linear
-/// polarization if only it differs, and the sum over time if pixels are of one kind.
+/// Baselines are better or equal where expected: intensity if specular light is brighter and not
+/// polarized, linear polarization if only the linear polarization differs, and the sum over time if each
+/// pixel contains one kind.
 #[test]
 fn baselines_win_or_tie_where_expected() {
     let d = Differs { circular: false, linear: false, bright: 6.0, mixed: true };
@@ -129,8 +131,8 @@ fn baselines_win_or_tie_where_expected() {
     assert!(six >= one - 1e-3, "{six} against {one}");
 }
 
-/// Dim specular light: the sign of intensity is learned from training variants and kept, although test
-/// variants differ.
+/// The training variants have dim specular light. The sign of intensity that is learned from them is
+/// kept, although the test variants differ.
 #[test]
 fn signs_are_learned_only_from_training_variants() {
     let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
@@ -152,7 +154,7 @@ fn labels_and_reflections_are_counted() {
         let k = kind(place / BINS, place % BINS, true);
         assert_eq!(seen.is(Target::Inverting, *place), k == 0);
         assert_eq!(seen.is(Target::Keeping, *place), k == 1);
-        // Light of both facets and diffuse surfaces, label 12, belongs to no target.
+        // Light that interacted with both microfacets and diffuse surfaces (label 12) belongs to no target.
         assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
     }
 }

@@ -3,8 +3,7 @@
 use super::fault::Fault;
 use nalgebra::Vector3;
 
-/// A chessboard with squares of equal size. The corners of the board are the points where four
-/// squares meet.
+/// A chessboard with squares of equal size. The corners of the board are the points where four squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Board {
     /// Inner corners along x, one less than the number of squares.
@@ -15,7 +14,7 @@ pub struct Board {
     pub square: f64,
 }
 
-/// Maximum number of corners along a side. A larger number is an input error.
+/// Maximum number of corners along a side. Larger numbers are rejected as input errors.
 const MOST: usize = 1000;
 
 impl Board {

@@ -1,10 +1,10 @@
 //! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses
 //! of the views eliminated by the Schur complement.
 //!
-//! The projector coordinate q of a corner is measured through the camera. An error δ of the
-//! measured corner causes the error Jδ of q, where J maps camera to projector pixels locally. The
-//! projector residual is therefore q + J(ĉ - c) - q̂. The camera's error cancels in the projector
-//! residual, so the camera and projector residuals are independent.
+//! The projector coordinate q of a corner is measured with the camera. An error δ of the measured corner
+//! causes the error Jδ of q, where J is the local derivative of projector pixels with respect to camera
+//! pixels. With predicted coordinates ĉ and q̂, the projector residual is therefore q + J(ĉ - c) - q̂.
+//! The error of c cancels in this residual, so the residuals of camera and projector are independent.
 
 use super::device::{Device, Seen};
 use super::pose::Pose;
@@ -17,12 +17,12 @@ pub struct Corner {
     pub board: Vector3<f64>,
     /// Position in the camera image, in continuous pixels.
     pub camera: Vector2<f64>,
-    /// The projector pixel that illuminates the corner, and its derivative by the camera pixel (0 if both are
-    /// measured independently).
+    /// The projector pixel that illuminates the corner, and its derivative with respect to the camera
+    /// pixel (0 if both pixels are measured independently).
     pub projector: Option<(Vector2<f64>, Matrix2<f64>)>,
 }
 
-/// The free parameter that moves a device parameter: its index, and the factor.
+/// The free parameter on which a device parameter depends: its index, and the factor of proportionality.
 pub type Tie = Option<(usize, f64)>;
 
 /// All estimated parameters.
@@ -30,7 +30,8 @@ pub type Tie = Option<(usize, f64)>;
 pub struct State {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// The free parameter of each device parameter. Indices run over the parameters of all devices.
+    /// The free parameter on which each device parameter depends. Indices count the free parameters of
+    /// all devices.
     pub ties: Vec<Vec<Tie>>,
     /// Number of free device parameters. With two devices, six parameters of `relative` follow.
     pub free: usize,
@@ -42,11 +43,13 @@ pub struct State {
 
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Standard deviation of a coordinate in pixels, by device. An infinite value ignores the device.
+    /// Standard deviation of a coordinate in pixels, by device. If the value is infinite, the device is
+    /// ignored.
     pub sigma: Vec<f64>,
-    /// Huber's threshold in standard deviations of a coordinate. An infinite value means least squares.
+    /// Huber's threshold in standard deviations of a coordinate. If the value is infinite, the loss is
+    /// that of least squares.
     pub huber: f64,
-    /// Corners to leave out, by view and corner.
+    /// True for each corner that is excluded, by view and corner.
     pub out: Vec<Vec<bool>>,
 }
 
@@ -105,8 +108,8 @@ impl State {
         next
     }
 
-    /// Returns Huber's cost, or half the sum of squares. The cost is infinite if a corner is behind
-    /// a device.
+    /// Returns the sum of Huber's losses, or half the sum of squares if the threshold is infinite. The
+    /// cost is infinite if a corner is behind a device.
     pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
         let mut sum = 0.0;
         for (v, corners) in views.iter().enumerate() {
@@ -158,7 +161,7 @@ impl State {
             };
             let far = self.relative.rotation * x;
             let thrown = projector.see(&lenses[1], &(far + self.relative.translation))?;
-            // The predicted difference depends on both devices.
+            // The predicted projector residual depends on both devices.
             let off = q - j * off - thrown.at;
             let (cost, weight) = huber(off.norm() / w.sigma[1], w.huber);
             sum += cost;
@@ -199,7 +202,7 @@ impl State {
         Some(normal)
     }
 
-    /// Adds the derivatives by a device's parameters, multiplied by a matrix.
+    /// Adds the derivatives with respect to a device's parameters, multiplied by a matrix.
     fn fill(
         &self,
         out: &mut DMatrix<f64>,
@@ -219,7 +222,7 @@ impl State {
     }
 }
 
-/// Returns the derivative of R x + t by a change of the pose. `turned` is R x.
+/// Returns the derivative of R x + t with respect to a change of the pose. `turned` is R x.
 fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     let mut m = SMatrix::<f64, 3, 6>::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-turned.cross_matrix());
@@ -227,7 +230,7 @@ fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     m
 }
 
-/// Returns Huber's loss of a distance, and the weight of its square.
+/// Returns Huber's loss of a distance, and the weight of the squared distance.
 fn huber(r: f64, bound: f64) -> (f64, f64) {
     if r <= bound || r.is_nan() { (0.5 * r * r, 1.0) } else { (bound * (r - 0.5 * bound), bound / r) }
 }
@@ -253,7 +256,7 @@ impl Normal {
             right -= &folded * own_right;
             inverses.push(inverse);
         }
-        // Parameters differ by orders of magnitude, so scale the diagonal to 1.
+        // Parameters differ by orders of magnitude, so the matrix is scaled to unit diagonal.
         let scale = schur.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
         let d = DMatrix::from_diagonal(&scale);
         let solved = (&d * schur * &d).cholesky()?.solve(&right.component_mul(&scale));
@@ -268,8 +271,8 @@ impl Normal {
     }
 }
 
-/// Minimizes the cost with at most `most` steps, until a step reduces the cost by less than the
-/// fraction `least`.
+/// Minimizes the cost. Stops after `most` steps, or if a step reduces the cost by less than the fraction
+/// `least`.
 ///
 /// Returns `None` if a corner is behind a device at the start.
 pub fn minimize(

@@ -61,7 +61,7 @@ pub struct Extrinsics {
 #[serde(deny_unknown_fields)]
 pub struct Quality {
     pub views: usize,
-    /// Number of corners that a robust fit left out.
+    /// Number of corners that a robust fit excluded as outliers.
     pub outliers: usize,
     /// Root mean square of the residual distances in pixels, by device.
     pub rms_px: Vec<f64>,
@@ -71,8 +71,8 @@ pub struct Quality {
     pub camera_errors: BTreeMap<String, f64>,
     /// Standard errors of the projector's parameters by name.
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Standard errors of the projector's pose in its own frame: three angles (radians), three lengths
-    /// (meters).
+    /// Standard errors of the projector's pose in the projector's frame: three angles (radians), three
+    /// lengths (meters).
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -141,7 +141,7 @@ impl DeviceTable {
         })
     }
 
-    /// Returns the pose from world to device, or `None` if R is no rotation or t is not finite.
+    /// Returns the pose from world to device, or `None` if R is not a rotation matrix or t is not finite.
     pub fn pose(&self) -> Option<Pose> {
         let e = &self.pose.extrinsics;
         let rotation = Matrix3::from_fn(|i, j| e.rotation[i][j]);
@@ -203,9 +203,8 @@ impl Calibration {
 
     /// Returns JSON for `cv::FileStorage`.
     ///
-    /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The
-    /// projector's entries have the prefix `projector_`. R and T map camera to projector
-    /// coordinates.
+    /// The JSON contains `camera_matrix` and `distortion_coefficients` of the camera. The projector's
+    /// entries have the prefix `projector_`. R and T map camera to projector coordinates.
     pub fn to_opencv_json(&self) -> String {
         let matrix = |rows: usize, cols: usize, data: &[f64]| {
             let data: Vec<String> = data.iter().map(|x| format!("{x:?}")).collect();

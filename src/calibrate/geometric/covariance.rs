@@ -6,14 +6,14 @@ use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
 /// Square root of the information matrix, with the poses of the views eliminated.
 pub struct Root {
-    /// The factor R: RᵀR is the information about the shared parameters if the poses are unknown.
+    /// The factor R: RᵀR is the Fisher information of the shared parameters for unknown poses.
     shared: DMatrix<f64>,
     /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
     /// By view: the factor of the view's pose, the coupling to the shared parameters, and the
     /// transformed residuals.
     own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
-    /// Transformed residuals of the shared parameters.
+    /// Transformed residuals that belong to the shared parameters.
     right: DVector<f64>,
 }
 
@@ -77,11 +77,11 @@ impl Root {
         Some((shared.clone(), own?)).filter(|_| finite)
     }
 
-    /// Returns the least determined combination of shared parameters and how well it is determined,
-    /// from 0 (not at all) to about 1.
+    /// Returns how well the least determined combination of shared parameters is determined, from 0 (not
+    /// at all) to about 1, and this combination.
     ///
-    /// The result is the smallest singular value of the root with its singular vector. The root's
-    /// columns are scaled by the information for known poses.
+    /// The result is the smallest singular value of the root with its singular vector. Columns of the
+    /// root are scaled by the square root of the information that known poses would give.
     pub fn least_known(&self) -> Option<(f64, DVector<f64>)> {
         let scale = self.lengths.map(|d| if d > 0.0 { d.recip() } else { 0.0 });
         let svd = (&self.shared * DMatrix::from_diagonal(&scale)).try_svd(false, true, 1e-16, 10_000)?;
@@ -108,8 +108,8 @@ impl Root {
 }
 
 impl Covariance {
-    /// Returns tr(C N): the number of parameters that a part of the measurements, with normal
-    /// equations N, determines.
+    /// Returns tr(C N): the effective number of parameters that a subset of the measurements with normal
+    /// equations N determines.
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
         for v in 0..part.own.len() {
@@ -120,8 +120,8 @@ impl Covariance {
     }
 }
 
-/// Refines the Levenberg–Marquardt result by a few Gauss–Newton steps, which recover digits that
-/// the normal equations lose. The steps end when the cost no longer falls.
+/// Refines the Levenberg–Marquardt result by a few Gauss–Newton steps, which recover digits that the
+/// normal equations lose. The iteration ends when a step no longer reduces the cost.
 pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
     let mut cost = state.cost(views, w);
     for _ in 0..10 {

@@ -1,5 +1,5 @@
 //! Device model of a calibration: focal lengths, principal point and lens, their free parameters, and the
-//! derivatives of pixels.
+//! derivatives of projected pixels.
 
 use super::pose::Pose;
 use glam::DVec2;
@@ -15,9 +15,9 @@ pub enum Model {
     /// Brown–Conrady lens: k1, k2, p1, p2, k3.
     #[default]
     Five,
-    /// Rational lens: also k4, k5, k6.
+    /// Rational lens: k4, k5 and k6 in addition to [`Self::Five`].
     Eight,
-    /// Thin-prism lens: also s1 to s4.
+    /// Thin-prism lens: s1 to s4 in addition to [`Self::Eight`].
     Twelve,
     /// Fisheye lens: k1 to k4.
     Fisheye,
@@ -49,7 +49,7 @@ impl Model {
     }
 }
 
-/// A device that maps the point p of the plane z = 1 to the pixel focal · lens(p) + centre.
+/// A camera or projector that maps the point p of the plane z = 1 to the pixel focal · lens(p) + centre.
 ///
 /// Pixel coordinates are continuous, and the first pixel covers 0 to 1. OpenCV's coordinates are
 /// smaller by half a pixel.
@@ -68,9 +68,9 @@ pub struct Device {
 /// The pixel of a point, and its derivatives.
 pub struct Seen {
     pub at: Vector2<f64>,
-    /// Derivative by the point in device coordinates.
+    /// Derivative with respect to the point in device coordinates.
     pub by_point: Matrix2x3<f64>,
-    /// Derivatives by fx, fy, cx, cy and the coefficients.
+    /// Derivatives with respect to fx, fy, cx, cy and the coefficients.
     pub by_parameters: Vec<Vector2<f64>>,
 }
 
@@ -168,7 +168,7 @@ pub struct Free {
     pub tangential: bool,
     /// Whether k3 is fitted. Otherwise it is 0.
     pub k3: bool,
-    /// Whether any lens coefficient is fitted.
+    /// Whether lens coefficients are fitted. If false, no coefficient is fitted.
     pub lens: bool,
 }
 
@@ -179,13 +179,13 @@ impl Default for Free {
 }
 
 impl Free {
-    /// Returns, for each of [`Device::parameters`], the index and factor of the free parameter that
-    /// moves it.
+    /// Returns, for each of [`Device::parameters`], the index and factor of the free parameter on which
+    /// it depends.
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)
     }
 
-    /// Returns [`Self::ties`] of parameters with chosen names only.
+    /// Returns [`Self::ties`] for the parameters whose names are selected.
     pub(super) fn ties_of(
         &self,
         device: &Device,
@@ -223,7 +223,7 @@ pub fn count(ties: &[Option<(usize, f64)>]) -> usize {
     ties.iter().flatten().map(|(i, _)| i + 1).max().unwrap_or(0)
 }
 
-/// Returns the pixels of a board's points from a pose, or `None` if a point is behind the device.
+/// Returns the pixels of a board's points for a pose, or `None` if a point is behind the device.
 pub fn project_all(device: &Device, pose: &Pose, points: &[Vector3<f64>]) -> Option<Vec<Vector2<f64>>> {
     points.iter().map(|x| device.project(&pose.apply(*x))).collect()
 }

@@ -1,5 +1,4 @@
-//! Epipolar planes: planes through the centers of both devices, identified by their angle about the
-//! baseline.
+//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
 //!
 //! Each plane intersects the camera's image and the projector's image in one line each. Lens
 //! distortion bends these lines.
@@ -14,11 +13,13 @@ pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Perpendiculars to the baseline in the camera's frame: toward the optical axis, and across it.
+    /// Two unit vectors perpendicular to the baseline in the camera's frame: one toward the optical axis,
+    /// and one perpendicular to the first.
     across: [Vector3<f64>; 2],
 }
 
-/// For each pixel, the index of its band of planes, or `None` if the lens cannot be inverted there.
+/// For each pixel, the index of its band of epipolar planes, or `None` if the lens cannot be inverted at
+/// this pixel.
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
@@ -82,7 +83,7 @@ impl Planes {
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;
-        // Angular intervals of the lit pixels: each plane, plus or minus the change over `reach` pixels.
+        // Angular intervals around the planes of the lit pixels, with a half width of `reach` pixels.
         let mut covered = vec![];
         for (i, angle) in projector.iter().enumerate() {
             let (Some(a), Some(true)) = (angle, lit.get(i)) else {
@@ -147,7 +148,8 @@ mod tests {
             if inside(p, planes.camera.size) && inside(q, planes.projector.size) {
                 let mut lit = vec![false; 80 * 50];
                 lit[q.y as usize * 80 + q.x as usize] = true;
-                // Half a projector pixel plus half a camera pixel, which is 1.5 times as wide.
+                // The reach covers half a projector pixel plus half a camera pixel, which is 1.5
+                // projector pixels wide.
                 let seen = planes.lit(&lit, 2.0);
                 prop_assert!(seen[p.y as usize * 64 + p.x as usize]);
                 prop_assert!(seen.iter().filter(|s| **s).count() < 64 * 48 / 5);

@@ -1,4 +1,5 @@
-//! Fits devices to corners: initial estimate, bundle adjustment, noise, covariances and notes.
+//! Fits devices to corners: initial estimate, bundle adjustment, estimation of noise and covariances, and
+//! notes.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -15,7 +16,8 @@ pub struct Setup {
     pub size: [u32; 2],
     pub model: Model,
     pub free: Free,
-    /// Initial device, with the values of fixed parameters. `None` means an estimate from the views.
+    /// Initial device, with the values of fixed parameters. If `None`, the device is estimated from the
+    /// views.
     pub start: Option<Device>,
 }
 
@@ -35,9 +37,8 @@ pub struct Fit {
     pub relative: Pose,
     /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0
-    /// for fixed parameters. With a projector, the six changes of `relative` follow
-    /// ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
+    /// parameters. With a projector, the six parameters of a change of `relative` follow ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
@@ -46,21 +47,21 @@ pub struct Fit {
     /// Root mean square distance between measured and fitted points in pixels, by device, computed
     /// as in OpenCV.
     pub rms: Vec<f64>,
-    /// View and corner, from 0, of the corners that the robust fit left out.
+    /// View and corner indices, from 0, of the corners that the robust fit excluded.
     pub outliers: Vec<(usize, usize)>,
     /// Poorly determined parameters, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds
-/// this threshold.
+/// Outlier threshold of the robust fit in standard deviations. The residual of one in 25,000 valid
+/// corners exceeds this threshold.
 const OUTLIER: f64 = 4.5;
-/// Huber's threshold in standard deviations.
+/// Threshold of Huber's loss in standard deviations.
 const HUBER: f64 = 1.5;
 /// RMS in pixels below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
-/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. Rational lenses
-/// have valleys with small gains over many steps, along which the image does not change.
+/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost function
+/// of rational lenses has flat valleys, in which many steps with small gains hardly change the projection.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
 /// Maximum RMS of a valid fit relative to the image width.
@@ -69,7 +70,7 @@ const HOPELESS: f64 = 0.02;
 /// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
 /// camera to projector.
 ///
-/// With `robust`, outliers are detected (Huber's loss) and left out.
+/// With `robust`, outliers are detected by a fit with Huber's loss and excluded.
 ///
 /// # Errors
 /// [`Fault`].
@@ -109,7 +110,6 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
     finish(state, views, &w, inverse)
 }
 
-/// Checks the input.
 fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
     if views.is_empty() || setups.is_empty() {
         return Err(Fault::NoViews);
@@ -178,7 +178,8 @@ fn mean(all: &[Pose]) -> Pose {
     Pose { rotation, translation: all.iter().map(|p| p.translation).sum::<Vector3<f64>>() / n }
 }
 
-/// Fits one device from each initial estimate, first without its lens. Returns the first good or the best.
+/// Fits one device from each initial estimate, first without lens distortion. Returns the first good fit,
+/// otherwise the best.
 fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
     let pairs: Vec<_> = views.iter().map(|v| v.iter().map(|c| (c.board.xy(), c.camera)).unzip()).collect();
     let hs = zhang::homographies(&pairs).map_err(|view| Fault::Collinear { view: view + 1 })?;
@@ -201,8 +202,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut state =
             State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
-        // Free the parameters in stages: pinhole, dominant lens terms, all. This avoids poles of rational
-        // lenses.
+        // The parameters are freed in stages: pinhole, dominant lens terms, all. This avoids poles of
+        // rational lenses.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
@@ -251,13 +252,14 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     }
 }
 
-/// Fits with Huber's loss, scaled by the median, and marks the outliers.
+/// Fits with Huber's loss, scaled by the median residual, and marks the outliers.
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
             let mut all: Vec<f64> = distances(&state, views, device).into_iter().map(|(_, d)| d).collect();
             all.sort_by(f64::total_cmp);
-            // The median distance in the plane is 1.1774 standard deviations of a coordinate.
+            // The median of a normally distributed distance in the plane is 1.1774 standard deviations of
+            // a coordinate.
             let middle = all.get(all.len() / 2).copied().unwrap_or(1.0);
             w.sigma[device] = (middle / 1.1774).max(1e-9);
         }
@@ -322,7 +324,7 @@ fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covari
         };
         let (sum, n) = squares(state, views, w, device);
         let left = 2.0 * n as f64 - inverse.taken(&part);
-        // Exact points have no noise. A floor keeps the weights finite.
+        // For exact points the noise is zero. A lower bound keeps the weights finite.
         *sigma = (sum / left.max(1.0)).sqrt().max(1e-9);
     }
     w.sigma = sigma;

@@ -21,7 +21,7 @@ pub fn apply(h: &Matrix3<f64>, p: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(v.x / v.z, v.y / v.z)
 }
 
-/// Returns the derivative of [`apply`] by the point.
+/// Returns the derivative of [`apply`] with respect to the point.
 pub fn slope(h: &Matrix3<f64>, p: Vector2<f64>) -> Matrix2<f64> {
     let v = h * Vector3::new(p.x, p.y, 1.0);
     let q = v.xy() / v.z;
@@ -33,13 +33,14 @@ pub fn slope(h: &Matrix3<f64>, p: Vector2<f64>) -> Matrix2<f64> {
     ) / v.z
 }
 
-/// Minimum ratio of the second smallest to the largest singular value. Below it, points are collinear.
+/// Minimum ratio of the second smallest to the largest singular value. If the ratio is smaller, the
+/// points count as collinear.
 const FLAT: f64 = 1e-6;
 
 /// Returns the homography from `from` to `to` with the least sum of squared distances in `to`.
 ///
-/// The matrix is scaled so that its last element is 1; if that element is 0, so that its norm is 1.
-/// Returns `None` if the points do not determine the homography.
+/// The matrix is scaled so that its last element is 1. If the last element is 0, the matrix is scaled to
+/// norm 1. Returns `None` if the points do not determine the homography.
 pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
 }
@@ -69,7 +70,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
     let eigen = normal.symmetric_eigen();
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
-    // Squares of singular values.
+    // The eigenvalues are the squares of the singular values.
     if eigen.eigenvalues[order[1]] < FLAT * FLAT * eigen.eigenvalues[order[8]] {
         return None;
     }
@@ -82,7 +83,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
     h.iter().all(|x| x.is_finite()).then_some(h)
 }
 
-/// Refines by Gauss–Newton steps on the distances, as long as they reduce the cost.
+/// Refines the homography by Gauss–Newton steps, as long as the steps reduce the sum of squared distances.
 fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Matrix3<f64> {
     let cost = |h: &Matrix3<f64>| -> f64 {
         let each = from.iter().zip(to).zip(weights);
@@ -108,7 +109,7 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
                 right += row * (e * *w);
             }
         }
-        // A penalty on changes of scale fixes the gauge.
+        // A penalty on changes of scale removes the indeterminate scale.
         let gauge = SVector::<f64, 9>::from_row_slice(h.transpose().as_slice());
         normal += gauge * gauge.transpose() * normal.trace();
         let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {

@@ -43,8 +43,7 @@ impl Image {
         self.values[y * self.width + x]
     }
 
-    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the
-    /// first pixel.
+    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the first pixel.
     #[inline]
     pub fn between(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -55,7 +54,7 @@ impl Image {
         row(j) * (1.0 - b) + row(j + 1) * b
     }
 
-    /// Blurs with a Gaussian of standard deviation `sigma` in pixels.
+    /// Returns the image blurred with a Gaussian of standard deviation `sigma` in pixels.
     pub fn blurred(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let mut kernel: Vec<f32> =
@@ -75,15 +74,13 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one
-    /// more axis.
+    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
     ///
     /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and
     /// JPEG are rotated by their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not
-    /// finite.
+    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {
@@ -204,8 +201,8 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// Returns the value of a smooth image, which compression changes little and whose corners all
-    /// differ.
+    /// Returns the value of a smooth image. Compression changes the image little, and the values of the
+    /// four corners differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
@@ -221,7 +218,8 @@ mod tests {
         let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
         photo.write_with_encoder(encoder).unwrap();
         if orientation > 0 {
-            // APP1: a little-endian TIFF header and one entry, tag 0x0112 (a short).
+            // Segment APP1: a little-endian TIFF header and one entry, the orientation tag 0x0112 of type
+            // SHORT.
             let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
             exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
             let mut segment = vec![0xff, 0xe1];
@@ -251,8 +249,8 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274) place the stored first row and column
-    /// correctly.
+    /// For all eight orientations of EXIF 2.32 (4.6.5, tag 274), the first stored row and column are at
+    /// the correct side of the image.
     #[test]
     fn images_are_rotated_by_exif_orientation() {
         for orientation in 1..=8 {
@@ -261,7 +259,7 @@ mod tests {
             let turned = orientation > 4;
             let [w, h] = found.image.size().map(|n| n as isize);
             assert_eq!([w, h], if turned { [16, 24] } else { [24, 16] });
-            // The stored pixel of each shown corner.
+            // Compare each corner of the rotated image with the stored pixel.
             for (x, y) in [(0, 0), (w - 1, 0), (0, h - 1)] {
                 let (u, v) = match orientation {
                     1 => (x, y),

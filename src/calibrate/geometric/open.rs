@@ -6,7 +6,7 @@ use super::device::Model;
 use super::fault::Fault;
 use nalgebra::DMatrix;
 
-/// Singular values of the scaled information root below this are rounding errors.
+/// Singular values of the scaled information root below this value are rounding errors.
 const ROUNDING: f64 = 1e-12;
 /// Maximum relative standard error of a focal length.
 const WORST_FOCAL: f64 = 0.05;
@@ -116,7 +116,8 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
     Ok(())
 }
 
-/// Returns notes on insignificant lens coefficients, and on lenses that fold over outside the views.
+/// Returns notes on insignificant lens coefficients, and on lens models that are not invertible in
+/// regions without views.
 pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
     let mut first = 0;
     let mut notes = vec![];

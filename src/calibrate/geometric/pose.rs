@@ -5,7 +5,6 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 /// The rigid motion x ↦ R x + t in meters, from world (or board) to device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// The rotation matrix R.
     pub rotation: Matrix3<f64>,
     /// The translation t in meters.
     pub translation: Vector3<f64>,
@@ -40,7 +39,7 @@ impl Pose {
         }
     }
 
-    /// Returns the inverse.
+    /// Returns the inverse motion, from device to world.
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
         Self { rotation: back, translation: -(back * self.translation) }
@@ -57,20 +56,20 @@ impl Pose {
         }
     }
 
-    /// Returns the change (ω, δt) from `from` to this pose, as for [`Self::changed`].
+    /// Returns the change (ω, δt) for which [`Self::changed`] maps `from` to this pose.
     pub fn change_from(&self, from: &Self) -> [f64; 6] {
         let w = logarithm(&(self.rotation * from.rotation.transpose()));
         let d = self.translation - from.translation;
         [w.x, w.y, w.z, d.x, d.y, d.z]
     }
 
-    /// Returns axis times angle in radians, as OpenCV's rvec.
+    /// Returns OpenCV's rvec: the rotation axis times the angle in radians.
     pub fn rotation_vector(&self) -> Vector3<f64> {
         logarithm(&self.rotation)
     }
 }
 
-/// Returns axis times angle of a rotation.
+/// Returns the rotation axis times the angle in radians.
 fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }

@@ -1,4 +1,4 @@
-//! Tests of claimed uncertainties: z-scores over many repeats, planted outliers and degenerate views.
+//! Tests of stated uncertainties: z-scores over many repetitions, simulated outliers, and degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -18,8 +18,7 @@ fn board() -> Board {
     Board::new(9, 6, 0.04).unwrap()
 }
 
-/// Returns the coefficients of a typical Brown–Conrady lens, or of a wide lens that needs the
-/// rational model.
+/// Returns the coefficients of a typical Brown–Conrady lens, or of a wide lens that needs the rational model.
 fn lens(model: Model) -> &'static [f64] {
     match model {
         Model::Eight => &[0.5, 0.05, 0.001, -0.0015, 0.002, 0.85, 0.25, 0.01],
@@ -74,7 +73,7 @@ impl Noise {
     }
 }
 
-/// Returns corners with noise in the camera image and in the projector's map.
+/// Returns corners with noise in the camera image and in the measured projector coordinates.
 fn views(devices: &[Device], poses: &[Pose], sigma: [f64; 2], noise: &mut Noise) -> Vec<Vec<Corner>> {
     let board = board().points();
     poses
@@ -103,7 +102,7 @@ fn setups(devices: &[Device]) -> Vec<Setup> {
     devices.iter().map(|d| Setup::new(d.size, d.model)).collect()
 }
 
-/// Whitened errors by class of parameters.
+/// z-scores of the errors by class of parameters.
 #[derive(Default)]
 struct Classes(ZScores);
 
@@ -128,7 +127,7 @@ impl Classes {
                     &covariance.view((at, at), (len, len)).into_owned(),
                 );
             }
-            // The pixel errors that the lens causes for a device of these parameters.
+            // The errors of projected pixels that are due to the errors of the device's parameters.
             let mut seen_there = vec![];
             for (x, y) in [(-0.4, 0.2), (0.1, -0.3), (0.5, 0.4), (0.3, 0.0)] {
                 let p = Vector3::new(x, y, 1.0);
@@ -179,8 +178,8 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 fn errors_of_cameras_match_the_scatter() {
     hold("camera, 5 coefficients", &[camera(Model::Five)], 32, 0.05, true);
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 16, 0.05, false);
-    // The parameters of the rational model depend linearly on the noise only if it is very small. At 0.05
-    // pixels, k1 and k4 vary together by 15 without a change of the image.
+    // The parameters of the rational model depend linearly on the noise only if it is very small. With
+    // noise of 0.05 pixels, k1 and k4 vary jointly by 15 without a significant change of the projection.
     hold("camera, 8 coefficients, little noise", &[camera(Model::Eight)], 16, 5e-6, true);
 }
 
@@ -189,9 +188,9 @@ fn errors_of_cameras_match_the_scatter() {
 fn errors_of_projectors_match_the_scatter() {
     let pair = |model| [camera(model), projector(model)];
     hold("pair, 5 coefficients", &pair(Model::Five), 32, 0.05, true);
-    // At 0.05 pixels, one in a hundred rational projector lenses diverges to infinite coefficients and is
-    // rejected; at 0.01 pixels one in several hundred. Leaving these out would bias the statistics, so the
-    // noise is smaller instead.
+    // With noise of 0.05 pixels, the coefficients of one in a hundred rational projector lenses diverge,
+    // and the fit is rejected. With 0.01 pixels, this happens once in several hundred fits. Excluding
+    // these fits would bias the statistics, so the noise is reduced instead.
     hold("pair, 8 coefficients", &pair(Model::Eight), 32, 0.002, false);
 }
 
@@ -234,7 +233,7 @@ fn fixed_parameters_keep_their_values() {
     assert!((d.focal.x - truth.focal.x).abs() < 5.0 * errors[0]);
 }
 
-/// The fit recovers k1 to k4 of OpenCV's fisheye model, up to 60° off axis.
+/// The fit recovers k1 to k4 of OpenCV's fisheye model, up to an angle of 60° to the axis.
 #[test]
 fn fisheye_coefficients_are_recovered() {
     let mut truth = Device::pinhole([1280, 960], [420.0, 421.0], [645.0, 477.0], Model::Fisheye);
@@ -291,7 +290,7 @@ fn wrong_points_are_refused() {
     assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
     line[1].truncate(2);
     assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
-    // Corners in random order fit no camera.
+    // No camera fits corners in random order.
     let mut mixed = good;
     let mut x = 1_usize;
     for view in &mut mixed {

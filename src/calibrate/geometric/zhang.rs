@@ -5,8 +5,8 @@ use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Returns initial devices, the most likely first: focal lengths with the principal point in the
-/// center, all intrinsics, then three guessed focal lengths.
+/// Returns initial devices, the most likely first: estimated focal lengths with the principal point in
+/// the center, then all estimated intrinsics, then three guessed focal lengths.
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;
@@ -54,7 +54,7 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
     f.iter().all(|x| x.is_finite()).then_some(f)
 }
 
-/// Returns focal lengths and principal point. The estimated skew is dropped.
+/// Returns focal lengths and principal point. The estimated skew is ignored.
 fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>, Vector2<f64>)> {
     if homographies.len() < 3 {
         return None;

@@ -1,8 +1,8 @@
 //! Polarimetric calibration: imperfections of the optical elements, from captures of known samples.
 //!
 //! Samples with known Mueller matrices (air, a mirror, a plate) determine axis offsets, retardances and
-//! extinctions, and the beamsplitter and mirrors of a coaxial rig. All are fitted together with a brightness
-//! per sample. Undetermined parameters are reported.
+//! extinction ratios, and the parameters of the beamsplitter and mirrors of a coaxial rig. All parameters
+//! are fitted jointly with the brightness of each sample. Undetermined parameters are reported.
 
 pub mod parameters;
 pub mod samples;

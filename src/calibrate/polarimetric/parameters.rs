@@ -5,16 +5,16 @@ use polarimetry::capture::element::ElementKind;
 use polarimetry::capture::scheme::{Scheme, Sensor, Side};
 use polarimetry::capture::spectral_value::SpectralValue;
 
-/// One imperfection.
+/// A parameter of one imperfection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Angle of an element's axis at the zero of its stage, in degrees.
     AxisOffset(Side, usize),
     /// Deviation of a retarder's retardance from the nominal value, in degrees.
     Retardance(Side, usize),
-    /// Minimum over maximum transmittance of a polarizer.
+    /// Ratio of the minimum to the maximum transmittance of a polarizer.
     Extinction(Side, usize),
-    /// Minimum over maximum transmittance of the polarizers on a sensor.
+    /// Ratio of the minimum to the maximum transmittance of the polarizers on a sensor.
     SensorExtinction,
     /// Axis offset of one of the sensor's polarizers in degrees. The polarizer at 0° defines the
     /// frame and has no offset.
@@ -57,7 +57,7 @@ impl Parameter {
         all
     }
 
-    /// Returns the parameter's name, which includes that of its element.
+    /// Returns the parameter's name, which includes the name of the element.
     pub fn name(&self, scheme: &Scheme) -> String {
         let of = |side: Side, i: usize| match side {
             Side::Generator => scheme.generator()[i].name.clone(),
@@ -88,7 +88,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the step for numerical derivatives with respect to the fitted number
+    /// Returns the step for numerical derivatives with respect to the number that is fitted
     /// ([`Self::to_fit`]).
     pub fn step(&self) -> f64 {
         match self {
@@ -130,7 +130,7 @@ impl Parameter {
         }
     }
 
-    /// Returns whether the parameter may depend on the wavelength: axes do not, optical properties do.
+    /// Returns whether the parameter may depend on the wavelength: axis angles do not, optical properties do.
     pub fn is_spectral(&self) -> bool {
         !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
     }
@@ -147,7 +147,7 @@ impl Parameter {
         }
     }
 
-    /// Sets a scheme's value at all wavelengths.
+    /// Sets the parameter of a scheme to the same value at all wavelengths.
     pub fn set(&self, scheme: &mut Scheme, value: f64) {
         match *self {
             Self::AxisOffset(side, i) => scheme.imperfect(side, i, |e| e.axis_offset = value.to_radians()),
@@ -160,7 +160,8 @@ impl Parameter {
         }
     }
 
-    /// Sets a spectral value of a scheme. `of` creates it from the factor between both units.
+    /// Sets a spectral value of a scheme. `of` creates the value from the factor that converts the
+    /// parameter's unit to the scheme's unit.
     fn put(&self, scheme: &mut Scheme, of: impl Fn(f64) -> SpectralValue) {
         let plain = || of(1.0);
         match *self {
@@ -199,10 +200,10 @@ impl Parameter {
         }
     }
 
-    /// Returns the fitted number of a value.
+    /// Returns the number that is fitted for a value.
     ///
-    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values would
-    /// amplify light and have other minima.
+    /// For n and k of metals, the logarithm is fitted, so that the values stay positive. Metals with
+    /// negative k would amplify light, and the fit would have additional minima.
     pub fn to_fit(&self, value: f64) -> f64 {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => value.max(1e-6).ln(),
@@ -210,7 +211,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the value of a fitted number, and its derivative.
+    /// Returns the value for a fitted number, and the derivative of the value with respect to this number.
     pub fn from_fit(&self, number: f64) -> [f64; 2] {
         match self {
             Self::GalvoIndex | Self::GalvoAbsorption => [number.exp(); 2],

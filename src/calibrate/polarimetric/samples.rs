@@ -16,7 +16,7 @@ pub struct Sample {
     pub name: String,
     /// Row-major Mueller matrix of the sample, up to a brightness factor.
     pub mueller: [f64; 16],
-    /// The elements at their stages' angles, with their assumed imperfections.
+    /// The scheme with the measured stage angles and the assumed imperfections of the elements.
     pub scheme: Scheme,
     pub ray: Ray,
     /// Intensities, one per measurement.
@@ -25,7 +25,7 @@ pub struct Sample {
     pub sigmas: Vec<f64>,
     /// Number of readings of all measurements.
     pub readings: usize,
-    /// Number of readings that the means exclude as saturated or unknown.
+    /// Number of readings that are saturated or unknown and therefore excluded from the means.
     pub left_out: usize,
 }
 
@@ -54,15 +54,14 @@ pub struct Found {
     pub parameter: Parameter,
     /// Wavelength in nanometers, if fitted per wavelength.
     pub nm: Option<f64>,
-    /// Name, which includes that of the element.
+    /// Name of the parameter, which includes the name of the element.
     pub name: String,
     /// Value in the parameter's unit.
     pub value: f64,
-    /// Standard deviation, or `None` if the samples do not determine the parameter alone.
+    /// Standard deviation, or `None` if the samples determine the parameter only in combination with others.
     pub sigma: Option<f64>,
 }
 
-/// A calibrated scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
     /// The first sample's scheme with the fitted imperfections.
@@ -75,7 +74,7 @@ pub struct Calibrated {
     pub fit: Fit,
 }
 
-/// A number of the fit: an imperfection at one wavelength, or at all wavelengths.
+/// One fitted number: an imperfection at one wavelength, or at all wavelengths.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,
@@ -91,7 +90,7 @@ struct Predictions {
     kept: RefCell<VecDeque<Kept>>,
 }
 
-/// Fitted numbers and their prediction.
+/// Fitted numbers, and the intensities that they predict.
 type Kept = (Vec<f64>, Rc<Vec<f64>>);
 
 const KEPT: usize = 4;
@@ -124,7 +123,7 @@ fn wavelengths(samples: &[Sample]) -> Vec<f64> {
     wavelengths
 }
 
-/// Returns the numbers of a fit. Spectral parameters occur once per wavelength of the samples.
+/// Returns the numbers to fit. Each spectral parameter occurs once per wavelength of the samples.
 fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
     let wavelengths = wavelengths(samples);
     let several = wavelengths.len() > 1;
@@ -139,7 +138,8 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
     free.iter().flat_map(each).collect()
 }
 
-/// Fits imperfections to samples. `free` are the parameters that may differ from the assumed ones.
+/// Fits imperfections to samples. `free` lists the parameters to fit. Other parameters keep their assumed
+/// values.
 ///
 /// Axis offsets are shared by all samples. Spectral parameters are fitted at each wavelength that has
 /// samples. All numbers are fitted jointly.
@@ -239,7 +239,7 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         of[0].parameter.set_table(&mut scheme, &rows);
     }
     if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
-        // The brightness of each sample is a number of the fit, so keep that of the optics.
+        // The brightness of each sample is fitted, so the brightness of the optics is kept.
         now.keep_brightness(before, &wavelengths(samples));
     }
     Ok(Calibrated { scheme, found, undetermined: fit.describe_undetermined(&names), fit })

@@ -11,15 +11,15 @@ pub struct Statistics {
     pub chi_squared: f64,
     /// Number of measurements minus parameters.
     pub freedom: usize,
-    /// Names of the parameters, which include those of their elements.
+    /// Names of the parameters, which include the names of the elements.
     pub names: Vec<String>,
     /// Wavelength in nanometers of a parameter that is fitted per wavelength, otherwise `nan`.
     pub wavelengths_nm: Vec<f64>,
     /// Units of the parameters: `°` or empty.
     pub units: Vec<String>,
-    /// Fitted values in these units.
+    /// Fitted values in the units of `units`.
     pub values: Vec<f64>,
-    /// Standard deviations; `nan` if the samples do not determine a parameter alone.
+    /// Standard deviations; `nan` if the samples determine a parameter only in combination with others.
     pub sigma: Vec<f64>,
     /// Covariance row by row; zero along undetermined directions.
     pub covariance: Vec<Vec<f64>>,

@@ -1,4 +1,4 @@
-//! Tests with planted imperfections: fitted values, stated errors, and undetermined parameters.
+//! Tests with simulated imperfections: fitted values, stated errors, and undetermined parameters.
 
 use super::super::least_squares::FitError;
 use super::super::z_scores::{ZScores, repeats};
@@ -76,7 +76,8 @@ fn sample_along(
     }
 }
 
-/// Over repeats with different truths and noise, every parameter's errors over its sigmas have variance 1.
+/// Over repetitions with different truths and noise, the ratio of actual to stated error has variance 1
+/// for every parameter.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {
@@ -140,7 +141,7 @@ fn arm() -> Arm {
 /// Returns a coaxial rig whose optical parameters depend on the wavelength.
 fn dispersive() -> Scheme {
     let mut nominal = Scheme::quad(16, false).expect("a scheme");
-    // Protected silver with assumed values.
+    // Assumed optical constants of protected silver.
     nominal.coaxial = Some(Coaxial {
         transmission: arm(),
         reflection: arm(),
@@ -154,7 +155,8 @@ fn dispersive() -> Scheme {
 
 const WAVELENGTHS: [f64; 2] = [450.0, 660.0];
 
-/// Returns a truth with separate values per wavelength, in the order of the fit's numbers.
+/// Returns a true scheme with random values per wavelength, and these values in the order of the fitted
+/// numbers.
 fn dispersive_truth(nominal: &Scheme, seed: u32) -> (Scheme, Vec<f64>) {
     let mut random = stream(12, 0, seed);
     let (mut out, mut values) = (nominal.clone(), vec![]);
@@ -202,8 +204,8 @@ fn dispersive_samples(
     samples
 }
 
-/// n and k of the mirrors and both arms at two wavelengths, fitted jointly with the elements: whitened by the
-/// whole covariance, errors over stated ones have variance 1 for all determined parameters.
+/// The test fits n and k of the mirrors and both arms at two wavelengths jointly with the elements. After
+/// whitening by the full covariance, the errors of all determined parameters have variance 1.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn dispersion_is_recovered_with_correct_errors() {
@@ -228,7 +230,7 @@ fn dispersion_is_recovered_with_correct_errors() {
         }
     }
     scores.hold("two wavelengths");
-    // The calibration file contains a table over wavelengths.
+    // The calibration file contains a table of values by wavelength.
     let (real, _, found) = &all[0];
     let galvo = |s: &Scheme| s.coaxial.as_ref().and_then(|c| c.galvo.clone()).expect("a galvo");
     let sigma = |p: Parameter, nm: f64| {
@@ -242,7 +244,8 @@ fn dispersion_is_recovered_with_correct_errors() {
         assert!(n.abs() < 5.0 * sn && k.abs() < 5.0 * sk, "{nm}: {n} ± {sn}, {k} ± {sk}");
     }
     assert!(is.k.at(660.0) > 1.2 * is.k.at(450.0));
-    // Samples of unknown brightness do not change the brightness of the optics. That of the mirrors differs.
+    // Samples of unknown brightness do not change the brightness of the optics, although n and k of the
+    // mirrors change.
     let believed = nominal.coaxial.as_ref().expect("coaxial optics");
     let optics = found.scheme.coaxial.as_ref().expect("coaxial optics");
     for nm in WAVELENGTHS {

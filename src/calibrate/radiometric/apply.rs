@@ -9,7 +9,7 @@ use super::stack::{Stack, check};
 use super::transfer::Transfer;
 use serde::{Deserialize, Serialize};
 
-/// Readings above this fraction of the saturation signal are not used.
+/// Readings above this fraction of the saturation signal count as saturated.
 const SATURATED: f64 = 0.95;
 const MOST_DEGREE: usize = 8;
 
@@ -17,9 +17,9 @@ const MOST_DEGREE: usize = 8;
 pub struct Options {
     /// Number of coefficients of the nonlinearity polynomial.
     pub degree: usize,
-    /// Relative standard error of the light between levels.
+    /// Relative standard error of the light of each level.
     pub light_sigma: f64,
-    /// Outlier threshold for pixels in standard deviations.
+    /// Threshold for outlier pixels, in standard deviations.
     pub limit: f64,
 }
 
@@ -29,11 +29,11 @@ impl Default for Options {
     }
 }
 
-/// A calibrated camera.
+/// The radiometric calibration of a camera.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Radiometry {
-    /// Readings from this value on are saturated, in DN.
+    /// Smallest reading that counts as saturated, in DN.
     pub saturated_from_dn: u32,
     /// Signal above the dark frame at which the camera saturates, in DN; `None` if no frame reached
     /// saturation.
@@ -130,7 +130,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
 }
 
 impl Radiometry {
-    /// Returns the light of a frame.
+    /// Returns the corrected signal of a frame.
     ///
     /// # Errors
     /// [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.

@@ -1,4 +1,4 @@
-//! The dark frame: offset, dark current and noise per pixel, and pixels to leave out.
+//! The dark frame: offset, dark current and noise per pixel, and pixels to exclude.
 
 use super::error::RadiometricError;
 use super::stack::{Stack, check};
@@ -17,7 +17,7 @@ pub struct Dark {
     pub hot: Vec<u32>,
     /// Pixels whose noise is an outlier.
     pub noisy: Vec<u32>,
-    /// Pixels that never change.
+    /// Pixels whose reading is the same in all frames.
     pub stuck: Vec<u32>,
     /// Offset at zero exposure in DN, or at the exposure of the dark frames if all dark frames have
     /// the same exposure.
@@ -41,8 +41,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 impl Dark {
-    /// Computes the dark frame from stacks at one or more exposures. Pixels that deviate by `limit` standard
-    /// deviations are listed.
+    /// Computes the dark frame from stacks at one or more exposures. Pixels that deviate by more than
+    /// `limit` standard deviations are listed as outliers.
     ///
     /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
@@ -96,7 +96,7 @@ impl Dark {
         let (mut hot, mut noisy, mut stuck) = (vec![], vec![], vec![]);
         for p in 0..pixels {
             let v = variance(p);
-            // Wilson and Hilferty 1931: the cube root of a variance is nearly normal.
+            // The cube root of a sample variance is nearly normally distributed (Wilson and Hilferty 1931).
             if v == 0.0 {
                 stuck.push(p as u32);
             } else if longest.mean(p) - middle > limit * spread {
@@ -148,7 +148,6 @@ impl Dark {
         sum / n
     }
 
-    /// Returns whether each pixel is usable.
     pub fn usable(&self) -> Vec<bool> {
         let mut out = vec![true; self.offset.len()];
         for p in self.hot.iter().chain(&self.noisy).chain(&self.stuck) {

@@ -8,13 +8,14 @@ use super::transfer::Transfer;
 use crate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Minimum and maximum signal that are used, as fractions of saturation.
+/// Minimum and maximum signal that are used, as fractions of the saturation signal.
 const USED: [f64; 2] = [0.05, 0.7];
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flat {
-    /// Standard deviation of the response over pixels without noise (PRNU, including uneven light).
+    /// Photoresponse non-uniformity (PRNU): the standard deviation of the response over pixels, excluding
+    /// noise and including non-uniformity of the light.
     pub prnu: f64,
     pub prnu_sigma: f64,
     /// Response relative to the mean; NaN for unusable pixels.
@@ -50,7 +51,7 @@ impl Flat {
             }
             let linear = linearity.linear(mean);
             let noise = transfer.variance(linear + rate * s.exposure_s()) / f64::from(s.frames());
-            // These weights minimize the error of a ratio.
+            // These weights minimize the variance of the ratio of both sums.
             let w = linear / noise;
             whole += w * linear;
             for p in 0..pixels {

@@ -1,4 +1,4 @@
-//! Reduces lit stacks to points of a curve: mean signal and mean variance over the usable pixels.
+//! Reduces each lit stack to the mean signal and the mean variance over the usable pixels.
 
 use super::dark::Dark;
 use super::stack::Stack;

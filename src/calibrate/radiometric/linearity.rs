@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Maximum signal used, as a fraction of saturation (EMVA 1288, 9.2: 95 %).
 const USED: f64 = 0.95;
 
-/// A polynomial that linearizes signals: y (1 + Σ c_j (y/Y)^j).
+/// A polynomial that linearizes the signal y: y (1 + Σ c_j (y/Y)^j).
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Linearity {
@@ -17,15 +17,16 @@ pub struct Linearity {
     pub coefficients: Vec<f64>,
     pub sigma: Vec<f64>,
     pub covariance: Vec<Vec<f64>>,
-    /// Signal without light above the dark frame in DN, due to stray light or an exposure longer than stated.
+    /// Signal above the dark frame at zero light in DN. It is due to stray light, or to an exposure that
+    /// is longer than stated.
     pub stray_dn: f64,
     pub stray_sigma: f64,
     /// DN per unit of light for small signals.
     pub response: f64,
     pub response_sigma: f64,
-    /// Mean relative deviation of signals from the best straight line (EMVA 1288: LE).
+    /// Linearity error LE of EMVA 1288: the mean relative deviation of signals from the best straight line.
     pub linearity_error: f64,
-    /// Sum of squared residuals divided by their variances.
+    /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     pub freedom: usize,
 }
@@ -63,8 +64,8 @@ impl Linearity {
 
     /// Fits a polynomial of `degree` coefficients to levels below saturation.
     ///
-    /// Without saturation, `scale_dn` is the largest signal. `light_sigma` is the relative standard error of
-    /// the light between levels.
+    /// Without saturation, `scale_dn` is the largest signal. `light_sigma` is the relative standard error
+    /// of the light of each level.
     ///
     /// # Errors
     /// A message that states which levels are missing.
@@ -91,8 +92,8 @@ impl Linearity {
                 unknown + 1
             ));
         }
-        // s H + stray - Σ c y u^j = y, with each row divided by the standard deviation of y. The error of y
-        // in the sum is of second order.
+        // s H + stray - Σ c y u^j = y, with each row divided by the standard deviation of y. The effect
+        // of the error of y in the sum is of second order.
         let greatest = lights[lights.len() - 1];
         let row = |l: &Level, k: usize| match k {
             0 => l.light / greatest,
@@ -127,7 +128,7 @@ impl Linearity {
             chi_squared = (&m * &x - y).norm_squared();
         }
         let sigma = |k: usize| inverse[(k, k)].sqrt();
-        // Column k of the polynomial contains c · Y, since its row has another factor 1/Y.
+        // The solution is c · Y, because the polynomial's columns contain an additional factor 1/Y.
         let coefficients = (2..unknown).map(|k| x[k] / scale_dn).collect();
         let over = scale_dn * scale_dn;
         Ok(Self {
@@ -148,8 +149,8 @@ impl Linearity {
     }
 }
 
-/// Returns the mean relative deviation from the straight line of least relative squares, over levels above 5
-/// % of the largest signal.
+/// Returns the mean relative deviation from the straight line with the least sum of squared relative
+/// deviations, over levels above 5 % of the largest signal.
 fn from_line(levels: &[&Level]) -> f64 {
     let top = levels.iter().map(|l| l.signal).fold(0.0, f64::max);
     let near: Vec<_> = levels.iter().filter(|l| l.signal >= 0.05 * top).collect();

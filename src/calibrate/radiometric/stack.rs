@@ -1,8 +1,8 @@
-//! Accumulates frames of one setting into the mean and variance of each pixel.
+//! Accumulates the mean and variance of each pixel over frames with equal exposure and light.
 
 use super::error::RadiometricError;
 
-/// Means and variances of the frames of one setting.
+/// Means and variances of frames with equal exposure and light, per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stack {
     exposure_s: f64,
@@ -62,7 +62,7 @@ impl Stack {
         self.frames += 1;
         let n = f64::from(self.frames);
         for (i, dn) in frame.iter().enumerate() {
-            // Welford 1962.
+            // Running variance of Welford 1962.
             let step = f64::from(*dn) - self.mean[i];
             self.mean[i] += step / n;
             self.squares[i] += step * (f64::from(*dn) - self.mean[i]);
@@ -85,7 +85,6 @@ impl Stack {
         self.frames
     }
 
-    /// Returns the number of pixels.
     pub fn pixels(&self) -> usize {
         self.mean.len()
     }
@@ -114,7 +113,7 @@ impl Stack {
     }
 }
 
-/// Checks that stacks have the same sensor, enough frames, and noise.
+/// Checks that stacks are from one sensor, have enough frames, and contain noise.
 pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
     let Some(first) = stacks.first() else {
         return Err(RadiometricError::NoDark);

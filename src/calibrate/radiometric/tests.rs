@@ -1,4 +1,5 @@
-//! Tests with simulated cameras of known imperfections: fitted values, and errors relative to stated ones.
+//! Tests with simulated cameras of known imperfections: compares fitted values with the truth, and actual
+//! with stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::RadiometricError;
@@ -21,7 +22,8 @@ struct Camera {
     gain: f64,
     read_e: f64,
     full_e: f64,
-    /// Nonlinearity with u = y/(`full_e`/gain): y (1 + c₁ u + c₂ u²) is linear.
+    /// Coefficients c₁ and c₂ of the nonlinearity: y (1 + c₁ u + c₂ u²) is linear in the light, with u =
+    /// y/(`full_e`/gain).
     bend: [f64; 2],
     /// Electrons per unit of light.
     efficiency: f64,
@@ -95,7 +97,7 @@ impl Camera {
     }
 }
 
-/// Over repeats of 400 pixels with different truths, all errors agree with their stated standard errors.
+/// Over repetitions with different truths and 400 pixels, all errors agree with the stated standard errors.
 #[test]
 fn stated_errors_match_actual_errors() {
     let one = |repeat: u32| {
@@ -123,7 +125,8 @@ fn stated_errors_match_actual_errors() {
         let (d, f) = (&found.dark, found.flat.as_ref().expect("a flat field"));
         let rate = d.rate.as_ref().expect("two exposures");
         let rate_sigma = d.rate_sigma.as_ref().expect("so");
-        // Pixels of a camera share the errors of its curve and gain, so they count as one independent value.
+        // All pixels of a camera share the errors of the linearity curve and the gain, so their errors
+        // count as one independent value.
         let pixels = |errors: &dyn Fn(usize) -> (f64, f64)| (0..PIXELS).map(errors).collect::<Vec<_>>();
         let offset = |p: usize| (d.offset.at(p) - camera.offset_dn[p], d.offset_sigma.at(p));
         scores.add_together("offset", pixels(&offset));
@@ -179,7 +182,7 @@ fn settings_of_a_simulated_camera_are_recovered() {
     let light = [0.02, 0.1, 0.3, 0.6, 1.0, 1.3, 1.6, 1.9, 2.5].map(|l| stack(l, 1.0));
     let found = calibrate(&dark, &light, &Options::default()).expect("a calibration");
     let near = |value: f64, want: f64, sigma: f64| {
-        assert!((value - want).abs() < 5.0 * sigma, "{value} for {want} ± {sigma}");
+        assert!((value - want).abs() < 5.0 * sigma, "found {value}, expected {want} ± {sigma}");
     };
     let gain = cmos.full_well_e / 4095.0;
     let t = found.transfer.expect("a gain");
@@ -223,7 +226,7 @@ fn corrected_frames_match_the_light() {
         }
         scores.hold(&format!("corrected, {share} of full"));
         let (mean, sigma) = (sum / count, (want / count).sqrt() + gain_error * want);
-        assert!((mean - want).abs() < 5.0 * sigma, "{mean} for {want} ± {sigma}");
+        assert!((mean - want).abs() < 5.0 * sigma, "found {mean}, expected {want} ± {sigma}");
     }
     let over = found.correct(&camera.frame(1e4, 0.02, &mut random), 0.02).expect("a frame");
     assert!(over.signal.iter().all(|v| v.is_nan()) && over.variance.iter().all(|v| v.is_infinite()));
@@ -266,7 +269,7 @@ fn undetermined_quantities_are_reported() {
         assert!(reported.contains(word), "{word}: {reported}");
     }
     assert!(alone.transfer.is_none() && alone.linearity.is_none() && alone.flat.is_none());
-    // Linear DN without a gain.
+    // Without a gain, the signal is in linear DN.
     let frame = camera.frame(100.0, 0.01, &mut random);
     let corrected = alone.correct(&frame, 0.01).expect("a frame");
     assert!((corrected.signal[3] - (f64::from(frame[3]) - alone.dark.offset.at(3))).abs() < 1e-9);
@@ -274,10 +277,10 @@ fn undetermined_quantities_are_reported() {
     let one = [camera.stack(40.0 * camera.full_e / camera.efficiency, 0.01, 16, &mut random)];
     let found = calibrate(&dark, &one, &options).expect("a gain");
     assert!(found.transfer.is_some() && found.linearity.is_none() && found.flat.is_some());
-    // Dark frames as lit frames.
+    // Unlit frames in place of lit frames.
     let unlit = [camera.stack(1e-9, 0.01, 8, &mut random)];
     assert!(calibrate(&dark, &unlit, &options).expect("a dark frame").transfer.is_none());
-    // All pixels saturated.
+    // Frames in which all pixels are saturated.
     let over = [camera.stack(1e4, 0.01, 8, &mut random)];
     let found = calibrate(&dark, &over, &options).expect("a dark frame");
     assert!(found.linearity.is_none() && found.flat.is_none(), "{:?}", found.undetermined);

@@ -1,12 +1,12 @@
 //! Gain and read noise by photon transfer.
 //!
-//! Var y = σ² + y/g is fitted to the dark frames and to the levels up to 70 % of saturation (EMVA 1288, 6.6).
-//! y includes light and dark current, whose electrons have shot noise too. If all dark frames have the same
-//! exposure, the dark current is part of σ².
+//! Var y = σ² + y/g is fitted to the dark frames and to the levels up to 70 % of saturation (EMVA 1288,
+//! 6.6). y includes the signals of light and dark current, because the electrons of both have shot noise.
+//! If all dark frames have the same exposure, the dark current is part of σ².
 //!
-//! A variance of n frames and P pixels has the relative standard error √(2/((n - 1) P)). Three smaller terms
-//! cancel except for σ²/(n P), which is negligible: the fourth cumulant of the Poisson distribution, the
-//! error of the mean signal, and their covariance.
+//! A variance that is estimated from n frames and P pixels has the relative standard error √(2/((n - 1)
+//! P)). Three smaller terms cancel except for σ²/(n P), which is negligible: the fourth cumulant of the
+//! Poisson distribution, the error of the mean signal, and their covariance.
 
 use super::levels::Level;
 use super::linearity::Linearity;
@@ -27,13 +27,13 @@ pub struct Transfer {
     pub read_noise_e: f64,
     /// Standard error of the read noise; NaN if rounding noise dominates.
     pub read_noise_sigma: f64,
-    /// σ² in DN², the variance without any electrons.
+    /// Variance σ² in DN² of readings without electrons.
     pub dark_variance: f64,
-    /// Covariance of σ² and 1/g: (σ², σ²), (σ², 1/g), (1/g, 1/g).
+    /// Covariance of σ² and 1/g: the elements (σ², σ²), (σ², 1/g) and (1/g, 1/g).
     pub covariance: [f64; 3],
     /// Number of electrons at saturation, if a level reached saturation.
     pub full_well_e: Option<f64>,
-    /// Sum of squared residuals divided by their variances.
+    /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     pub freedom: usize,
 }
@@ -45,7 +45,7 @@ impl Transfer {
         self.dark_variance + signal.max(0.0) / self.gain_e_per_dn
     }
 
-    /// Fits the curve of linearized signals.
+    /// Fits the curve to the levels' linearized signals.
     ///
     /// # Errors
     /// A message that names the missing frames.

@@ -1,11 +1,11 @@
 //! The measured response: the aligned mean of many histograms.
 //!
-//! Each histogram samples the response at one phase relative to its bins. Pixels with other time
-//! zeros sample the response at other phases. Detections per pulse are divided by the signal after
-//! subtraction of the background. The grid of the response is finer than a bin. At each grid point,
-//! a straight line is fitted to the nearby values. The weights decrease linearly to 0 at the next
-//! grid point and are proportional to the signal. For grid points h apart, this increases the
-//! variance of the response by about h²/6.
+//! Each histogram samples the response at one phase relative to its bins. Pixels with different time
+//! zeros sample the response at different phases. Detections per pulse are divided by the signal after
+//! subtraction of the background. The grid of the response is finer than a bin. At each grid point, a
+//! straight line is fitted to the nearby values. The weights decrease linearly to 0 at the next grid
+//! point and are proportional to the signal. For grid points h apart, this increases the variance of the
+//! response by about h²/6.
 
 use super::captures::{Capture, Counter};
 use super::likelihood::{Known, Prepared};
@@ -14,9 +14,9 @@ use super::zero::Temporal;
 
 /// Returns the aligned mean of captures whose pixels have known time zeros.
 ///
-/// The grid extends from `before_ps` before to `after_ps` after the light, with `per_bin` points
-/// per bin (1 if all time zeros have the same phase). Returns `None` if there are no time zeros or
-/// if the grid is too small.
+/// The grid extends from `before_ps` before the light to `after_ps` after the light, with `per_bin`
+/// points per bin. If all time zeros have the same phase, the grid has 1 point per bin. Returns `None` if
+/// there are no time zeros or if the grid is too small.
 pub fn aligned(
     found: &Temporal,
     captures: &[Capture],
@@ -88,8 +88,8 @@ impl Line {
         self.values[1] += w * d * value;
     }
 
-    /// Returns the line's value at the grid point and its standard error. If all values have the
-    /// same distance, returns their mean. Returns NaN without values.
+    /// Returns the line's value at the grid point, and the standard error of this value. If all values
+    /// have the same distance to the grid point, returns their mean. Returns NaN if there are no values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
         let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 { (s2, -s1) } else { (1.0, 0.0) };

@@ -6,7 +6,7 @@ use polarimetry::capture::detector::spad::Mode;
 /// Maximum number of bins in a period.
 const MOST_BINS: usize = 1 << 20;
 
-/// Maximum of all times, in ps: one second.
+/// Maximum value of any time, in ps: one second.
 const LONGEST_PS: f64 = 1e12;
 
 /// The counter that recorded the histograms.
@@ -60,7 +60,6 @@ pub enum TemporalError {
     Unsettled,
 }
 
-/// Checks the counter and the captures of `pixels` pixels.
 pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> Result<(), TemporalError> {
     let setting = |what, value: f64, holds, need| {
         if holds { Ok(()) } else { Err(TemporalError::Counter { what, value, need }) }

@@ -1,4 +1,5 @@
-//! The likelihood of one histogram, its derivatives, and its maximum over the capture's own parameters.
+//! The likelihood of one histogram, its derivatives, and its maximum over the parameters of this capture
+//! (signal, background, time zero).
 
 use super::captures::{Capture, Counter};
 use super::impulse::Impulse;
@@ -7,22 +8,24 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use polarimetry::capture::detector::pile_up;
 use polarimetry::capture::detector::spad::Mode;
 
-/// Number of parameters of a capture's model: signal A, background B, time zero z, then
+/// Number of parameters of a capture's model: signal A, background B and time zero z, followed by
 /// [`super::Shape::ALL`].
 pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
 
-/// Extent of the response in standard deviations and in tail constants.
+/// Half width of the response in standard deviations of the Gaussian part, and length in time constants
+/// of the tail.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
-/// Minimum significance of a pulse in standard deviations. Noise exceeds it in one of 1e6 histograms.
+/// Minimum significance of a pulse in standard deviations. Without a pulse, noise exceeds this value in
+/// one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
-/// Minimum rate, which keeps logarithms finite.
+/// Lower bound of rates, which keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
-/// The known response: parameters or a template.
+/// The known response to a short pulse: parameters or a measured template.
 #[derive(Clone, Copy)]
 pub(super) enum Known<'a> {
     Impulse(Impulse),
@@ -72,7 +75,7 @@ pub(super) struct Local {
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
-    /// Detections per pulse and bin from afterpulses of probability 1; empty if afterpulses are not fitted.
+    /// Afterpulses per pulse and bin for an afterpulse probability of 1; empty if afterpulses are not fitted.
     after: Vec<f64>,
     mode: Mode,
     bin_ps: f64,
@@ -80,8 +83,8 @@ pub(super) struct Prepared {
     travel_ps: f64,
 }
 
-/// Returns the counts of afterpulses of probability 1 that follow `n`. Their delay is exponential after a
-/// dead time, and periodic. Times are in bins.
+/// Returns the afterpulse counts that the counts `n` cause for an afterpulse probability of 1. The delay
+/// is the dead time plus an exponentially distributed time, modulo the period. Times are in bins.
 fn after_pulses(n: &[f64], dead: f64, tau: f64) -> Vec<f64> {
     let bins = n.len();
     let (whole, part) = (dead.floor(), dead.fract());
@@ -155,7 +158,8 @@ impl Prepared {
                 let (first, last) =
                     ((arrival - jitter).floor(), (arrival + (jitter + tail).min(most)).ceil());
                 let at = |k: i64| response.before((k as f64 - arrival) * self.bin_ps);
-                // Beyond this bin only the exponential tail remains, so bins form a geometric sequence.
+                // After this bin only the exponential tail remains, so the fractions of the bins form a
+                // geometric sequence.
                 let (sigma, tau) = (impulse.sigma_ps, impulse.tail_ps);
                 let calm = arrival + sigma * (SIGMAS + sigma / tau) / self.bin_ps;
                 let mut k = first as i64;
@@ -192,7 +196,7 @@ impl Prepared {
         (local.signal * share + local.background + after).max(LEAST_RATE)
     }
 
-    /// Returns ln L up to a constant.
+    /// Returns the log-likelihood ln L up to a constant.
     pub fn log_likelihood(&self, local: &Local, known: &Known) -> f64 {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let of = |n: f64, armed: f64, rate: f64| match self.mode {
@@ -213,8 +217,8 @@ impl Prepared {
         sum + of(flat.0, flat.1, local.background.max(LEAST_RATE))
     }
 
-    /// Returns the derivatives of ln L and the Fisher information, including those for the
-    /// response's parameters if `with_shape`.
+    /// Returns the derivatives of ln L and the Fisher information, with respect to A, B and z. If
+    /// `with_shape` is true, they include the response's parameters.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
@@ -292,7 +296,7 @@ impl Prepared {
         Some([seen - none, variance])
     }
 
-    /// Returns Pearson's chi-squared over groups of bins with at least five expected counts each,
+    /// Returns Pearson's chi-squared over groups of bins that have at least five expected counts each,
     /// and the number of these groups.
     pub fn deviation(&self, local: &Local, known: &Known) -> (f64, usize) {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
@@ -357,12 +361,12 @@ impl Prepared {
             .ok_or(Fault::Dark)
     }
 
-    /// Returns the rate of a hundredth of a count in total.
+    /// Returns the rate that corresponds to an expected total of 0.01 counts.
     fn least(&self) -> f64 {
         0.01 / self.armed.iter().map(|a| a.max(0.0)).sum::<f64>().max(1.0)
     }
 
-    /// Updates the capture's own parameters within limits.
+    /// Adds a step to the capture's parameters A, B and z, and clamps the results to valid ranges.
     pub fn moved(&self, local: &Local, by: &Vector3<f64>, known: &Known) -> Local {
         let most = 2.0 * known.sigma_ps();
         Local {
@@ -372,7 +376,7 @@ impl Prepared {
         }
     }
 
-    /// Maximizes the likelihood over the capture's own parameters.
+    /// Maximizes the likelihood over the capture's parameters A, B and z.
     pub fn fit(&self, known: &Known) -> Result<Local, Fault> {
         let mut local = self.begin(known)?;
         let mut value = self.log_likelihood(&local, known);
@@ -387,7 +391,7 @@ impl Prepared {
                 let step = inverse(&information, damping).ok_or(Fault::Unsettled)? * score;
                 let next = self.moved(&local, &step, known);
                 let after = self.log_likelihood(&next, known);
-                // The step after clamping, which is zero at a limit.
+                // The step after clamping; components at a limit are zero.
                 let step = Vector3::new(
                     next.signal - local.signal,
                     next.background - local.background,
@@ -414,7 +418,7 @@ impl Prepared {
         Err(Fault::Unsettled)
     }
 
-    /// Wraps the time zero to half a period around 0.
+    /// Wraps the time zero to the range of ± half a period.
     fn wrapped(&self, local: Local) -> Local {
         let period = self.period as f64 * self.bin_ps;
         let zero_ps = local.zero_ps - period * (local.zero_ps / period).round();
@@ -422,12 +426,12 @@ impl Prepared {
     }
 }
 
-/// Returns the part of a score for the capture's own parameters.
+/// Returns the components of a score for the capture's parameters A, B and z.
 pub(super) fn own(score: &Score) -> Vector3<f64> {
     score.fixed_rows::<3>(0).into_owned()
 }
 
-/// Returns the part of an information matrix for the capture's own parameters.
+/// Returns the block of an information matrix for the capture's parameters A, B and z.
 pub(super) fn block(information: &Information) -> Matrix3<f64> {
     information.fixed_view::<3, 3>(0, 0).into_owned()
 }

@@ -5,13 +5,15 @@
 //!
 //! λ_i is the number of detections per pulse in bin i while the diode is armed.
 //!
-//! - A: signal of the pulse; t: its known travel time; z: time zero of the pixel.
-//! - H: response ([`polarimetry::capture::detector::response`]). Its Gaussian part is centered on
-//!   0, which defines "zero".
-//! - B: ambient light and dark counts.
-//! - p: probability of afterpulses; y_i: delayed counts that the histogram's own counts cause.
-//! - A_i: number of pulses for which the diode is armed
-//!   ([`polarimetry::capture::detector::pile_up`]). A_i makes pile-up part of the likelihood:
+//! - A is the signal of the pulse, t the known travel time of light, Δ the bin width, and z the time zero
+//!   of the pixel.
+//! - H is the cumulative response ([`polarimetry::capture::detector::response`]). The center of its
+//!   Gaussian part defines the time zero.
+//! - B is the rate of ambient light and dark counts.
+//! - p is the probability of afterpulses. y_i is the number of afterpulses in bin i that the histogram's
+//!   counts would cause for p = 1.
+//! - A_i is the number of pulses for which the diode is armed in bin i
+//!   ([`polarimetry::capture::detector::pile_up`]). A_i accounts for pile-up in the likelihood:
 //!
 //! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i
 //! >
@@ -20,9 +22,9 @@
 //! The synchronous formula is exact. The free-running formula is the likelihood of a point process,
 //! and assumes that bins are short compared with the dead time. Fisher scoring finds the maximum.
 //!
-//! All pixels share the response, which is fitted to the brightest captures jointly with their A, B
-//! and z. The error of each pixel's z combines the error from the pixel's counts with the error of
-//! the response.
+//! All pixels share the response, which is fitted to the brightest captures jointly with A, B and z of
+//! these captures. The error of each pixel's z combines the error from the pixel's counts with the error
+//! of the response.
 
 pub mod aligned;
 pub mod captures;

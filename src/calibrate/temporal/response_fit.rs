@@ -1,7 +1,8 @@
 //! Fits the common response of all pixels to many captures.
 //!
-//! Each capture adds three local parameters. The Fisher information is therefore an arrowhead matrix: 3 × 3
-//! blocks on the diagonal, and a border for the response, which the Schur complement solves first.
+//! Each capture adds three local parameters. The Fisher information is therefore an arrowhead matrix: 3 ×
+//! 3 blocks on the diagonal, and a border for the response's parameters. The Schur complement solves for
+//! the response first.
 
 use super::captures::TemporalError;
 use super::impulse::{Impulse, Shape};
@@ -17,13 +18,13 @@ pub(super) struct Fitted {
     pub covariance: Matrix4<f64>,
 }
 
-/// Returns the border of a capture's information matrix.
+/// Returns the border of a capture's information matrix: the block that couples A, B and z to the response.
 pub(super) fn border(information: &Information) -> Matrix3x4<f64> {
     information.fixed_view::<3, 4>(0, 3).into_owned()
 }
 
-/// Returns the inverse of the free part of a symmetric matrix, computed with diagonal 1 + damping; zero
-/// elsewhere. Returns `None` if the free part is singular.
+/// Returns the inverse of the free block of a symmetric matrix, scaled to a diagonal of 1 + damping for
+/// the inversion; elements outside the block are zero. Returns `None` if the free part is singular.
 fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Matrix4<f64>> {
     let scale: Vec<f64> = free.iter().map(|k| 1.0 / m[(*k, *k)].sqrt()).collect();
     let scaled = DMatrix::from_fn(free.len(), free.len(), |i, k| {
@@ -95,7 +96,8 @@ pub(super) fn fit(
             let step = solved * right;
             let mut expected = step.dot(&right);
             let next = Impulse::of(std::array::from_fn(|k| {
-                // Limit each step to half the value (0.2 for fractions), to prevent divergence.
+                // Each step is limited to half the parameter's value (to 0.2 for fractions), to prevent
+                // divergence.
                 let v = impulse.vector()[k];
                 let most = if k == 1 || k == 3 { 0.2 } else { 0.5 * v };
                 v + step[k].clamp(-most, most)

@@ -9,11 +9,11 @@ pub struct Template {
     pub step_ps: f64,
     /// First grid point in ps after the light.
     pub first_ps: f64,
-    /// Fraction of light in a bin, by grid point.
+    /// Fraction of the light that is detected in a bin whose center is delayed to each grid point.
     pub share: Vec<f64>,
-    /// Standard errors of the fractions; NaN for interpolated fractions without data.
+    /// Standard errors of the fractions; NaN for fractions that are interpolated from neighbors.
     pub sigma: Vec<f64>,
-    /// Probability of afterpulses, which the fractions exclude.
+    /// Probability of afterpulses. `share` excludes afterpulses.
     pub after_pulsing: f64,
 }
 
@@ -37,13 +37,12 @@ impl Template {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Returns the full width at half maximum in ps, including the bin width; at least the grid
-    /// step.
+    /// Returns the full width at half maximum in ps, including the bin width; at least the grid step.
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {
             return self.step_ps;
         };
-        // Grid points from the maximum to the half-maximum crossing on one side.
+        // Returns the number of grid steps from the maximum to the half-maximum crossing on one side.
         let side = |values: &mut dyn Iterator<Item = &f64>| {
             let mut last = *most;
             let mut place = 0.0;

@@ -13,7 +13,7 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use proptest::prelude::*;
 use rayon::prelude::*;
 
-/// Subdivisions of a bin for the arrival of simulated light.
+/// Number of subdivisions of a bin for the arrival time of simulated light.
 const FINE: usize = 20;
 const BINS: usize = 600;
 
@@ -57,7 +57,7 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
     (counts.iter().map(|n| *n as u32).collect(), (place + 0.5) * fine.bin_ps)
 }
 
-/// Simulated planes, and pixels with planted time zeros.
+/// Simulated planes, and pixels with known time zeros.
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
@@ -101,8 +101,8 @@ impl Bench {
     }
 }
 
-/// The errors of time zeros, response and clock agree with stated ones, over repeats of 12 pixels and two
-/// planes. At one to three photons in ten pulses, up to a seventh is lost to pile-up.
+/// The errors of time zeros, response and clock agree with the stated errors, over repetitions with 12 pixels
+/// and two planes. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {
@@ -130,7 +130,7 @@ fn stated_errors_match_actual_errors() {
     for (truth, error, zeros, found) in all {
         assert_eq!((found.dark, found.saturated), (0, 0));
         unsettled += found.unsettled;
-        // About one capture in ten thousand does not converge. It is reported and left out.
+        // About one capture in ten thousand does not converge. Such a capture is reported and excluded.
         let each = zeros
             .iter()
             .enumerate()
@@ -150,12 +150,13 @@ fn stated_errors_match_actual_errors() {
     scores.hold("synchronous diode");
     assert!(f64::from(count) * 24e-3 >= unsettled as f64, "{unsettled} captures are unsettled");
     println!("chi-squared over freedom {chi:.4}");
-    // The fit uses bins and the sum uses groups, so up to three of about fifty degrees of freedom remain
-    // (Chernoff and Lehmann 1954).
+    // The fit uses bins and chi-squared uses groups of bins, so up to three of about fifty degrees of
+    // freedom are not subtracted (Chernoff and Lehmann 1954).
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
-/// At two photons per pulse, a likelihood without pile-up would be early by a tenth of the width.
+/// At two photons per pulse, a likelihood that neglects pile-up would yield a time zero that is too early
+/// by a tenth of the pulse width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
     let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
@@ -175,8 +176,8 @@ fn pile_up_does_not_move_time_zero() {
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }
 
-/// The fit separates afterpulses from background. Uses repeats of four free-running pixels with a
-/// dead time of three quarters of a period and 3 % afterpulses.
+/// The fit separates afterpulses from background. The test repeats captures of four free-running pixels
+/// with a dead time of three quarters of a period and an afterpulse probability of 3 %.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn after_pulses_are_separated_from_background() {
@@ -205,7 +206,8 @@ fn after_pulses_are_separated_from_background() {
     scores.hold("free-running diode");
 }
 
-/// The aligned mean equals the response in bins, and its time zeros agree with those of the model.
+/// The aligned mean equals the response integrated over bins, and its time zeros agree with those of the
+/// parametric model.
 #[test]
 fn measured_responses_agree_with_the_model() {
     let truth = Impulse::default();
@@ -219,15 +221,16 @@ fn measured_responses_agree_with_the_model() {
     for (k, (share, sigma)) in template.share.iter().zip(&template.sigma).enumerate() {
         let t = template.first_ps + k as f64 * template.step_ps;
         let want = response.before(t + 12.5) - response.before(t - 12.5);
-        // The grid widens the response.
+        // Interpolation on the grid widens the response.
         assert!(
             (share - want).abs() < 5.0 * sigma + 0.004 * template.share[48],
-            "{t} ps: {share} for {want} ± {sigma}"
+            "{t} ps: found {share}, expected {want} ± {sigma}"
         );
         chi += ((share - want) / sigma).powi(2) / template.share.len() as f64;
     }
     assert!(chi < 3.0, "{chi}");
-    // Gaussian and box: approximately √(70² + ln 2·8/12·25²). The tail adds some width.
+    // The width of a Gaussian convolved with a box is approximately √(70² + ln 2·8/12·25²). The tail
+    // increases the width.
     assert!((70.0..80.0).contains(&template.fwhm_ps()), "{}", template.fwhm_ps());
     let with = calibrate_with(&template, &counter, &captures, 64, false).expect("a calibration");
     let mut scores = ZScores::default();
@@ -239,7 +242,8 @@ fn measured_responses_agree_with_the_model() {
     scores.hold("by the template");
 }
 
-/// A histogram without noise yields the planted time zero, and the time of a bin is that of the light.
+/// A histogram without noise yields the true time zero, and the corrected time of a bin is the arrival
+/// time of the light.
 #[test]
 fn exact_counts_give_the_exact_time() {
     let truth = Impulse::default();
@@ -265,7 +269,7 @@ fn exact_counts_give_the_exact_time() {
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 1e-2);
     assert!((found.response.tail_share - truth.tail_share).abs() < 1e-3);
     assert!((found.time_ps(1, 100) - (2512.5 - 321.0)).abs() < 1e-3);
-    // Cramér–Rao bound: σ/√n for a Gaussian alone.
+    // The Cramér–Rao bound is σ/√n for a Gaussian response.
     let least = truth.sigma_ps / n.sqrt();
     assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
     assert!(found.undetermined.iter().any(|w| w.contains("one distance")) && found.clock.is_none());

@@ -11,16 +11,16 @@ use polarimetry::capture::detector::spad::Mode;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of captures, the brightest ones, for the fit of the response. More would not improve it
-/// beyond the validity of the model.
+/// Maximum number of captures for the fit of the response; the brightest captures are used. With more
+/// captures, the error would be dominated by that of the model.
 const FOR_RESPONSE: usize = 256;
 /// Minimum significance of a tail in standard deviations.
 const REPORTED: f64 = 2.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Initial response, which also fixes the parameters that are not free. Use the values of the
-    /// data sheet; a factor of two is close enough.
+    /// Initial response, which also fixes the parameters that are not free. Use the values of the data
+    /// sheet; errors up to a factor of two are acceptable.
     pub start: Impulse,
     pub free: Vec<Shape>,
     /// Whether time zeros are corrected by the clock's error. The correction requires planes at two
@@ -57,14 +57,14 @@ pub struct Temporal {
     pub unsettled: usize,
     /// Pearson's chi-squared over groups of bins of all captures.
     pub chi_squared: f64,
-    /// Degrees of freedom of `chi_squared`, three less per capture. The number is slightly too small, since
-    /// bins are fitted but groups are summed.
+    /// Degrees of freedom of `chi_squared`: the number of groups, minus three per capture. The number is
+    /// slightly too small, because the fit uses single bins and chi-squared uses groups.
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
     #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
-    /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of each
-    /// parameter; 0 for fixed parameters.
+    /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of the parameter; 0
+    /// for fixed parameters.
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],
@@ -72,8 +72,7 @@ pub struct Temporal {
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,
-    /// Standard error of the time zero in ps, including the error of the response, which all pixels
-    /// share.
+    /// Standard error of the time zero in ps, including the error of the response, which all pixels share.
     pub sigma_ps: PixelMap,
     /// Error of the clock, if planes at two or more distances were captured.
     pub clock: Option<Clock>,
@@ -81,8 +80,8 @@ pub struct Temporal {
 }
 
 impl Temporal {
-    /// Returns the true time of a bin's center for a pixel, in ps after the pulse was emitted. NaN if the
-    /// pixel has no time zero.
+    /// Returns the true time of a bin's center for a pixel, in ps after the emission of the pulse. NaN if
+    /// the pixel has no time zero.
     pub fn time_ps(&self, pixel: usize, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.bin_ps - self.zero_ps.at(pixel)
     }
@@ -108,7 +107,8 @@ impl Temporal {
     }
 }
 
-/// The time zero of a capture, its variance due to the counts, and its derivative by the response.
+/// The time zero of a capture, its variance due to the counts, and its derivative with respect to the
+/// response's parameters.
 struct One {
     pixel: usize,
     travel_ps: f64,
@@ -199,7 +199,7 @@ pub fn calibrate(
         response_fit::fit(&of, locals, start, free, counter.bin_ps, period_ps)
     };
     let mut fitted = fit(start, &free);
-    // Without a significant tail, its time constant is undetermined.
+    // If the tail is not significant, its time constant is undetermined.
     let share_free = free.contains(&Shape::TailShare);
     let no_tail = fitted.as_ref().map_or(share_free, |f| {
         share_free && f.impulse.tail_share < REPORTED * f.covariance[(1, 1)].sqrt().max(1e-6)
@@ -229,8 +229,7 @@ pub fn calibrate(
 
 /// Calibrates a counter with a measured response. The `response` of the result has default values.
 ///
-/// Time zeros refer to the template. The errors of the time zeros exclude the errors of the
-/// template.
+/// Time zeros refer to the template. The errors of the time zeros exclude the errors of the template.
 ///
 /// # Errors
 /// [`TemporalError`].
@@ -284,7 +283,8 @@ fn finish(
     }
     let period_ps = counter.bin_ps * counter.period_bins as f64;
     for ones in &mut by_pixel {
-        // Unwrap the time zeros of all captures of a pixel to the same period.
+        // Shift the time zeros of all captures of a pixel by whole periods, so that they differ by less
+        // than half a period.
         let Some(first) = ones.first().map(|o| o.zero_ps) else {
             continue;
         };
@@ -342,7 +342,7 @@ fn finish(
     })
 }
 
-/// Returns the common slope of time zeros over travel times.
+/// Returns the clock error: the slope of time zeros over travel times, which is common to all pixels.
 fn clock(by_pixel: &[Vec<One>], covariance: &Matrix4<f64>) -> Option<Clock> {
     let (mut above, mut below) = (0.0, 0.0);
     let mut with_response = Vector4::zeros();

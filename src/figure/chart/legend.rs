@@ -11,7 +11,7 @@ use crate::text::{Align, TICK, fit, width};
 
 /// Height of a legend entry in pixels.
 const LINE: f64 = 24.0;
-/// Width of a sample in pixels.
+/// Width of a legend sample in pixels.
 const SAMPLE: f64 = 38.0;
 /// Space around and between entries, in pixels.
 const SPACE: f64 = 8.0;
@@ -23,11 +23,11 @@ const NAME: f64 = 320.0;
 const MOST_INSIDE: usize = 9;
 /// Maximum fraction of a legend's pixels that can cover lines and markers if the legend is inside the plot.
 const COVERED: f64 = 0.02;
-/// Sampling distance along a line in pixels.
+/// Distance in pixels between the points at which lines are sampled to estimate their coverage.
 const STEP: f64 = 4.0;
-/// Maximum number of samples per segment.
+/// Maximum number of sample points per line segment.
 const MOST_STEPS: f64 = 20_000.0;
-/// Number of pixels that a sample of a line covers.
+/// Number of pixels that the line covers per sample point.
 const PIECE: f64 = STEP * NIB.line;
 /// Number of pixels that a marker covers.
 const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
@@ -60,7 +60,8 @@ pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn
     }
 }
 
-/// Returns sample points on the lines and markers of series, each with the number of covered pixels.
+/// Returns sample points on the lines and markers of series, each with the number of pixels that it
+/// represents.
 fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
     let mut places = Vec::new();
     for s in series {

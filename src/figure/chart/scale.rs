@@ -5,7 +5,7 @@ use crate::drawing::{Point, Rect};
 use crate::error::FigureError;
 use crate::ticks::{Ticks, brief};
 
-/// Limit of automatic ranges, so that differences stay finite.
+/// Maximum magnitude of the ends of automatic ranges, so that their difference stays finite.
 const LARGEST: f64 = 1e300;
 /// Margin beyond the outermost values, as a fraction of their range.
 const MARGIN: f64 = 0.04;
@@ -81,7 +81,7 @@ impl Scale {
         let (a, b) = if a <= b { (a, b) } else { (0.0, 1.0) };
         let largest = a.abs().max(b.abs());
         let least = if log { 0.02 } else { (NARROWEST * largest).max(1e-290) };
-        // A single value is drawn in the middle of an axis that still has ticks.
+        // If all values are equal, the range is extended so that the axis has ticks.
         let pad = if b - a > least {
             MARGIN * (b - a)
         } else if log {
@@ -98,7 +98,7 @@ impl Scale {
     /// value is not finite or, on a logarithmic axis, not positive.
     pub fn place(&self, value: f64) -> Option<f64> {
         let v = if self.log { value.log10() } else { value };
-        // Clamps distant values, so that later differences stay finite.
+        // Clamp distant values, so that later differences stay finite.
         let place = ((v - self.low) / (self.high - self.low)).clamp(-1e3, 1e3);
         v.is_finite().then_some(place)
     }
@@ -118,7 +118,8 @@ impl Scale {
         marks
     }
 
-    /// Returns ticks like [`Scale::marks`], with as many labels as fit without overlap into `length` pixels.
+    /// Returns ticks like [`Scale::marks`], with the maximum number of labels that fit into `length`
+    /// pixels without overlap.
     pub fn marks_across(&self, length: f64) -> Marks {
         let mut most = 10;
         while most > 2 && !self.marks(most).major.fit_side_by_side(length) {

@@ -19,7 +19,7 @@ pub struct ChartAxis {
     pub log: bool,
     /// Values at the low and the high end, in the unit of the label; by default the axis contains all points.
     pub range: Option<(f64, f64)>,
-    /// Values with names; the names replace numeric labels.
+    /// Values with names, which replace the numeric tick labels.
     pub named: Vec<(f64, String)>,
 }
 

@@ -14,7 +14,7 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;
 
-/// Pixels per inch of a figure. The number is doubled if an image has more pixels than its rectangle.
+/// Pixels per inch of a figure. The resolution is doubled if an image has more pixels than its rectangle.
 const PER_INCH: f64 = 300.0;
 const MM_PER_INCH: f64 = 25.4;
 /// Width of thin lines in millimetres.
@@ -27,7 +27,7 @@ const DOT: f64 = 0.7;
 const SHAFT: f64 = 0.5;
 /// Length and half width of an arrow's head, in millimetres.
 const HEAD: (f64, f64) = (1.9, 0.8);
-/// Width of the rim around arrows in millimetres.
+/// Width of the outline around arrows, in millimetres.
 const RIM: f64 = 0.25;
 /// Opacity of the background of text in images.
 const GROUND: f64 = 0.75;
@@ -72,8 +72,8 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
 }
 
-/// Reduces an image, by averaging colours, to at most as many pixels as its rectangle. Only maps have more
-/// pixels.
+/// Reduces an image, by averaging colours, to at most the number of pixels of its rectangle. Only maps
+/// can have more pixels.
 fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     let [w, h] = [place.w, place.h].map(|v| v as u32);
     if image.width() <= w && image.height() <= h {
@@ -98,7 +98,7 @@ impl Scribe {
         (x * self.scale, y * self.scale)
     }
 
-    /// Returns the rectangle with its edges rounded to pixel boundaries, as for images.
+    /// Returns the rectangle with edges rounded to pixel boundaries, like those of images.
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));
@@ -199,8 +199,8 @@ impl Scribe {
         self.beside(&up, (r.x, -1.0), r, &names[1]);
     }
 
-    /// Draws ticks and an axis name next to a rectangle, at the edge `x`: to the left if `way` is -1, to the
-    /// right if `way` is 1.
+    /// Draws ticks and an axis name next to a rectangle, at the edge `x`: on the left if `way` is -1, on
+    /// the right if `way` is 1.
     fn beside(&mut self, ticks: &Ticks, (x, way): (f64, f64), r: Rect, name: &str) {
         let align = if way < 0.0 { Align::End } else { Align::Start };
         let mut widest = 0.0_f64;
@@ -254,7 +254,7 @@ impl Scribe {
         }
     }
 
-    /// Draws a shaft and a head whose tip is at `to`, with a rim of contrasting brightness.
+    /// Draws a shaft and a head whose tip is at `to`, with an outline of contrasting brightness.
     fn arrow(&mut self, from: Point, to: Point, ink: Ink) {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = dx.hypot(dy);

@@ -1,10 +1,9 @@
 //! Computes the layout of a composite, in millimetres from the upper left corner.
 //!
-//! All images have the same width
-//! p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1) gap) / n.
-//! An image that spans k columns also covers the space between these columns. The
-//! space next to a column fits the widest axis on the left and the widest colour bar on the right.
-//! The space above and below a row is computed in the same way.
+//! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1)
+//! gap) / n. An image that spans k columns also covers the space between these columns. The space next to
+//! a column is that of the widest axis on its left and the widest colour bar on its right. The space
+//! above and below a row is computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};
@@ -153,13 +152,14 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let cell = (w - (columns - 1) as f64 * CELL_GAP) / columns as f64;
     let high = match tile.aspect {
         Some(aspect) => cell * aspect,
-        // A strip of few pixels stays visible.
+        // Images of few rows have a minimum height, so that they remain visible.
         None => (cell * f64::from(image.height()) / f64::from(image.width())).max(1.0),
     };
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Returns the rows of the grid: the index, the part and the column of each panel. Empty places are skipped.
+/// Returns the rows of the grid: the index, the part and the column of each panel. Empty positions are
+/// skipped.
 fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
     for (i, part) in figure.parts.iter().enumerate() {
@@ -194,7 +194,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         2.0 * EDGE + head + lefts.iter().sum::<f64>() + rights.iter().sum::<f64>() + (n - 1) as f64 * GAP;
     let p = (figure.width_mm - taken) / n as f64;
     if p < 4.0 {
-        let must = "small enough for pictures of at least 4 mm width";
+        let must = "small enough that every image is at least 4 mm wide";
         return Err(FigureError::option("columns", n, must));
     }
     // Left edge of each column's image.
@@ -279,7 +279,8 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     }
 }
 
-/// Returns the crop of an inset, rounded to whole pixels, and its rectangle.
+/// Returns the rectangle of an inset's crop, rounded to whole pixels, and the rectangle of the magnified
+/// copy.
 fn inset(inset: &Inset, tile: &Tile, picture: Rect) -> (Rect, Rect) {
     let size = tile.size().unwrap_or([1, 1]);
     let [px, py] = [picture.w / f64::from(size[0]), picture.h / f64::from(size[1])];

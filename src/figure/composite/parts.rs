@@ -74,7 +74,7 @@ pub struct ScaleBar {
     pub label: String,
 }
 
-/// Colours of frames and arrows: the colour-blind-safe palette of Okabe and Ito.
+/// Colour of frames and arrows, from the colour-blind-safe palette of Okabe and Ito.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ink(pub(crate) [u8; 3]);
 
@@ -134,12 +134,12 @@ impl Inset {
         let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
         if !inside(x, w) || !inside(y, h) {
             let value = format!("{:?}", self.crop);
-            let must = "[x, y, width, height] within the picture, as fractions of its sides";
+            let must = "[x, y, width, height] within the image, as fractions of the image's width and height";
             return Err(FigureError::option("crop", value, must));
         }
         let large = self.magnify * w.max(h);
         if !(self.magnify >= 1.0 && large <= 1.0 + 1e-9) {
-            let must = "at least 1, and small enough for the inset to fit into the picture";
+            let must = "at least 1, and small enough for the inset to fit into the image";
             return Err(FigureError::option("magnify", self.magnify, must));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! Tests the positions of panels against closed-form values, and tests arrows and insets.
+//! Tests that the positions of panels, arrows and insets equal values computed by hand.
 
 use super::layout::{
     BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SAMPLE, SPACE, TICK, layout,
@@ -141,7 +141,6 @@ fn colour_bars_headings_and_spans_take_space() {
     assert!(near(places.rows[0].1.1, one.picture.y + p / 2.0));
 }
 
-/// Tests that the sixteen images of a grid divide their panel evenly.
 #[test]
 fn grids_divide_their_panel_evenly() {
     let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
@@ -198,8 +197,8 @@ fn insets_show_the_pixels_of_their_crop() {
     assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
 }
 
-/// Tests that the tip of an arrow is at its target: the arrow's colour is behind the tip and not in front of
-/// it.
+/// Tests that the tip of an arrow is at its target: the pixel behind the tip has the arrow's colour, and
+/// the pixel in front of the tip does not.
 #[test]
 fn arrow_tips_are_at_their_targets() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {

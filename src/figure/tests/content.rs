@@ -12,7 +12,7 @@ fn wave<const N: usize>(nm: &[f64], lengths: [(AxisKind, usize); N]) -> Vec<Axis
 #[test]
 fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
     let t = tensor(wave(&RGB_NM, [(Y, 2), (X, 4), (V, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)]), |at| {
-        // Four entries are summed; elements other than M00 would change the image.
+        // Four entries are summed. If elements other than M00 were included, the image would differ.
         let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
         let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
         if m00 { f64::from(u8::from(on)) / 4.0 } else { 9.0 }
@@ -89,8 +89,7 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     assert_eq!(one(664.0, 1.0), crate::colour::signed(0.5).0);
 }
 
-/// Returns a tensor in which only camera row 7 has light: projector column 3 of 8 is bright in time bin 5 of
-/// 10.
+/// Returns a tensor in which only camera row 7 has light: projector column 3 of 8 is bright in time bin 5 of 10.
 fn scanlines() -> Tensor {
     let bins = (0..10).map(|i| 105.0 + 10.0 * f64::from(i)).collect();
     tensor(
@@ -118,7 +117,7 @@ fn bright_bin_of_a_space_time_map_is_at_its_position() {
     for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
         assert_eq!(colour(&img, r, x / 8.0, y), crate::colour::sequential(0.0).0);
     }
-    // In colour, no light at 450 nm gives yellow.
+    // Without light at 450 nm, the colour is yellow.
     let (img, r) = place(1, None);
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), [255, 255, 0]);
     let (img, r) = place(0, None);
@@ -150,7 +149,7 @@ fn flight_frames_follow_the_light() {
     let t = tensor(wave(&[635.0], [(Y, 4), (X, 6), (T, 10), (Component, 2)]), |at| {
         if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
     });
-    // Three frames, of bins 2, 5 and 7: their lit columns are at x = 0, 3 and 5 of 6.
+    // The three frames show bins 2, 5 and 7, whose lit columns are at x = 0, 3 and 5 of 6.
     let sheet = draw(&flight_view(3), "t", &panel(&t)).unwrap();
     let (img, places) = (sheet.pixels().unwrap(), images(&sheet));
     for (place, lit) in places.iter().zip([0, 3, 5]) {

@@ -1,4 +1,4 @@
-//! Tests degenerate tensors: drawing never panics, and drawings always have a useful size.
+//! Tests degenerate tensors: drawing never panics, and drawings have a positive size.
 
 use proptest::prelude::*;
 

@@ -116,7 +116,6 @@ pub fn numbers(svg: &str) -> bool {
     values.all(|v| v.starts_with("data:") || !v.contains("NaN") && !v.contains("inf"))
 }
 
-/// Returns the rectangles of a drawing's images.
 fn images(drawing: &Drawing) -> Vec<Rect> {
     let svg = drawing.svg();
     let xml = roxmltree::Document::parse(&svg).unwrap();

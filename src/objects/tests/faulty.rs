@@ -16,7 +16,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 static LIVES: LazyLock<Mutex<HashMap<String, Arc<AtomicI64>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the number of changes that `mortal://NAME/..` still makes before it fails.
+/// Returns the number of remaining changes that `mortal://NAME/..` makes before it fails.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     let mut lives = LIVES.lock().unwrap_or_else(PoisonError::into_inner);
     lives.entry(name.to_owned()).or_default().clone()
@@ -31,7 +31,8 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Fails temporarily: of ten requests, two are lost, one after the other, and the response to another is lost.
+    /// Fails temporarily: of ten requests, two consecutive requests are lost, and the response to a third
+    /// one is lost.
     Flaky(Arc<AtomicU64>),
     /// Fails permanently after a number of changes.
     Mortal(Arc<AtomicI64>),

@@ -1,9 +1,8 @@
 //! A simulated bench: computes one frame on a sensor for the current settings of all elements.
 //!
 //! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state
-//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings
-//! instead of a capture number, because laboratory stages stop at positions that differ from the
-//! plan.
+//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings instead
+//! of a capture number, because laboratory stages stop at positions that differ from the plan.
 
 use super::design_matrix::ELEMENTS;
 use super::detector::polarizer_array::polarizer;
@@ -16,7 +15,7 @@ use rayon::prelude::*;
 /// The actual optics with their imperfections, and the directions of light through them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bench {
-    /// The elements; the scheme's captures are ignored.
+    /// The polarizing elements on both paths. The list of captures is ignored.
     pub optics: Scheme,
     /// Wavelength, nanometres.
     pub nm: f64,
@@ -26,7 +25,7 @@ pub struct Bench {
     pub projector: Directions,
 }
 
-/// The light of one projected pattern toward the camera, per camera pixel.
+/// The light that the scene returns toward each camera pixel under one projected pattern.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
     /// Mueller matrices of the scene under a pattern: 16 elements per pixel, row-major. [`Bench`]
@@ -58,9 +57,8 @@ impl Bench {
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light:
-    /// one number per pixel of the region `[x, y, width, height]`. For a polarizer array, the
-    /// result is the raw mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light: one number
+    /// per pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw mosaic.
     ///
     /// # Panics
     /// If the region exceeds the camera, or the light has too few pixels.
@@ -94,7 +92,8 @@ impl Bench {
         out
     }
 
-    /// Returns the radiance per time bin for one ray of a coaxial rig; `histogram` holds 16 elements per bin.
+    /// Returns the radiance per time bin for one ray of a coaxial rig. `histogram` holds the 16 Mueller
+    /// elements of each bin.
     pub fn histogram(&self, histogram: &[f32], sets: &[Vec<Set>; 2], ray: &Ray) -> Vec<f64> {
         let lighting = illuminating(&self.optics, &sets[0], ray);
         let weights = detecting(&self.optics, &sets[1], ray).next().unwrap_or_default();
@@ -107,7 +106,7 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Single frames equal the simulated batch, along the axis and through a pinhole.
+    /// Frames of the bench equal those of [`simulate`], along the axis and through a pinhole.
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };
@@ -124,7 +123,7 @@ mod tests {
                     Bench { optics: scheme.clone(), nm: 550.0, camera: view, projector: Directions::Axial };
                 for k in 0..3 {
                     let sets = scheme.sets(k);
-                    // In the batch the generator, too, uses the ray of the pixel.
+                    // [`simulate`] uses the ray of the camera pixel for the generator as well.
                     let lit: Vec<[f64; 4]> = (0..24)
                         .map(|i| {
                             let ray = view.ray(i % 6, i / 6, [6, 4], 550.0);

@@ -1,8 +1,8 @@
 //! The optics that both paths of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
 //!
 //! Baek & Heide 2021, eqs. 12 and 14: the scene receives G B_t Q p, and the detector measures [L Q B_r G'
-//! …]_0. These optics are part of the states of generator and analyzer. The galvo's matrix G depends on the
-//! ray's direction.
+//! …]_0 (p: source, Q and L: polarizing elements). These optics are part of the states of generator and
+//! analyzer. The galvo's matrix G depends on the ray's direction.
 
 use super::element::{Mueller, Ray, diattenuator, retarder};
 use super::spectral_value::SpectralValue;
@@ -11,13 +11,13 @@ use optics::polarization::fresnel;
 use optics::spectrum::Spectral;
 use serde::{Deserialize, Serialize};
 
-/// One arm of a beamsplitter. The axes of the arm are the x and y axes of the frame.
+/// One arm of a beamsplitter. Its eigenaxes are the x and y axes of the frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
     /// Mean transmittance or reflectance.
     pub efficiency: SpectralValue,
-    /// (T_x - T_y)/(T_x + T_y).
+    /// Diattenuation (T_x - T_y)/(T_x + T_y).
     #[serde(default = "nothing")]
     pub diattenuation: SpectralValue,
     /// Phase by which y lags x, degrees, in addition to the mirror image of a reflection.
@@ -40,9 +40,9 @@ impl Arm {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coaxial {
-    /// B_t, toward the scene.
+    /// The matrix B_t, from the elements to the scene.
     pub transmission: Arm,
-    /// B_r, from the scene.
+    /// The matrix B_r, from the scene to the elements.
     pub reflection: Arm,
     /// The mirrors that steer the beam; `None` if the beam is fixed.
     pub galvo: Option<Galvo>,
@@ -56,7 +56,8 @@ impl Coaxial {
     }
 
     /// Scales the efficiency of the transmitting arm so that the brightness along the axis equals that of
-    /// `before`. Use this after other parts were fitted to captures that do not determine the brightness.
+    /// `before`. Use this after other parameters were fitted to captures that do not determine the
+    /// brightness.
     pub fn keep_brightness(&mut self, before: &Self, wavelengths: &[f64]) {
         let efficiency = |nm: f64| {
             let as_before = before.brightness(nm) / self.brightness(nm);
@@ -121,8 +122,8 @@ impl Galvo {
     /// Returns G for a direction (x and y angles from the undeflected axis, radians). G maps from
     /// the frame before the mirrors to the frame of the beam behind them.
     ///
-    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to
-    /// +Z. The x axis of a frame is an axis projected onto the plane perpendicular to the beam: Y
+    /// Before the mirrors, light travels along +X. The first mirror reflects the light to +Y, the second
+    /// to +Z. The x axis of a frame is an axis projected onto the plane perpendicular to the beam: Y
     /// before the mirrors, X behind them.
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
@@ -130,8 +131,8 @@ impl Galvo {
         self.along(nm, start, &normals, across(Vector3::x(), beam))
     }
 
-    /// Returns G' for light that returns from the same direction. Frames are those of [`Galvo::outward`],
-    /// with y reversed like the ray.
+    /// Returns G' for light that returns from the same direction. The frames are those of
+    /// [`Galvo::outward`] with reversed y axes, because the ray is reversed.
     pub fn inward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         // Sekera 1966: the matrix of the reversed path is Q Mᵀ Q.
         let q = Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
@@ -153,7 +154,7 @@ impl Galvo {
         let (mut m, mut ray) = (Mueller::identity(), start);
         for normal in normals {
             let s = ray.direction.cross(normal);
-            // At normal incidence every axis is an s axis.
+            // At normal incidence every axis perpendicular to the ray is an s axis.
             let s = s.try_normalize(1e-9).unwrap_or(ray.x);
             m = turned(&ray, s) * m;
             let cos = ray.direction.dot(normal).abs();
@@ -163,7 +164,8 @@ impl Galvo {
         turned(&ray, end_x) * m
     }
 
-    /// Returns the Fresnel reflection between s frames at cosine `cos` of incidence.
+    /// Returns the Mueller matrix of Fresnel reflection between s frames. `cos` is the cosine of the
+    /// angle of incidence.
     fn reflection(&self, nm: f64, cos: f64) -> Mueller {
         let lane = |v: f64| Spectral::splat(v as f32);
         let block = fresnel::conductor(cos as f32, lane(self.n.at(nm)), lane(self.k.at(nm)));
@@ -176,7 +178,7 @@ fn reflected(d: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
     d - normal * (2.0 * d.dot(&normal))
 }
 
-/// Returns the normalized part of an axis that is perpendicular to a direction.
+/// Returns the normalized component of an axis that is perpendicular to a direction.
 fn across(axis: Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
     (axis - direction * axis.dot(&direction)).normalize()
 }
@@ -195,7 +197,7 @@ mod tests {
         Galvo { n: SpectralValue::Same(0.0596), k: SpectralValue::Same(3.5974) }
     }
 
-    /// Tracing the return path mirror by mirror agrees with reciprocity.
+    /// The matrix of the return path, traced mirror by mirror, agrees with reciprocity.
     #[test]
     fn the_return_path_is_the_reversed_forward_path() {
         let galvo = silver();
@@ -207,7 +209,8 @@ mod tests {
         }
     }
 
-    /// Perfect undeflected mirrors only rotate the frame: two perpendicular s axes, two mirror images.
+    /// Perfect undeflected mirrors only rotate the frame. Their s axes are perpendicular, and their two
+    /// mirror images cancel.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
 
 pub const ELEMENTS: usize = 16;
-/// Singular values below this fraction of the largest are rounding errors.
+/// Singular values below this fraction of the largest count as zero (rounding errors).
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -25,7 +25,7 @@ pub struct RankError {
     /// Rank of the design matrix.
     pub rank: usize,
     pub captures: usize,
-    /// The smallest number of captures that suffices with this sensor.
+    /// The smallest number of captures that can determine a Mueller matrix with this sensor.
     pub least: usize,
 }
 
@@ -95,7 +95,7 @@ impl DesignMatrix {
         values.iter().filter(|v| **v > RANK_TOLERANCE * most && **v > 0.0).count()
     }
 
-    /// Returns the condition number of the 16 columns; infinite below rank 16.
+    /// Returns the condition number of the design matrix; infinite below rank 16.
     pub fn condition(&self) -> f64 {
         let values = self.singular_values();
         match (values.first(), values.get(ELEMENTS - 1), self.rank()) {
@@ -133,7 +133,7 @@ impl DesignMatrix {
         }
         let (q, r) = self.a.clone().qr().unpack();
         let zero = || DMatrix::zeros(ELEMENTS, self.a.nrows());
-        // The rank is full, so R is invertible.
+        // The rank is 16, so R is invertible.
         Ok(r.solve_upper_triangular(&q.transpose()).unwrap_or_else(zero))
     }
 
@@ -168,21 +168,19 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     inverse * a.transpose()
 }
 
-/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K. With a polarizer
-/// array the bound is 400/K, or 440/K behind quarter-wave plates.
+/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K for an intensity
+/// sensor. For a polarizer array the bound is 400/K, or 440/K behind quarter-wave plates.
 ///
-/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore
-/// spread evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello
-/// 2015).
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore spread
+/// evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015).
 ///
-/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its
-///   inverse is
+/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse is
 ///   40. With such states on both sides, the bound is 1600/K.
-/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it:
-///   all directions of the sphere except one, n. Spread evenly this is diag(1, ⅓, ⅓, ⅓) with trace
-///   10, hence 400.
-/// - Quarter-wave plates keep n on the equator, which gives diag(1, ¼, ¼, ½) with trace 11, hence
-///   440.
+/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it. The
+///   direction n on the sphere (here s3) is not measured. If n is spread evenly over the sphere, the mean
+///   is diag(1, ⅓, ⅓, ⅓), whose inverse has trace 10. The bound is therefore 400/K.
+/// - Quarter-wave plates keep n on the equator. The mean is then diag(1, ¼, ¼, ½), whose inverse has
+///   trace 11. The bound is 440/K.
 pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
         Sensor::Intensity => 1600.0,
@@ -205,7 +203,7 @@ mod tests {
         matrix(&Scheme::drr(captures, array).expect("a scheme"))
     }
 
-    /// The error variances of dual rotating retarders have their known values.
+    /// The error variances of dual rotating retarders equal the published values.
     #[test]
     fn dual_rotating_retarders_have_known_variances() {
         for (captures, want) in [(36, 196.0), (25, 2054.0)] {
@@ -214,7 +212,7 @@ mod tests {
         }
     }
 
-    /// The design matrix agrees with the explicit matrix product.
+    /// The design matrix agrees with the product of the elements' matrices.
     #[test]
     fn rows_are_the_matrix_product() {
         let scheme = Scheme::qrpr(5, true).expect("a scheme");
@@ -297,11 +295,10 @@ mod tests {
             assert_eq!((rank(least), rank(least - 1)), (16, 15));
         }
         let rank = |k| matrix(&Scheme::liquid_crystal(k, true).expect("a scheme")).rank();
-        // Each of five captures gives three numbers, but measuring s0 alone takes four captures.
+        // Each of five captures gives three independent numbers, but measuring s0 alone takes four captures.
         assert_eq!((rank(6), rank(5)), (16, 14));
     }
 
-    /// The error of a rank-deficient scheme states its rank and the required number of captures.
     #[test]
     fn rank_errors_state_rank_and_required_captures() {
         let few = drr(10, false).pseudo_inverse().expect_err("too few");

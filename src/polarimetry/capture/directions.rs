@@ -1,5 +1,5 @@
-//! Directions in which light passes the elements of a rig, per pixel: through a camera's pinhole, or where a
-//! galvo points.
+//! Directions in which light passes the elements of a rig, per pixel: through a camera's pinhole, or in
+//! the direction of a galvo scanner.
 
 use super::element::Ray;
 use super::simulate::Layout;

@@ -1,9 +1,9 @@
 //! Polarizers and retarders of a rig as Mueller matrices in f64, with their imperfections and with
-//! derivatives for angles and retardances, which learning needs.
+//! derivatives with respect to angles and retardances, which learning needs.
 //!
 //! Signs are those of [`optics::polarization::elements`]: angles are counter-clockwise from the frame's x
-//! axis looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With R(θ) =
-//! exp(2θG), its derivative for θ is 2(MG - GM).
+//! axis looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With
+//! R(θ) = exp(2θG), the derivative with respect to θ is 2(M'G - GM'), where M' = R(-θ) M R(θ).
 
 use super::spectral_value::SpectralValue;
 use nalgebra::{Matrix4, Vector4};
@@ -22,7 +22,7 @@ pub enum ElementKind {
     Retarder {
         /// Nominal retardance, radians; π/2 for a quarter-wave plate.
         retardance: Setting,
-        /// Difference from the nominal retardance at a wavelength, radians.
+        /// Deviation from the nominal retardance as a function of wavelength, radians.
         error: SpectralValue,
         /// Number of additional whole waves, whose retardance also changes for an oblique ray.
         order: u32,
@@ -66,7 +66,7 @@ pub struct Element {
     /// Name, e.g. `retarder_2`.
     pub name: String,
     pub kind: ElementKind,
-    /// Angle of the stage.
+    /// Angle reading of the stage.
     pub angle: Setting,
     /// Angle of the axis when the stage reads zero, radians.
     pub axis_offset: f64,
@@ -74,7 +74,7 @@ pub struct Element {
     pub transmittance: SpectralValue,
 }
 
-/// Direction and wavelength of light that passes a rig.
+/// Direction and wavelength of light that passes the elements of a rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Wavelength, nanometres.
@@ -106,7 +106,7 @@ fn generator() -> Mueller {
     g
 }
 
-/// R(θ): expresses Stokes vectors in a basis rotated by θ.
+/// Returns the matrix R(θ), which expresses Stokes vectors in a basis rotated by θ.
 pub fn rotator(theta: f64) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
     let mut r = Mueller::identity();
@@ -130,7 +130,8 @@ pub fn retarder(delta: f64) -> Mueller {
     m
 }
 
-/// A matrix at a setting, with its derivatives for angle θ and retardance δ.
+/// The Mueller matrix of an element at a setting, with its derivatives with respect to angle θ and
+/// retardance δ.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
     /// The Mueller matrix M.
@@ -187,7 +188,8 @@ impl Element {
         scale * (set.retardance + error.at(ray.nm) + waves) - waves
     }
 
-    /// Returns the factor of an oblique ray on the total retardance, and the whole waves in radians.
+    /// Returns the factor by which an oblique ray changes the total retardance, and the retardance of the
+    /// whole waves, radians.
     fn oblique(&self, set: Set, ray: &Ray) -> (f64, f64) {
         let ElementKind::Retarder { order, index, .. } = &self.kind else {
             return (1.0, 0.0);
@@ -199,7 +201,7 @@ impl Element {
         ((1.0 - s2 * along) / (1.0 - s2).sqrt(), waves)
     }
 
-    /// Returns the matrix in the element's axes.
+    /// Returns the Mueller matrix in the frame of the element's axes.
     fn unturned(&self, set: Set, ray: &Ray) -> Mueller {
         let t = self.transmittance.at(ray.nm);
         match &self.kind {
@@ -214,8 +216,9 @@ impl Element {
         rotator(-theta) * self.unturned(set, ray) * rotator(theta)
     }
 
-    /// Returns the Mueller matrix at a capture with its derivatives. The angle derivatives neglect that
-    /// rotating an oblique plate changes its retardance, which is of second order in the incidence.
+    /// Returns the Mueller matrix at a capture with its derivatives. The derivatives with respect to
+    /// angle neglect the change of retardance when an oblique plate rotates, which is of second order in
+    /// the angle of incidence.
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
         let set = self.set_at(k);
         let theta = set.angle + self.axis_offset;
@@ -223,7 +226,7 @@ impl Element {
         if let ElementKind::Retarder { .. } = &self.kind {
             let (scale, _) = self.oblique(set, ray);
             let quarter = retarder(self.retardance(set, ray) + std::f64::consts::FRAC_PI_2);
-            // d/dδ shifts sine and cosine by a quarter period; elements without δ have no derivative.
+            // d/dδ shifts sine and cosine by a quarter period. For elements without δ the derivative is zero.
             by_delta = quarter * (self.transmittance.at(ray.nm) * scale);
             by_delta2 = self.unturned(set, ray) * (-scale * scale);
             for d in [&mut by_delta, &mut by_delta2] {
@@ -238,7 +241,7 @@ impl Element {
         Jet { value, first: [theta1, delta1], second: [by_theta(&theta1), by_theta(&delta1), delta2] }
     }
 
-    /// Returns the quantities that change between captures.
+    /// Returns the quantities of the element that change between captures.
     pub fn driven(&self) -> impl Iterator<Item = Quantity> {
         let angle = matches!(self.angle, Setting::Each(_)).then_some(Quantity::Angle);
         let each = matches!(self.kind, ElementKind::Retarder { retardance: Setting::Each(_), .. });
@@ -275,7 +278,7 @@ mod tests {
         (0..4).all(|i| (0..4).all(|j| (a[(i, j)] - f64::from(b[i][j])).abs() < 1e-6))
     }
 
-    /// Signs agree with the elements of the renderer.
+    /// The signs agree with those of the renderer's elements.
     #[test]
     fn signs_match_the_renderer() {
         let ray = Ray::axial(550.0);
@@ -289,7 +292,7 @@ mod tests {
         }
     }
 
-    /// Derivatives agree with central differences.
+    /// The derivatives agree with central differences.
     #[test]
     fn derivatives_match_finite_differences() {
         let ray = Ray { nm: 550.0, incidence: 0.0, azimuth: 0.4 };
@@ -317,9 +320,9 @@ mod tests {
         }
     }
 
-    /// An oblique ray in the plane of the fast axis only lengthens the path. In the plane of the slow axis it
-    /// also lowers the extraordinary index. The reference is the waves' k_z of a plate with indices 1.5499
-    /// and 1.5501.
+    /// An oblique ray in the plane of the fast axis only lengthens the path. In the plane of the slow
+    /// axis it also lowers the extraordinary index. The reference is computed from k_z of both waves in a
+    /// plate with indices 1.5499 and 1.5501.
     #[test]
     fn oblique_retardance_matches_wave_optics() {
         let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);

@@ -52,7 +52,7 @@ pub enum ImageError {
         "a [spad] counts photons in time bins; use a slice with time bins and without projector axes, or use [cmos]"
     )]
     NoTimeBins,
-    /// The time bins of counter and image differ.
+    /// The time bins of the photon counter and the image differ.
     #[error("{cause}; the slice has {bins} bins of {bin_ps} ps")]
     TimeBins {
         cause: DetectorError,
@@ -63,7 +63,7 @@ pub enum ImageError {
     },
 }
 
-/// Mueller matrices, their order, and their rays.
+/// An image of Mueller matrices: the matrices, their order, and their rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MuellerImage {
     /// 16 elements per pixel, row-major (Stokes out first), pixels in the order of `layout`.
@@ -130,8 +130,7 @@ impl MuellerImage {
     /// slice. `bin_ps` is the width of the slice's time bins, ps.
     ///
     /// # Errors
-    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or
-    /// labels.
+    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -202,7 +201,8 @@ impl MuellerImage {
         shape
     }
 
-    /// Returns the same matrices with rays through a pinhole of this horizontal field of view, radians.
+    /// Returns the same matrices with rays through a pinhole. `fov_x` is the horizontal field of view,
+    /// radians.
     pub fn seen_by(mut self, fov_x: f64) -> Self {
         self.view = Directions::pinhole(fov_x, self.layout.width, self.layout.height);
         self.rays = self.view.rays(self.layout, &self.wavelengths_nm());

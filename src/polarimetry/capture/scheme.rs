@@ -1,13 +1,13 @@
 //! Capture schemes: the polarizing elements on both paths and their settings in every capture.
 //!
-//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0, where p is unpolarized light of unit
-//! intensity.
+//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0. L is a linear polarizer, Q a
+//! quarter-wave plate, T the scene, and p unpolarized light of unit intensity.
 //!
 //! - Dual rotating retarders (DRR; Azzam 1978) fix the polarizers and rotate the quarter-wave plates by 5°
 //!   and 25° per capture.
 //! - Quad rotating polarizers and retarders (QRPR) rotate all four elements.
 //! - With a polarizer array (-P), four fixed polarizers on the sensor replace L(θ4).
-//! - Liquid crystals keep all angles and change their retardances.
+//! - Liquid-crystal schemes keep all angles and change the retardances.
 
 use super::coaxial::Coaxial;
 use super::element::{Element, ElementKind, Quantity, Set, Setting};
@@ -86,10 +86,10 @@ pub struct Motor {
     pub quantity: Quantity,
 }
 
-/// A checked scheme: every setting has a value for every capture.
+/// A valid scheme: every setting has a finite value for every capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scheme {
-    /// Name for tables.
+    /// Name of the scheme in tables.
     pub name: String,
     /// Stokes vector of the source; [1, 0, 0, 0] is unpolarized.
     pub source: [f64; 4],
@@ -171,10 +171,10 @@ impl Scheme {
 
     /// Returns the smallest number of captures that determines a Mueller matrix with this sensor.
     ///
-    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) =
-    /// I(45°) + I(135°). At least six captures are therefore required. Behind a quarter-wave plate,
-    /// two of the three are the same for all angles of the plate: s0 and s3 of the light. Each
-    /// capture then gives one further number. At least eight captures are required.
+    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) = I(45°) +
+    /// I(135°). At least six captures are therefore required. Behind a quarter-wave plate, two of the
+    /// three numbers are independent of the plate's angle: s0 and s3 of the incident light. Each capture
+    /// then adds only one number, so at least eight captures are required.
     pub fn least_captures(&self) -> usize {
         match self.sensor {
             Sensor::Intensity => 16,
@@ -226,7 +226,7 @@ impl Scheme {
         out
     }
 
-    /// Changes the imperfections of an element; its settings are kept.
+    /// Changes the imperfections of an element and keeps its settings.
     pub fn imperfect(&mut self, side: Side, element: usize, change: impl FnOnce(&mut Element)) {
         let elements = match side {
             Side::Generator => &mut self.generator,
@@ -277,10 +277,9 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are
-    /// those of [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no
-    /// two captures are equal. Use the scheme as a starting point for learning, not for
-    /// measurements.
+    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are those of
+    /// [`Scheme::drr`]. The polarizers step by the golden angle and by twice the golden angle, so that no
+    /// two captures are equal. Use the scheme as a starting point for learning, not for measurements.
     ///
     /// # Errors
     /// If `captures` is 0.
@@ -325,12 +324,12 @@ impl Scheme {
         Self::new(name, generator, analyzer, Sensor::Intensity)
     }
 
-    /// Returns a scheme without moving parts: a polarizer and liquid-crystal retarders at 45° and 0° on one
-    /// side, and the mirror image on the other.
+    /// Returns a scheme without moving parts. The generator has a polarizer and liquid-crystal retarders
+    /// at 45° and 0°; the analyzer has the same elements in reverse order.
     ///
-    /// Each side needs two retarders: a single one moves the state along one circle of the Poincaré sphere,
-    /// which limits the rank to 9. Retardances cover 0 to 1.1 waves as fractional parts of multiples of four
-    /// irrational numbers.
+    /// Each side needs two retarders: a single one moves the state along one circle of the Poincaré
+    /// sphere, which limits the rank to 9. The retardances are fractional parts of multiples of four
+    /// irrational numbers, scaled to 0 to 1.1 waves.
     ///
     /// # Errors
     /// If `captures` is 0.
@@ -360,7 +359,7 @@ impl Scheme {
     }
 }
 
-/// Returns the number of captures if all lists of settings have the same length.
+/// Returns the number of captures, or an error unless all lists of settings have the same length.
 fn captures(generator: &[Element], analyzer: &[Element]) -> Result<usize, SchemeError> {
     let mut all: Option<(usize, &str)> = None;
     for e in generator.iter().chain(analyzer) {

@@ -1,4 +1,4 @@
-//! Scheme files: TOML for complete schemes, and CSV tables of angles as in rigs and papers.
+//! Scheme files: TOML for complete schemes, and CSV tables of angles.
 //!
 //! ```toml
 //! name = "L-QRPR 16"

@@ -1,9 +1,9 @@
 //! Simulated captures: known Mueller matrices → readings of the detector of a scheme, by capture.
 //!
-//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore differ
-//! only by noise. Rays are given per wavelength along the optical axis, or per pixel and wavelength. In the
-//! second case, errors of plates and mirrors that depend on the direction (e.g. the galvo of a coaxial rig)
-//! are those of each pixel.
+//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use
+//! the same model, and their results differ only because of noise. Rays are given per wavelength along
+//! the optical axis, or per pixel and wavelength. In the second case, the simulation includes errors of
+//! plates and mirrors that depend on direction (e.g. of the galvo of a coaxial rig).
 //!
 //! Readings are in the unit of the matrices, with the dark signal subtracted. Saturated readings are NaN.
 //! Every number depends only on the seed, its pixel and its measurement, not on the number of threads.
@@ -52,12 +52,11 @@ pub enum Noise {
     /// A camera; images at other times or wavelengths are separate frames.
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
-        /// channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
-    /// A diode per pixel. Its counter has the layout's time bins, starting at the laser pulse. Readings
-    /// include the jitter (see [`super::detector::spad`]).
+    /// A diode per pixel. Its counter has the time bins of the layout, which start at the laser pulse.
+    /// Readings include the timing jitter (see [`super::detector::spad`]).
     Spad(Spad),
 }
 
@@ -66,8 +65,8 @@ pub enum Noise {
 pub struct Captured {
     /// Readings in the unit of the matrices: by measurement (as rows of the design matrix), then by pixel.
     pub intensities: Vec<f32>,
-    /// Variances of a camera's readings, infinite where saturated. `None` for a diode, because bins without
-    /// counts would have variance 0.
+    /// Variances of a camera's readings; infinite for saturated readings. `None` for a diode, because the
+    /// estimated variance of bins without counts would be 0.
     pub variances: Option<Vec<f32>>,
     pub saturated: usize,
     /// Layout of the readings: half as high and wide with binning or superpixels.
@@ -95,8 +94,8 @@ impl Captured {
 ///
 /// `matrices` holds 16 elements per pixel, row-major (Stokes out first), in the order of `layout`. `rays`
 /// holds the ray of each wavelength, or of each pixel and wavelength
-/// ([`super::directions::Directions::rays`]). Cameras and diodes read negative intensities (from unphysical
-/// matrices) as zero.
+/// ([`super::directions::Directions::rays`]). Cameras and diodes treat negative intensities (from
+/// unphysical matrices) as zero.
 ///
 /// # Errors
 /// [`DetectorError`] for lengths that differ, invalid settings, settings that do not fit the layout, or
@@ -177,7 +176,7 @@ fn rows_of(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
     (0..design.a.nrows()).map(of).collect()
 }
 
-/// Rows of one measurement; caches the last row where every pixel has its own ray.
+/// The rows of one measurement. If every pixel has its own ray, the last row is cached.
 struct Rows<'a> {
     job: &'a Job<'a>,
     m: usize,
@@ -212,8 +211,7 @@ struct Job<'a> {
     layout: Layout,
     rays: &'a [Ray],
     scheme: &'a Scheme,
-    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has
-    /// its own ray.
+    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has its own ray.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,
@@ -226,7 +224,7 @@ impl Job<'_> {
         if self.rays.len() == lanes { pixel % lanes } else { pixel / (times * lanes) * lanes + pixel % lanes }
     }
 
-    /// Returns the rows of measurement `m`, to be read for consecutive pixels.
+    /// Returns the rows of measurement `m`, which callers read for consecutive pixels.
     fn rows(&self, m: usize) -> Rows<'_> {
         Rows { job: self, m, last: None }
     }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// One value for all wavelengths, or rows of [nanometres, value] in ascending order. The table is linear
-/// between rows and constant beyond them.
+/// One value for all wavelengths, or rows of [nanometres, value] in ascending order. Values are
+/// interpolated linearly between rows and constant outside the table.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum SpectralValue {
@@ -29,7 +29,7 @@ impl SpectralValue {
         }
     }
 
-    /// Returns all values times a factor.
+    /// Returns the same table with all values multiplied by a factor.
     pub fn scaled(&self, factor: f64) -> Self {
         match self {
             Self::Same(value) => Self::Same(value * factor),
@@ -40,7 +40,7 @@ impl SpectralValue {
     /// Checks that values are within `low..=high`, that wavelengths ascend and that the table has rows.
     ///
     /// # Errors
-    /// A phrase that continues a message after the name of the field.
+    /// The text of a message after the name of the field.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
         let ok = match self {

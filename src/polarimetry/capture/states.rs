@@ -1,4 +1,5 @@
-//! States that a generator creates and an analyzer detects, with their derivatives for every setting.
+//! States that a generator creates and an analyzer detects, with their derivatives with respect to every
+//! setting.
 //!
 //! The generator state is the Stokes vector g = E_n … E_1 p that illuminates the scene. The analyzer state is
 //! the row vector a that weights the returning Stokes vector, so that a capture of T is a·T·g. Derivatives
@@ -9,13 +10,13 @@ use super::element::{Jet, Quantity, Ray, Set, Stokes, diattenuator, rotator};
 use super::scheme::{ARRAY_DEG, Scheme, Sensor, Side};
 use nalgebra::Matrix4;
 
-/// A state with its derivatives for the motors of its side.
+/// A state with its derivatives with respect to the motors of the same side.
 #[derive(Clone, Debug)]
 pub struct StateJet {
     pub value: Stokes,
-    /// Motor (index in [`Scheme::motors`]) and first derivative.
+    /// First derivatives, each with its motor (index in [`Scheme::motors`]).
     pub first: Vec<(usize, Stokes)>,
-    /// Two motors in ascending order and the second derivative.
+    /// Second derivatives, each with its two motors in ascending order.
     pub second: Vec<(usize, usize, Stokes)>,
 }
 
@@ -35,7 +36,7 @@ impl StateJet {
         }
     }
 
-    /// Applies an element; `motors` lists its motors: index and quantity.
+    /// Applies an element. `motors` lists the index and quantity of each motor of the element.
     fn pass(&mut self, jet: &Jet, motors: &[(usize, Quantity)], orders: usize) {
         let before = self.value;
         let firsts = self.first.clone();
@@ -130,8 +131,8 @@ fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     }
 }
 
-/// Returns the smallest set of rows with the same span and the same normal matrix. This set
-/// contains the same information if the noise is equal in all channels.
+/// Returns the smallest set of rows with the same span and the same normal matrix. If the noise is equal
+/// in all channels, this set contains the same information.
 fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     if rows.len() == 1 {
         return rows.to_vec();
@@ -190,7 +191,7 @@ fn transposed(jet: &Jet) -> Jet {
 mod tests {
     use super::*;
 
-    /// The states of a scheme with derivatives equal those computed from its settings.
+    /// The states that are computed with derivatives equal those computed without.
     #[test]
     fn states_equal_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
@@ -253,7 +254,6 @@ mod tests {
         }
     }
 
-    /// The reduced rows have the same normal matrix.
     #[test]
     fn reduced_rows_have_the_same_normal_matrix() {
         let scheme = Scheme::qrpr(3, true).expect("a scheme");

@@ -18,12 +18,12 @@ use wide::f64x4;
 /// Number of matrices that are decomposed together.
 pub const LANES: usize = 4;
 
-/// Maximum number of Newton steps and of scaled steps. Scaling speeds up the convergence of distant
-/// matrices, but costs two square roots.
+/// Maximum number of Newton steps, and of those with scaling. Scaling speeds up the convergence of
+/// matrices that are far from orthogonal, but costs two square roots.
 const STEPS: usize = 16;
 const SCALED: usize = 3;
 
-/// Convergence threshold: the iteration ends if a step changes X by less.
+/// Convergence threshold: the iteration ends if a step changes every element of X by less.
 const STILL: f64 = 1e-14;
 
 /// Smallest determinant of m' and smallest 1 - D² for the fast method.
@@ -42,7 +42,6 @@ fn each(mut f: impl FnMut(usize) -> f64) -> Lanes {
     out
 }
 
-/// Returns the minor a·b - c·d.
 #[inline(always)]
 fn minor(a: &Lanes, b: &Lanes, c: &Lanes, d: &Lanes) -> Lanes {
     each(|k| a[k].mul_add(b[k], -(c[k] * d[k])))
@@ -184,7 +183,7 @@ impl Batch {
                 *e = each(|k| e[k].copysign(e[k] * det[k]));
             }
         }
-        // m_Δ = m' m_Rᵀ, symmetric except for rounding.
+        // m_Δ = m' m_Rᵀ, symmetric except for rounding errors.
         let mut delta = [[[0.0; LANES]; 3]; 3];
         for i in 0..3 {
             for j in i..3 {
@@ -224,9 +223,8 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no
-    /// decomposition. The retarder's axis is omitted because it is slow to compute;
-    /// [`Properties::of`] returns it.
+    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no decomposition. The
+    /// retarder's axis is omitted because it is slow to compute; [`Properties::of`] returns it.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -279,7 +277,7 @@ mod tests {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
-    /// The batch equals single decompositions, and its factors reproduce the matrices.
+    /// The results of a batch equal those of single decompositions, and the factors reproduce the matrices.
     #[test]
     fn batch_equals_single_decompositions() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();
@@ -296,7 +294,7 @@ mod tests {
                     (quick.retardance, properties.retardance),
                     (quick.depolarization, properties.depolarization),
                 ] {
-                    assert!((a - b).abs() < 1e-13, "{a} is not {b}");
+                    assert!((a - b).abs() < 1e-13, "found {a}, expected {b}");
                 }
                 let one = decompose(m, DOUBLE).expect("a decomposition");
                 assert!(near(&parts.depolarizer, &one.depolarizer, 1e-9), "{m:?}");

@@ -6,9 +6,9 @@
 //! eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with |J⟩ = (J00, J01, J10, J11).
 //!
 //! Pauli matrices are in the order of the Stokes elements of CONVENTIONS.md: σ0 = 1, σ1 = diag(1, -1)
-//! (horizontal minus vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right minus
-//! left circular). Fields are Re E·exp(+iωt), so that a lagging slow axis has the factor exp(-iδ). The
-//! opposite sign of time conjugates H and keeps its eigenvalues.
+//! (horizontal minus vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right
+//! minus left circular). Fields are Re E·exp(+iωt), so that the field along a slow axis has the factor
+//! exp(-iδ). With the opposite sign convention, H is conjugated and its eigenvalues are the same.
 
 use nalgebra::{Complex, Matrix2, Matrix4, SymmetricEigen};
 
@@ -117,7 +117,7 @@ mod tests {
 
     fn assert_eigenvalues(m: &Matrix, want: [f64; 4]) {
         let got = eigenvalues(m).unwrap();
-        assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12), "{got:?} is not {want:?}");
+        assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12), "found {got:?}, expected {want:?}");
     }
 
     /// Returns the Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
@@ -138,9 +138,9 @@ mod tests {
         assert!(eigenvalues(&diagonal([f64::NAN, 0.0, 0.0, 0.0])).is_none());
     }
 
-    /// The Pauli matrices follow the program's order and signs: H of an optical element is the projector onto
-    /// its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ), which the wrong
-    /// sign of σ3 would conjugate.
+    /// The Pauli matrices follow the program's order and signs: H of an optical element is the projector
+    /// onto its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ), because
+    /// the wrong sign of σ3 would conjugate this factor.
     #[test]
     fn pauli_matrices_follow_the_conventions() {
         let (o, l) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
@@ -155,7 +155,7 @@ mod tests {
             let vec = nalgebra::Vector4::new(jones[(0, 0)], jones[(0, 1)], jones[(1, 0)], jones[(1, 1)]);
             let want = vec * vec.adjoint() * Complex::from(0.5);
             let got = coherency(&matrix(element));
-            assert!((got - want).norm() < 1e-6, "{got} is not {want}");
+            assert!((got - want).norm() < 1e-6, "found {got}, expected {want}");
             assert!(distance(&matrix(element), &of_jones(&jones)) < 1e-6);
         }
     }
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_nearest_realizable_matrix_is_known_for_a_flip() {
-        // Eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0, which changes all four diagonal elements by ½.
+        // The eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0. This changes all four diagonal elements of H.
         let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
         assert!(distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12, "{near:?}");
     }

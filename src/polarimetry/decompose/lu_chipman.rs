@@ -14,21 +14,21 @@
 //! Conventions for the cases where this is not unique:
 //! - det m' < 0: m_Δ has the sign of the determinant (all three eigenvalues are negative), as in Lu &
 //!   Chipman. m_R remains a proper rotation.
-//! - m' of rank 2: m_Δ is positive; the two remaining directions determine the rotation.
-//! - m' of rank 1, s·u vᵀ: the smallest rotation from v to u. If u = -v, half a turn about a perpendicular
-//!   axis.
-//! - m' = 0 (an ideal depolarizer): no rotation.
-//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single state, so m_Δ and m_R act on D
-//!   only. m_R is the smallest rotation from D to P, and m_Δ = |P|·1.
+//! - m' of rank 2: m_Δ is positive; the two nonzero directions determine the rotation.
+//! - m' of rank 1, s·u vᵀ: m_R is the smallest rotation from v to u. If u = -v, it is a rotation by 180°
+//!   about a perpendicular axis.
+//! - m' = 0 (an ideal depolarizer): m_R is the identity.
+//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single polarization state, so m_Δ
+//!   and m_R act on D only. m_R is the smallest rotation from D to P, and m_Δ = |P|·1.
 //! - D > 1, m00 ≤ 0, or a non-finite element: no such matrix exists, and there is no decomposition.
 
 use super::cloude::Matrix;
 use nalgebra::{Matrix3, Vector3};
 
-/// Relative rounding of double-precision matrices: the threshold at which 1 - D² or a singular value of m'
-/// counts as zero.
+/// Relative rounding error of double-precision matrices: the threshold below which 1 - D² or a singular
+/// value of m' counts as zero.
 pub const DOUBLE: f64 = 1e-12;
-/// Relative rounding of single-precision matrices.
+/// Relative rounding error of single-precision matrices.
 pub const SINGLE: f64 = 1e-6;
 
 /// The three factors of a Mueller matrix. Light passes the last factor, the diattenuator, first.
@@ -123,14 +123,16 @@ fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     }
 }
 
-/// Returns the smallest rotation from one direction to another; the identity if one of them is zero.
+/// Returns the smallest rotation from one direction to another; the identity if one of the two vectors is
+/// zero.
 fn smallest_rotation(from: Vector3<f64>, to: Vector3<f64>) -> Matrix3<f64> {
     let (Some(a), Some(b)) = (from.try_normalize(0.0), to.try_normalize(0.0)) else {
         return Matrix3::identity();
     };
     let cos = a.dot(&b);
     if cos < -1.0 + 1e-12 {
-        // Half a turn about the perpendicular axis that is closest to the first coordinate axes.
+        // A rotation by 180° about the projection of a coordinate axis onto the plane perpendicular to
+        // `from`.
         let across = |e: Vector3<f64>| e - a * a.dot(&e);
         let axis =
             across(Vector3::x()).try_normalize(1e-3).unwrap_or_else(|| across(Vector3::y()).normalize());
@@ -154,7 +156,7 @@ mod tests {
 
     fn assert_rebuilds(m: &Matrix, parts: &Parts, tolerance: f64) {
         for (got, want) in rebuilt(parts).iter().flatten().zip(m.iter().flatten()) {
-            assert!((got - want).abs() <= tolerance * m[0][0], "{got} is not {want} in {m:?}");
+            assert!((got - want).abs() <= tolerance * m[0][0], "found {got}, expected {want} in {m:?}");
         }
     }
 
@@ -194,7 +196,7 @@ mod tests {
         rows
     }
 
-    /// The decomposition reproduces a rotated polarizer before or behind a retarder (D = 1).
+    /// The decomposition reproduces a rotated polarizer (D = 1) before or behind a retarder.
     #[test]
     fn factors_reproduce_polarizers() {
         let (c, s) = (0.6, 0.8);
@@ -243,7 +245,6 @@ mod tests {
         assert_eq!(none.retarder, diagonal([1.0; 4]));
     }
 
-    /// Matrices that cannot be Mueller matrices have no decomposition.
     #[test]
     fn invalid_matrices_have_no_decomposition() {
         let mut m = [[0.0; 4]; 4];

@@ -10,10 +10,10 @@ use tensor::number::Number;
 /// Number of matrices per work unit; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
-/// A number type of arrays. Loops over matrices of this type are compiled in this crate, together
-/// with the called functions, and not in the caller's crate.
+/// A number type of arrays. Loops over matrices of this type are compiled in this crate, where the
+/// compiler can inline the called functions.
 pub trait Real: Number {
-    /// Relative rounding of matrices of this type.
+    /// Relative rounding error of matrices of this type.
     const ROUNDING: f64;
 
     /// Computes [`maps`] for this number type.
@@ -49,22 +49,23 @@ real!(f64, DOUBLE);
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.
     Polarizance,
-    /// Diattenuation, 0..1: difference of the largest and the smallest transmittance over their
-    /// sum.
+    /// Diattenuation, 0..1: the difference between the largest and the smallest transmittance, divided by
+    /// their sum.
     Diattenuation,
     /// Retardance, radians, 0..π.
     Retardance,
-    /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 preserves all polarization, 1 none.
+    /// Depolarization power 1 - |tr m_Δ|/3, 0..1, where m_Δ is the lower right 3×3 block of M_Δ. At 0 all
+    /// polarization is preserved, at 1 none.
     Depolarization,
     /// Stokes components of the retarder's fast axis.
     RetardanceAxis,
     /// Cloude's entropy, 0..1.
     Entropy,
-    /// The factor M_Δ of M = M_Δ M_R M_D.
+    /// The factor M_Δ (depolarizer) of M = M_Δ M_R M_D.
     Depolarizer,
-    /// The factor M_R.
+    /// The factor M_R (retarder).
     Retarder,
-    /// The factor M_D.
+    /// The factor M_D (diattenuator).
     Diattenuator,
 }
 
@@ -81,7 +82,7 @@ impl Quantity {
         Self::Diattenuator,
     ];
 
-    /// Returns the name in files.
+    /// Returns the name of the quantity in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Polarizance => "polarizance",
@@ -104,12 +105,12 @@ impl Quantity {
         }
     }
 
-    /// Returns the number of elements of one value.
+    /// Returns the number of elements of one value: 1 for a scalar, 3 for an axis, 16 for a matrix.
     pub fn size(self) -> usize {
         self.shape().iter().product::<u64>() as usize
     }
 
-    /// Returns whether the quantity needs the factors.
+    /// Returns whether the quantity is computed from the Lu–Chipman factors.
     fn needs_parts(self) -> bool {
         matches!(self, Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator)
     }
@@ -133,8 +134,8 @@ impl Quantity {
         }
     }
 
-    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do
-    /// not need the factors. Selects the quantity once for all matrices.
+    /// Writes the values of the first matrices, up to the length of `out`, for quantities that are not
+    /// computed from the factors. The quantity is selected once for all matrices.
     #[inline(always)]
     fn write_scalars<T: Real>(self, m: &[Matrix; LANES], found: &[Option<Properties>; LANES], out: &mut [T]) {
         let fill = |out: &mut [T], f: fn(&Properties) -> f64| {
@@ -168,7 +169,7 @@ impl Quantity {
     }
 }
 
-/// The factors of a matrix and its properties; `None` without a decomposition.
+/// The factors and properties of a matrix; `None` if it has no decomposition.
 type Found = Option<(Parts, Properties)>;
 
 fn matrix<T: Real>(values: &[T]) -> Matrix {
@@ -243,13 +244,12 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed
-/// independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// Each difference spans the error of an element, so the result remains valid for a nonlinear
-/// quantity.
+/// Each difference spans the standard error of an element, so the result is also valid if the quantity is
+/// a nonlinear function of the elements.
 ///
 /// # Panics
 /// If the numbers of errors and elements differ, or are not a multiple of 16.
@@ -262,7 +262,7 @@ fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     let one = |(m, sigmas): (&[T], &[T])| -> [T; 4] {
         let (m, sigmas) = (matrix(m), matrix(sigmas));
         let mut sums = [0.0; 4];
-        // Shifts each element up and down, several elements per batch.
+        // Shift each element by ± its standard error, several elements per batch.
         for first in (0..16).step_by(LANES / 2) {
             let mut moved = [m; LANES];
             for (k, moved) in moved.iter_mut().enumerate() {
@@ -297,8 +297,8 @@ mod tests {
         samples(n, 7).flat_map(|s| s.m.into_iter().flatten()).collect()
     }
 
-    /// Maps equal the values of single matrices for any number of matrices, and are NaN without a
-    /// decomposition.
+    /// Maps of any number of matrices equal the values of single matrices. Values of matrices without a
+    /// decomposition are NaN.
     #[test]
     fn maps_equal_single_matrices() {
         for n in [1_u32, 3, 4, 1023, 1025, 2050] {
@@ -320,7 +320,7 @@ mod tests {
                     let mut want = vec![0.0; q.size()];
                     q.write(&m, &Some((*parts, Properties::of(&m, parts))), &mut want);
                     for (g, w) in got.iter().zip(&want) {
-                        assert!((g - w).abs() < 1e-6 * (1.0 + w.abs()), "{}: {g} is not {w}", q.name());
+                        assert!((g - w).abs() < 1e-6 * (1.0 + w.abs()), "{}: {g}, want {w}", q.name());
                     }
                 }
             }
@@ -328,8 +328,8 @@ mod tests {
         assert_eq!(maps::<f32>(&[], &Quantity::ALL).1, 0);
     }
 
-    /// Stated errors equal the scatter of quantities of noisy elements: 4000 draws, 5 sigma of a standard
-    /// deviation plus second-order terms.
+    /// Stated errors equal the scatter of quantities computed from noisy elements. The test uses 4000
+    /// samples and a tolerance of 5 standard errors of a standard deviation plus second-order terms.
     #[test]
     fn errors_of_quantities_match_the_scatter() {
         let all = elements(6);
@@ -341,7 +341,7 @@ mod tests {
             let mut noisy = vec![];
             for _ in 0..draws {
                 for (e, s) in m.iter().zip(&sigmas) {
-                    // The sum of twelve uniform numbers has variance 1.
+                    // The sum of twelve random numbers that are uniform in [0, 1) has variance 1.
                     let g: f64 = (0..12).map(|_| f64::from(stream.uniform())).sum::<f64>() - 6.0;
                     noisy.push(e + s * g);
                 }

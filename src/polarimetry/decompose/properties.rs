@@ -28,7 +28,7 @@ impl Properties {
     pub fn of(m: &Matrix, parts: &Parts) -> Self {
         let (r, delta) = (&parts.retarder, &parts.depolarizer);
         let trace = |m: &Matrix| m[1][1] + m[2][2] + m[3][3];
-        // Twice the axis times sin R, which is precise for small R, in contrast to the cosine.
+        // The axis times 2 sin R. For small R the sine is precise, in contrast to the cosine.
         let turn = [r[2][3] - r[3][2], r[3][1] - r[1][3], r[1][2] - r[2][1]];
         let (sin2, cos2) = (length(turn), trace(r) - 1.0);
         Self {
@@ -47,10 +47,10 @@ fn axis(r: &Matrix, turn: [f64; 3], sin2: f64) -> [f64; 3] {
         return turn.map(|t| t / sin2);
     }
     if r[1][1] + r[2][2] + r[3][3] > 1.0 {
-        // No rotation, or one too small for a direction.
+        // There is no rotation, or its angle is too small to determine the axis.
         return if sin2 > 1e-12 { turn.map(|t| t / sin2) } else { [0.0; 3] };
     }
-    // Half a turn: m_R = 2 a aᵀ - 1. The largest column is the most precise.
+    // Rotation by 180°: m_R = 2 a aᵀ - 1. The largest column is the most precise.
     let column = |k: usize| std::array::from_fn(|i| r[i + 1][k + 1] + f64::from(u8::from(i == k)));
     let best: [f64; 3] =
         (0..3).map(column).max_by(|a, b| length(*a).total_cmp(&length(*b))).unwrap_or_default();

@@ -1,13 +1,13 @@
-//! Weighted means of the channels of an image, with their errors.
+//! Weighted means of the channels of an image, with the standard errors of the means.
 //!
-//! The error of F = Σ w y combines its propagated variance P = Σ w² V and the square of its bias,
-//! estimated by
+//! The error of the weighted mean F = Σ w y combines the propagated variance P = Σ w² V and the squared
+//! bias of F. With the rendered value M and its variance V, the squared bias is estimated by
 //!
 //! > b² = (F - M)² - V + 2 V ∂F/∂M - P
 //!
-//! (see [`super::weights`]). The estimate of a single pixel is far too noisy. It is therefore
-//! averaged over a box of pixels, and negative values count as zero. The light removed by the
-//! replacement of outliers ([`super::outliers`]) is a further bias, and its square is added.
+//! (see [`super::weights`]). The estimate for a single pixel is far too noisy. The estimate is therefore
+//! averaged over a box of pixels, and negative values count as zero. The light removed by the replacement
+//! of outliers ([`super::outliers`]) is a further bias, and its square is added.
 
 use super::around::around;
 use super::guide::unit;
@@ -18,13 +18,13 @@ use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
 use rayon::prelude::*;
 
-/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep
-/// their values, or the mean of the values of two renders.
+/// Averages the renders' values with the weights of each pixel. Pixels that are not averaged keep the
+/// value of the render, or the mean of both renders.
 ///
 /// # Panics
 /// If the number of renders or pixels differs from that of the weights.
 pub fn average(weights: &Weights, renders: &[Values]) -> Values {
-    assert_eq!(renders.len(), weights.of.len(), "as many renders as weights");
+    assert_eq!(renders.len(), weights.of.len(), "expected one set of weights per render");
     let mut out = kept(weights, renders);
     let channels = out.channels;
     if out.mean.is_empty() {
@@ -54,9 +54,9 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
             let part = |r: usize| (&scaled[r], weights.shares[r], &noise[r][at.clone()]);
             let window = p * WINDOW..(p + 1) * WINDOW;
             sums.clear();
-            // M and V.
+            // The rendered values M and their variances V.
             let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
-            // The increase of the mean with outliers included.
+            // The increase of the mean if outliers were included.
             let mut left = vec![0.0_f32; channels];
             for (render, share) in weights.shares.iter().enumerate() {
                 let of = &weights.of[render][window.clone()];
@@ -111,7 +111,8 @@ fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     (all.collect(), scale)
 }
 
-/// Returns the values of pixels that are not averaged: the input, or the mean of two renders with its error.
+/// Returns the values of pixels that are not averaged: the render, or the mean of two renders, with its
+/// standard error.
 fn kept(weights: &Weights, renders: &[Values]) -> Values {
     if let [only] = renders {
         return only.clone();

@@ -1,17 +1,17 @@
-//! The guide: a few channels per pixel, by which the denoiser compares pixels.
+//! The guide image: a few channels per pixel that the denoiser compares to find similar pixels.
 //!
-//! For Mueller images or intensities at some wavelengths, the guide is the image itself. If a slice
-//! resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such a
-//! slice also holds the profile of M00 along these entries, in at most `PROFILE` groups of
-//! neighbouring entries, so that pixels at different depths differ. Variances are summed as if
-//! entries were independent.
+//! For images of Mueller matrices or intensities at several wavelengths, the guide is the image itself.
+//! If a slice resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such
+//! a slice also holds the profile of M00 along these entries, in at most `PROFILE` groups of neighbouring
+//! entries, so that pixels at different depths differ. Variances are summed on the assumption that
+//! entries are independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// Fraction of neighbours with light, over all renders, above which a pixel is assumed to be lit.
-/// In dark regions few pixels receive a path, and a mean would spread such a path into a blotch.
+/// Fraction of neighbours with light, over all renders, above which a pixel is assumed to be lit. In dark
+/// regions few pixels receive a path, and averaging would spread such a path over a visible spot.
 const LIT: f64 = 0.25;
 
 /// Maximum number of groups of a profile.
@@ -24,17 +24,16 @@ pub struct Guide {
     pub renders: Vec<Values>,
     /// Weight of each render in the mean; the sum is 1.
     pub shares: Vec<f32>,
-    /// For each element, the channel whose noise is the reference: M00 of the same wavelength. Later channels
-    /// are the profile.
+    /// For each element, the channel whose noise is the reference, M00 of the same wavelength. Later
+    /// channels are the profile.
     pub judge: Vec<usize>,
-    /// True for pixels whose values are all finite. The values of other pixels are zero in the
-    /// guide.
+    /// True for pixels whose values are all finite. The values of other pixels are zero in the guide.
     pub known: Vec<bool>,
     /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels with zero error, which are not averaged. A pixel without light is not in this set if
-    /// more than a quarter of its neighbours received light. Such a pixel is dark only because no
-    /// sample hit it, and would remain as a black speck.
+    /// Pixels with zero standard error, which are not averaged. A dark pixel is excluded from this set if
+    /// more than a quarter of its neighbours received light. Such a pixel is dark only because no sampled
+    /// path carried light to it, and would remain a black dot.
     pub still: Vec<bool>,
 }
 
@@ -50,8 +49,7 @@ pub struct GuideBuilder {
 struct Plan {
     kinds: Vec<AxisKind>,
     shape: Vec<usize>,
-    /// Number of channels of the matrix or intensity. `groups` is the number of groups of the
-    /// profile.
+    /// Number of channels of the matrix or intensity, without the `groups` channels of the profile.
     matrix: usize,
     groups: usize,
     /// Number of entries that are summed or grouped.
@@ -64,7 +62,7 @@ fn is_kept(kind: AxisKind) -> bool {
 }
 
 impl Plan {
-    /// Builds the mapping for the axes behind rows and columns.
+    /// Builds the mapping for the axes that follow rows and columns.
     fn new(axes: &[Axis]) -> Self {
         let count = |kept: bool| {
             let some = axes.iter().filter(|a| is_kept(a.kind) == kept);
@@ -82,21 +80,21 @@ impl Plan {
         }
     }
 
-    /// Returns the channels of an entry: in the sum, and in the profile.
+    /// Returns the channels to which an entry is added: in the sum, and in the profile.
     fn channels(&self, index: &[usize]) -> (usize, Option<usize>) {
         let (mut kept, mut other) = (0, 0);
         for ((kind, n), i) in self.kinds.iter().zip(&self.shape).zip(index) {
             let into = if is_kept(*kind) { &mut kept } else { &mut other };
             *into = *into * n + i;
         }
-        // Wavelengths are the last axis, so those of M00 come first.
+        // Wavelengths are the last axis, so the entries of M00 come first.
         let profile = (self.groups > 0 && kept < self.lanes).then(|| other * self.groups / self.others);
         (kept, profile.map(|g| self.matrix + g))
     }
 }
 
 impl GuideBuilder {
-    /// Creates a builder for pixels with entries along `axes`, the axes behind rows and columns.
+    /// Creates a builder for pixels with entries along `axes`, the axes that follow rows and columns.
     pub fn new(size: Size, axes: &[Axis]) -> Self {
         let plan = Plan::new(axes);
         let n = size[0] * size[1] * (plan.matrix + plan.groups);
@@ -125,7 +123,7 @@ impl GuideBuilder {
                 self.variance[at + kept] += v;
                 if let Some(c) = profile {
                     self.mean[at + c] += m;
-                    // All wavelengths use the same paths: standard errors add, not variances.
+                    // All wavelengths use the same paths, so standard errors are added instead of variances.
                     self.variance[at + c] += lanes * v;
                 }
             }
@@ -134,8 +132,8 @@ impl GuideBuilder {
 }
 
 impl GuideBuilder {
-    /// Marks each pixel that has a non-finite entry in `numbers` as unknown. The numbers are not
-    /// added to the guide.
+    /// Marks each pixel that has a non-finite entry in `numbers` as unknown. Does not add these numbers
+    /// to the guide.
     pub fn look(&mut self, numbers: &[f32]) {
         let channels = self.plan.matrix + self.plan.groups;
         let of_pixel = numbers.len() / (self.size[0] * self.size[1]).max(1);
@@ -163,7 +161,7 @@ impl Guide {
         let known = every(&|m, v| m.is_finite() && v.is_finite());
         let met =
             |p: usize, r: &GuideBuilder| r.mean[p * channels..(p + 1) * channels].iter().any(|m| *m != 0.0);
-        // A pixel that is dark at random has a meaningless error of zero.
+        // A pixel that is dark at random has a standard error of zero, which is meaningless.
         let speck = |p: usize| {
             let near = neighbours(p, size).flat_map(|q| renders.iter().map(move |r| met(q, r)));
             let (lit, all) = near.fold((0.0, 0.0), |(lit, all), m| (lit + f64::from(u8::from(m)), all + 1.0));
@@ -192,8 +190,7 @@ impl Guide {
     }
 }
 
-/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power
-/// is exact.
+/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power is exact.
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {
         2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))

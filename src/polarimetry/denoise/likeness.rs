@@ -4,15 +4,15 @@
 //!
 //! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
 //!
-//! averaged over the pixels of two patches. d² is 0 on average for equal light with equal noise,
-//! and large where the light differs by more than its standard errors. The formula follows
-//! Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of V(p) + min(V(p), V(q)). The
-//! distance is therefore symmetric: a bright pixel gives a darker one as much weight as it
-//! receives. Otherwise the image as a whole would become darker. An element with much less noise
-//! than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
+//! where u is the rendered value and V its variance. d² is averaged over the pixels of two patches. d² is 0
+//! on average for equal light with equal noise, and large where the light differs by more than its standard
+//! errors. The formula follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of V(p) +
+//! min(V(p), V(q)). The distance is therefore symmetric: two pixels of different brightness have the same
+//! weight in each other's mean. Otherwise the denoised image would be too dark. An element with much less
+//! noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
 //!
-//! Profiles, e.g. over time, have light in few of many entries. A mean of ratios would miss a shift
-//! of the light by one entry. The distance of profiles is therefore the ratio of sums,
+//! Profiles, e.g. over time, have light in only a few of many entries. A mean of ratios would miss a
+//! shift of the light by one entry. The distance of profiles is therefore the ratio of sums,
 //!
 //! > d²(p, q) = Σ_g [(u_g(p) - u_g(q))² - 2 min(V_g(p), V_g(q))] / Σ_g (V_g(p) + V_g(q)),
 //!
@@ -28,7 +28,6 @@ pub(super) const LANES: usize = 8;
 
 /// Number of offsets of the window along an axis.
 const SIDE: usize = 2 * REACH + 1;
-/// Number of pixels in the window.
 pub const WINDOW: usize = SIDE * SIDE;
 /// Index of the offset from a pixel to itself.
 pub const MIDDLE: usize = WINDOW / 2;
@@ -39,12 +38,12 @@ const FAR: f32 = 1e6;
 /// Smallest variance of an element relative to the variance of M00.
 const QUIET: f32 = 1e-4;
 
-/// Returns the rows and columns from a pixel to the neighbour at offset `o`.
+/// Returns the distance in rows and columns from a pixel to the neighbour with offset index `o`.
 pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
-/// Returns the pixel at offset `o` from pixel `p`; `None` outside the image.
+/// Returns the neighbour of pixel `p` with offset index `o`; `None` if it is outside the image.
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
     let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;
@@ -52,7 +51,7 @@ pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     Some(y * width + x)
 }
 
-/// d² of two pixels, and its slopes: the increase of d² if the light that all elements of a pixel share
+/// d² of two pixels, and its derivatives: the increase of d² if the value of every element of one pixel
 /// increases by one standard error.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
@@ -96,8 +95,8 @@ impl Likeness {
         Self { size, planes: planes.collect() }
     }
 
-    /// Returns d² of a pixel and its neighbour `q` at offset `o`, and the derivative of d² for the
-    /// noise of the pixel.
+    /// Returns d² of a pixel and its neighbour `q` at offset `o`, and the derivative of d² with respect
+    /// to the noise of the pixel.
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));
         match o {
@@ -120,7 +119,7 @@ struct Sums {
     slopes: [f32; 2],
 }
 
-/// Returns d² of patches. The slope for the noise of other pixels in the patch is unknown.
+/// Returns d² of patches. Only the derivative with respect to the noise of the central pixel is known.
 fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
     let mut across = vec![[0.0_f32; 2]; sums.len()];
     let mut out = Vec::with_capacity(sums.len());

@@ -1,5 +1,5 @@
-//! Denoising of rendered images by their own standard errors: an option for figures, not for
-//! measurements.
+//! Denoising of rendered images by means of their standard errors. Denoised images are suitable for
+//! figures, not for measurements.
 //!
 //! Every pixel becomes a weighted mean of similar pixels around it,
 //!
@@ -10,10 +10,9 @@
 //! Rendering with Non-Local Means Filtering"): differences relative to the stored standard errors
 //! ([`likeness`]). Realizable Mueller matrices form a convex cone, so their mean is realizable.
 //!
-//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein
-//! 1981; Li et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction";
-//! [`weights`]). The stated error is the root of the propagated variance plus the estimate of the
-//! squared bias ([`average`]).
+//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein 1981; Li
+//! et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The
+//! stated error is the root of the propagated variance plus the estimate of the squared bias ([`average`]).
 //!
 //! With two renders of one scene, each render is averaged with weights from the other render.
 //! Weights and noise are therefore independent. A contribution in only one render that is far above
@@ -33,7 +32,7 @@ mod tests;
 /// Radius of the window of averaged pixels, in rows and columns.
 pub const REACH: usize = 5;
 
-/// Candidate strengths: differences up to about this number of standard errors are ignored.
+/// Candidates for the denoising strength. Differences up to about this number of standard errors are ignored.
 pub const STRENGTHS: [f32; 3] = [0.35, 0.5, 0.7];
 
 /// Radius of the compared patches.
@@ -45,7 +44,7 @@ const CALM: usize = 3;
 /// Number of rows around a pixel that affect whether it is an outlier and how it is replaced.
 const SPOT: usize = 2;
 
-/// Rows beyond a pixel that its value and error can depend on.
+/// Number of rows above and below a pixel on which its denoised value and error can depend.
 pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 
 /// Rows and columns of an image.

@@ -1,28 +1,26 @@
-//! Outliers: single contributions in one of two renders that are far above all other values of a
-//! pixel.
+//! Outliers: single contributions in one of two renders that are far above all other values of a pixel.
 //!
-//! A rare strong path gives a pixel a value whose standard error is about the value itself.
-//! Relative to this standard error, the pixel does not differ from other pixels. A mean therefore
-//! includes the pixel, and one bright pixel becomes a faint blotch as wide as the window. A true
-//! highlight appears in both renders, but an outlier appears in only one. A pixel of one render is
-//! an outlier if at some wavelength
+//! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative to
+//! this standard error, the pixel does not differ from other pixels. A weighted mean therefore includes the
+//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in both
+//! renders, but an outlier appears in only one. A pixel of one render is an outlier if at some wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
-//! its standard error is more than a quarter of its value, and most of those other pixels received
-//! light. (Otherwise, rare paths are the only light there.) The mean of its neighbours replaces it,
-//! which is realizable. The light removed from the denoised value is a bias and counts in its
-//! stated error ([`super::average`]).
+//! its standard error is more than a quarter of its value, and most of those neighbours received light.
+//! (Otherwise, rare paths are the only light in the region.) The outlier is replaced by the mean of its
+//! neighbours, which is realizable. The removed light is a bias of the denoised value and contributes to
+//! its stated error ([`super::average`]).
 
 use super::{Size, Values};
 
-/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions
-/// make up most of the light. A factor of three removed correct highlights in a scene of a room
+/// Threshold of an outlier relative to the other pixels. In regions that few paths reach, single
+/// contributions make up most of the light. A factor of three removed correct highlights in a room scene
 /// with a mirror (`tests/suite/denoise.rs`); a factor of five removes none.
 const ABOVE: f32 = 5.0;
 
-/// Smallest standard error relative to the value: that of sixteen equal contributions among many samples
-/// without any.
+/// Minimum standard error of an outlier relative to its value: the relative standard error if 16 of many
+/// samples have equal contributions and the others have none.
 const UNSURE: f32 = 0.25;
 
 /// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each
@@ -109,8 +107,8 @@ mod tests {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
-        // Not outliers: a highlight in both renders, a value with a small error, slightly more light, and a
-        // single render.
+        // These are not outliers: a highlight in both renders, a value with a small error, slightly more
+        // light, and pixels of a single render.
         for renders in [
             &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
             &[spot(50.0, 2.0), plain.clone()],
@@ -134,7 +132,7 @@ mod tests {
         assert_eq!((values.mean[SPOT], taken[SPOT]), (1.0, 49.0));
         assert!((values.error[SPOT] - 0.1).abs() < 1e-6);
         assert_eq!(taken.iter().filter(|t| **t != 0.0).count(), 1);
-        // A pixel without neighbours stays.
+        // A pixel without neighbours keeps its value.
         let mut alone = Values { size: [1, 1], channels: 1, mean: vec![50.0], error: vec![49.0] };
         assert_eq!(replace(&mut alone, &[true], &[true]), [0.0]);
         assert_eq!(alone.mean, [50.0]);

@@ -1,5 +1,4 @@
-//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or
-//! absent.
+//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or absent.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
@@ -9,7 +8,7 @@ use super::{Size, Values};
 use crate::decompose::cloude;
 use tensor::axes::{Axis, AxisKind};
 
-/// Normal numbers from a seed (SplitMix64, Box–Muller).
+/// A generator of normally distributed random numbers (SplitMix64, Box–Muller).
 struct Normal(u64);
 
 impl Normal {
@@ -36,8 +35,8 @@ fn mueller() -> Vec<Axis> {
     vec![axis(AxisKind::StokesOut, 4), axis(AxisKind::StokesIn, 4), axis(AxisKind::Wavelength, 1)]
 }
 
-/// Returns a polarizer at angle `angle`, radians, with transmittance `k`: realizable, on the
-/// boundary of the cone.
+/// Returns the Mueller matrix of a polarizer at `angle`, radians, with transmittance `k`. It is on the
+/// boundary of the cone of realizable matrices.
 fn polarizer(angle: f64, k: f64) -> [f64; 16] {
     let (s, c) = (2.0 * angle).sin_cos();
     [1.0, c, s, 0.0, c, c * c, c * s, 0.0, s, c * s, s * s, 0.0, 0.0, 0.0, 0.0, 0.0].map(|x| x * k / 2.0)
@@ -66,7 +65,7 @@ fn wall(_: usize) -> [f64; 16] {
     polarizer(1.2, 2.0)
 }
 
-/// Returns the light of other paths for an element.
+/// Returns the Mueller matrix of light with different polarization.
 fn other(m: &[f64; 16]) -> [f64; 16] {
     polarizer(0.9, 2.0 * m[0])
 }
@@ -102,7 +101,7 @@ fn rendered(seed: u64, n: usize, stated: f64) -> Values {
     rendered_of(truth, seed, n, stated)
 }
 
-/// Returns the expected value of the samples.
+/// Returns the expected value of the samples of pixel `p`.
 fn expected(truth: Truth, p: usize) -> [f64; 16] {
     let m = truth(p);
     let other = other(&m);
@@ -125,8 +124,8 @@ fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
     average(&weights_of(renders, axes), renders)
 }
 
-/// Returns the root mean square of (estimate - truth) / stated error, and that of the errors after denoising
-/// relative to those before.
+/// Returns the root mean square of (estimate - truth) / stated error, and the RMS error after denoising
+/// relative to the RMS error before.
 fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     let out = denoised(renders, &mueller());
     let [mut z, mut n, mut after, mut before] = [0.0; 4];
@@ -146,8 +145,8 @@ fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     [(z / n).sqrt(), (after / before).sqrt()]
 }
 
-/// Correctly stated errors pass, for an image with edges and gradients and for a plain one. Errors misstated
-/// by a factor of two (variances by four) fail.
+/// Correctly stated errors pass the test, for an image with edges and gradients and for a uniform one.
+/// Errors that are misstated by a factor of two (variances by four) fail the test.
 #[test]
 fn errors_of_denoised_images_match_actual_errors() {
     for (name, seeds) in [("one", &[1_u64][..]), ("two", &[2, 3])] {
@@ -186,7 +185,7 @@ fn matrices_stay_realizable() {
         let (before, after) = (least(&renders[0]), least(&out));
         println!("least eigenvalue over m00: {before:e} before, {after:e} after");
         assert!(after > -1e-6 && before > -1e-6);
-        // A separate weight for one element would break it: a deliberate error.
+        // A deliberate error: with a separate weight for one element, the mean is not realizable.
         let mut broken = out.clone();
         broken.mean.iter_mut().skip(1).step_by(16).for_each(|m| *m *= 1.1);
         assert!(least(&broken) < -1e-3);
@@ -205,8 +204,8 @@ fn weights_are_nonnegative_and_sum_to_one() {
     }
 }
 
-/// A contribution of a hundred times the light in only one render causes no blotch, and its removal
-/// counts in the stated errors. With a single render the contribution stays, because nothing
+/// A contribution of a hundred times the light in only one render causes no bright spot, and its removal
+/// increases the stated errors. With a single render the contribution stays, because nothing
 /// distinguishes it from a highlight.
 #[test]
 fn an_outlier_is_removed_and_stated_in_the_error() {
@@ -243,7 +242,6 @@ fn an_outlier_is_removed_and_stated_in_the_error() {
     assert!(f64::from(alone.mean[spot * 16]) > 1.5 * expected(wall, spot)[0]);
 }
 
-/// The edge of the disc keeps its contrast at every pixel.
 #[test]
 fn an_edge_keeps_its_contrast() {
     let renders = [rendered(8, 64, 1.0), rendered(9, 64, 1.0)];
@@ -292,7 +290,7 @@ fn a_constant_image_is_unchanged_and_its_error_decreases() {
     assert!((middle / (0.1 / (WINDOW as f64).sqrt()) - 1.0).abs() < 0.01, "{middle}");
 }
 
-/// Non-finite values do not spread, and empty channels stay empty.
+/// Non-finite values do not spread to other pixels, and empty channels stay empty.
 #[test]
 fn lost_pixels_do_not_spread() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -327,7 +325,7 @@ fn images_of_any_size_and_brightness_are_denoised() {
             assert!((out.error[0] - 0.1).abs() < 1e-6);
         }
     }
-    // Scaling by an extreme power of two leaves all bits unchanged.
+    // Scaling the image by an extreme power of two leaves the mantissas of the results unchanged.
     let plain = rendered(14, 8, 1.0);
     let scaled = |k: f32| Values {
         mean: plain.mean.iter().map(|x| x * k).collect(),
@@ -363,7 +361,7 @@ fn surfaces_of_different_depth_are_separated() {
         assert_eq!(out.mean[p * bins + far], 0.0, "{p}");
         assert!((out.mean[p * bins + near] - 1.0).abs() < 0.2);
     }
-    // Their sums alone do not separate them.
+    // The sums over time alone do not separate the walls.
     let sums = Values { channels: 1, ..out.clone() };
     let sums =
         Values { mean: out.mean.chunks(bins).map(|m| m.iter().sum()).collect(), error: vec![0.1; n], ..sums };
@@ -372,9 +370,9 @@ fn surfaces_of_different_depth_are_separated() {
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
 
-/// Pixels that are dark at random do not stay black. A tenth of the samples carry light, with 16
-/// samples per pixel, so a sixth of the pixels have no light and state no error. The surface keeps
-/// its mean over 1,920 pixels within five standard errors.
+/// Pixels that are dark at random do not stay black. A tenth of the samples carry light. With 16 samples
+/// per pixel, a sixth of the pixels have no light and a standard error of zero. The surface keeps its
+/// mean over 1,920 pixels within five standard errors.
 #[test]
 fn randomly_dark_pixels_do_not_stay_black() {
     let (n, rare) = (16, 0.1);

@@ -1,8 +1,7 @@
-//! Variances of pixels: the mean of a pixel's variance and those around it.
+//! Smoothed variances: the mean of the variances of a pixel and its neighbours.
 //!
-//! A standard error from sixteen samples has a relative uncertainty of at least a fifth. The
-//! standard error is far too small where rare strong paths were missed. The neighbours are more
-//! likely to include such paths.
+//! A standard error that is estimated from 16 samples has a relative uncertainty of at least a fifth. It
+//! is far too small if rare strong paths were missed. The neighbours are likely to include such paths.
 
 use super::Values;
 use super::around::around;

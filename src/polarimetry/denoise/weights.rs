@@ -1,4 +1,4 @@
-//! The weights of the mean at each pixel, from several strengths by their estimated errors.
+//! The weights of the mean at each pixel, from several denoising strengths with different estimated errors.
 //!
 //! Weights of strength k are exp(-max(0, d²)/k²), normalized. For the mean F with these weights, the rendered
 //! value M and its variance V,
@@ -6,11 +6,11 @@
 //! > R = (F - M)² - V + 2 V ∂F/∂M
 //!
 //! has the expected squared error of F as its mean (Stein 1981), whatever the truth. ∂F/∂M includes the
-//! pixel's own weight and the change of its weights with its noise. That noise is taken as common to all
-//! elements, which is right where the paths that carry them are rare. R of a single pixel is uncertain. It is
-//! averaged over the elements (each divided by the variance of M00) and over a box of pixels, and the
-//! strength with the smallest R is chosen. The fractions of the strengths are then averaged again to avoid
-//! visible boundaries. The result is again a set of non-negative weights with sum 1.
+//! pixel's own weight and the change of its weights due to its noise. The noise is assumed to be fully
+//! correlated between elements, which is correct if rare paths cause it. R of a single pixel is
+//! uncertain. R is therefore averaged over the elements (each divided by the variance of M00) and over a
+//! box of pixels, and the strength with the smallest R is chosen. The fractions of the strengths are then
+//! averaged again to avoid visible boundaries. The result is again a set of non-negative weights with sum 1.
 
 use super::around::around;
 use super::guide::Guide;
@@ -29,7 +29,7 @@ pub struct Weights {
     pub size: Size,
     /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight for one standard error of the pixel, in the render from which
+    /// The increase of each weight if the pixel increases by one standard error in the render from which
     /// the weights are computed.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
@@ -38,8 +38,8 @@ pub struct Weights {
     pub known: Vec<bool>,
     /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that are averaged: known ones with an error, or dark ones among lit pixels. Others stay
-    /// unchanged.
+    /// Pixels that are averaged: known pixels with a nonzero standard error, and dark pixels among lit
+    /// ones. Other pixels stay unchanged.
     pub moved: Vec<bool>,
 }
 
@@ -86,7 +86,7 @@ pub(super) fn other(render: usize, renders: usize) -> usize {
     renders - 1 - render
 }
 
-/// The weights of a pixel's window, and their slopes for the pixel's noise.
+/// The weights of a pixel's window, and their derivatives with respect to the pixel's noise.
 struct Candidate {
     weights: [f32; WINDOW],
     slopes: [f32; WINDOW],
@@ -115,7 +115,7 @@ fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS
     all
 }
 
-/// Sums over the window of one pixel with its weights, and their covariances with the pixel's values.
+/// Weighted sums over the window of one pixel, and their covariances with the pixel's values.
 pub(super) struct Sums {
     /// Weighted sums Σ w y over all renders, per channel.
     pub mean: Vec<f32>,
@@ -135,9 +135,9 @@ impl Sums {
         self.common.fill(0.0);
     }
 
-    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's
-    /// variances `own`. The remaining arguments are the render that the weights come from, its
-    /// share, and its variances.
+    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's variances
+    /// `own`. The remaining arguments are the render from which the weights are computed, its share, and
+    /// its variances.
     pub fn add(
         &mut self,
         [weights, slopes]: [&[f32]; 2],
@@ -163,7 +163,7 @@ impl Sums {
     }
 }
 
-/// Returns the fraction of each strength in the weights of each pixel.
+/// Returns the fraction of each denoising strength in the weights of each pixel.
 fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
     let channels = guide.renders[0].channels;
     let n = moved.len() * channels;
@@ -181,7 +181,7 @@ fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
         own.push(v);
     }
     let scale = around(&stated, guide.size, channels, CALM, &guide.known);
-    // A profile has the same weight as one element at all wavelengths.
+    // A profile has the same weight in R as one element at all wavelengths.
     let elements = guide.judge.len();
     let lanes = 1 + guide.judge.iter().max().copied().unwrap_or(0);
     let whole = |of: &[f32]| of[elements..].iter().sum::<f32>() / lanes as f32;

@@ -1,8 +1,7 @@
 //! Reconstructs images in which every pixel has its own ray and thus its own design matrix (oblique
 //! plates, galvo mirrors).
 //!
-//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes
-//! kilobytes.
+//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes kilobytes.
 
 use super::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use crate::capture::design_matrix::RankError;
@@ -45,11 +44,11 @@ pub fn reconstruct<T: PixelNumber>(
     }
     let pixels = out.len() / 16;
     let (count, zero) = (scheme.measurements(), T::default());
-    assert_eq!(pixels, rays.len() * times, "a ray for each place and wavelength");
+    assert_eq!(pixels, rays.len() * times, "expected one ray per position and wavelength");
     let mut tally = Tally::default();
     let step = (AT_ONCE / lanes.max(1)).max(1) * lanes;
     for (i, rays) in rays.chunks(step).enumerate() {
-        // Rays vary fastest, because they are the lanes of an estimator; the separate captures vary slowest.
+        // Rays vary fastest, because each ray is a lane of the estimator. Separate captures vary slowest.
         let (n, first) = (rays.len(), i * step);
         let place = |j: usize| {
             let (t, ray) = (j / n, first + j % n);

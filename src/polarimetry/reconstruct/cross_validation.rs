@@ -1,5 +1,5 @@
 //! Learning with cross-validation: learns the settings of a scheme from all materials. The expected error
-//! comes from learning on some materials and estimating the others (Baek & Heide 2021, sec. 4).
+//! is determined by learning from some materials and testing on the others (Baek & Heide 2021, sec. 4).
 
 use super::learn::{Descent, FoldError, Learned, Onlooker, Search, learn_before, validate};
 use super::loss::{Estimator, Objective};
@@ -9,14 +9,14 @@ use super::pca::moments::Moments;
 use super::second_moment::{Moment, SecondMoment, in_any_frames};
 use crate::capture::scheme::Scheme;
 
-/// The frames of the expected matrices.
+/// The frames in which Mueller matrices are expected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
     /// Frames rotated by any angle, as the frames of camera and projector are rotated relative to
     /// the plane of scattering.
     #[default]
     Any,
-    /// Frames of the plane of scattering, as in tables and in the learning of Baek & Heide.
+    /// Frames of the plane of scattering, as in pBRDF tables and in Baek & Heide 2021.
     Plane,
 }
 
@@ -32,7 +32,6 @@ impl Frames {
     }
 }
 
-/// Second moments of a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoldMoments {
     /// Second moment of the training materials.
@@ -73,7 +72,7 @@ impl LearningData {
     }
 }
 
-/// A learned scheme with its expected errors: sums of the 16 squared errors at T00 = 1.
+/// A learned scheme with its expected errors. An error is the sum of the 16 squared element errors at T00 = 1.
 #[derive(Clone, Debug)]
 pub struct Validated {
     /// The scheme, learned from all materials.
@@ -85,7 +84,7 @@ pub struct Validated {
     pub spread: f64,
     /// Mean squared error on the training materials: sum over the 16 elements at T00 = 1.
     pub seen: f64,
-    /// All descents of the scheme itself, the template's first.
+    /// All descents that learned from all materials, starting with the descent from the template's settings.
     pub descents: Vec<Descent>,
 }
 
@@ -134,8 +133,8 @@ mod tests {
     use crate::capture::element::Ray;
     use crate::reconstruct::pca::testing::rows;
 
-    /// Folds affect the result only if materials do: below rank 16, and with a prior. The spread comes from
-    /// the folds.
+    /// Folds affect the result only if materials affect it: below rank 16, and with a prior. The stated
+    /// spread is that of the folds.
     #[test]
     fn folds_matter_only_if_materials_do() {
         let moment = |seed: u64| {

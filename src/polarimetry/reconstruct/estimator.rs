@@ -1,9 +1,10 @@
 //! Linear estimators of Mueller matrices from intensities: least squares and the prior.
 //!
-//! t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the closed
-//! form W = A⁺. The prior, which the paper leaves as future work, is the linear estimator of minimum expected
-//! squared error. For matrices s·t with T00 = 1, second moment E[t tᵀ] = S, brightness s and noise σ it is W
-//! = P Aᵀs²/σ², P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
+//! t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the
+//! closed form W = A⁺. The estimator with a prior, which the paper leaves as future work, has the minimum
+//! expected squared error of all linear estimators. For matrices s·t with T00 = 1, second moment E[t tᵀ]
+//! = S, brightness s and noise σ, W = P Aᵀs²/σ² with P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006,
+//! eq. 2.8, with mean zero).
 
 use super::second_moment::{Moment, root};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
@@ -38,7 +39,7 @@ impl LinearEstimate {
         let normal = Moment::from_fn(|i, j| normal[(i, j)] * per);
         let root = root(s);
         let inner = Moment::identity() + root.transpose() * normal * root;
-        // Positive definite by construction: the identity plus a positive semidefinite matrix.
+        // The matrix is positive definite: it is the sum of the identity and a positive semidefinite matrix.
         let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
         let p = root * inverse * root.transpose();
         let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
@@ -57,7 +58,6 @@ mod tests {
         DesignMatrix::new(&Scheme::qrpr(captures, false).expect("a scheme"), &Ray::axial(550.0))
     }
 
-    /// An uninformative prior is equivalent to least squares.
     #[test]
     fn a_vague_prior_equals_least_squares() {
         let design = design(20);
@@ -67,8 +67,8 @@ mod tests {
         assert!((least.covariance - prior.covariance).amax() < 1e-5 * least.covariance.amax());
     }
 
-    /// With few captures the prior recovers matrices of its class, and its covariance equals that of the
-    /// error.
+    /// With few captures the prior recovers matrices of the prior's class, and the stated covariance
+    /// equals that of the errors.
     #[test]
     fn covariance_of_the_prior_matches_the_error() {
         let mut stream = Stream::new(5, 0, 0);
@@ -91,7 +91,7 @@ mod tests {
         let mut errors = vec![];
         for t in &data {
             let noise: [f64; 5] = std::array::from_fn(|_| {
-                // The sum of six uniform numbers over -1 to 1 has variance 2.
+                // The sum of six random numbers that are uniform in [-1, 1) has variance 2.
                 sigma * (0..6).map(|_| uniform()).sum::<f64>() / 2.0_f64.sqrt()
             });
             let mut intensities = design.intensities(t);
@@ -104,7 +104,7 @@ mod tests {
         let mean = errors.iter().sum::<f64>() / f64::from(n);
         let var = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / f64::from(n - 1);
         let want = prior.covariance.trace() * sigma.powi(2);
-        assert!((mean - want).abs() < 5.0 * (var / f64::from(n)).sqrt(), "{mean} is not {want}");
+        assert!((mean - want).abs() < 5.0 * (var / f64::from(n)).sqrt(), "found {mean}, expected {want}");
         assert!(mean < 0.05 * s.trace(), "{mean} of {}", s.trace());
     }
 }

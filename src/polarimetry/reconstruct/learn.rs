@@ -43,7 +43,7 @@ pub trait Onlooker: Sync {
     }
     /// Reports the end of a descent.
     fn descended(&self) {}
-    /// Returns whether to stop; descents then return their best point so far.
+    /// Returns whether learning is to stop. Descents then return the best point that they have found.
     fn interrupted(&self) -> bool {
         false
     }
@@ -69,7 +69,7 @@ pub struct Learned {
     pub scheme: Scheme,
     /// Expected sum of squared errors of the learned scheme.
     pub loss: f64,
-    /// All descents, the template's first.
+    /// All descents, starting with the descent from the template's settings.
     pub descents: Vec<Descent>,
 }
 
@@ -97,7 +97,7 @@ impl Smooth for Settings<'_> {
     }
 }
 
-/// Returns a random start: angles over half a turn, retardances over a whole wave.
+/// Returns a random start. Angles are uniform over 180°, retardances over one wave.
 fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     let mut stream = Stream::new(seed, start, 0);
     let mut out = vec![];
@@ -178,7 +178,7 @@ pub fn learn_before(
     Learned { loss: objective.loss(&scheme), scheme, descents }
 }
 
-/// Maps angles to their period, 0 to 180°, and retardances to 0 to one wave.
+/// Maps angles to the period 0 to 180°, and retardances to the period 0 to one wave.
 fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
     let motors = template.motors();
     let captures = template.captures();

@@ -1,8 +1,8 @@
-//! The expected error of a scheme in closed form, and its gradient for every setting.
+//! The expected error of a scheme in closed form, and its gradient with respect to every setting.
 //!
-//! Baek & Heide 2021, eq. 8, train angles on the mean squared error over noise and data, by sampling both.
-//! Estimates are linear in the intensities, t̂ = W I, and I = A t + η. The expectation therefore needs only
-//! the second moment S = E[t tᵀ] of the data and the covariance Σ of η:
+//! Baek & Heide 2021, eq. 8, learn angles by minimizing the mean squared error over samples of noise and
+//! data. Estimates are linear in the intensities, t̂ = W I, and I = A t + η. The expectation therefore
+//! needs only the second moment S = E[t tᵀ] of the data and the covariance Σ of η:
 //!
 //! ```text
 //! E|t̂ - t|² = tr (1 - WA) S (1 - WA)ᵀ + tr W Σ Wᵀ
@@ -11,14 +11,14 @@
 //! prior                      W = P AᵀΣ⁻¹                   tr P,   P = (S⁻¹ + AᵀΣ⁻¹A)⁻¹
 //! ```
 //!
-//! Independent angle errors of the stages with variance σ_θ² add noise in proportion to the light: for
-//! capture k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are
-//! normalized to T00 = 1.
+//! Independent angle errors of the stages with variance σ_θ² add noise in proportion to the light. The
+//! covariance of this noise in capture k is σ_θ² Σ_m D_m S D_mᵀ, where D_m is the derivative of the
+//! capture's rows with respect to the angle of motor m. Matrices are normalized to T00 = 1.
 //!
 //! Applications often need only a few linear functionals w·t of the matrices. The sum of their expected
-//! squared errors E|wᵀ(t̂ - t)|² is tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which enters every
-//! trace above. M = 1 weights all elements equally. The prior's estimate is optimal for every functional, so
-//! M affects only the choice of angles.
+//! squared errors E|wᵀ(t̂ - t)|² is tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which enters
+//! every trace above. M = 1 weights all elements equally. The estimate with a prior is optimal for every
+//! functional, so M affects only the choice of angles.
 
 use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
@@ -46,7 +46,8 @@ pub struct Objective {
     pub sigma: f64,
     /// Standard deviation of a stage's angle (or of a retardance), radians.
     pub angle_error: f64,
-    /// Second moment of the data, E[t tᵀ], with its root, which every evaluation with a prior uses.
+    /// Second moment of the data, E[t tᵀ], with its cached root, which is needed for every evaluation
+    /// with a prior.
     pub second_moment: SecondMoment,
     pub estimator: Estimator,
     /// Wavelengths (and directions) whose errors are averaged.
@@ -62,7 +63,7 @@ pub fn metric(functionals: &[[f64; 16]]) -> Moment {
     all.map(|w| w * w.transpose()).fold(Moment::zeros(), |sum, m| sum + m)
 }
 
-/// The states of a capture, whose products are its rows of A.
+/// The states of a capture. Their products are the capture's rows of A.
 struct Capture {
     generated: StateJet,
     analyzed: Vec<StateJet>,
@@ -77,7 +78,7 @@ impl Capture {
         self.analyzed.iter().map(|a| product(&a.value, &self.generated.value))
     }
 
-    /// Returns the motors, each with the derivatives of all rows for it.
+    /// Returns the motors, each with the derivatives of all rows with respect to its setting.
     fn derivatives(&self) -> Vec<(usize, Vec<Elements>)> {
         let g = &self.generated;
         let by_generator = g.first.iter().map(|(m, dg)| {
@@ -92,7 +93,8 @@ impl Capture {
         by_generator.chain(by_analyzer).collect()
     }
 
-    /// Returns pairs of motors, each with the second derivatives of all rows.
+    /// Returns pairs of motors, each with the second derivatives of all rows with respect to the two
+    /// settings.
     fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Elements>)> {
         let g = &self.generated;
         let mut out = vec![];
@@ -116,8 +118,8 @@ impl Capture {
     }
 }
 
-/// The loss of a setting, with its derivatives for A (one row per measurement) and for Σ (one block per
-/// capture).
+/// The loss of a scheme's settings, with its derivatives with respect to A (one row per measurement) and
+/// Σ (one block per capture).
 struct Parts {
     loss: f64,
     by_a: DMatrix<f64>,
@@ -125,8 +127,8 @@ struct Parts {
 }
 
 impl Objective {
-    /// Returns the expected sum of the 16 squared errors, or of the metric's, at T00 = 1; infinite on
-    /// overflow.
+    /// Returns the expected sum of the 16 squared errors at T00 = 1, weighted by the metric if there is
+    /// one; infinite on overflow.
     pub fn loss(&self, scheme: &Scheme) -> f64 {
         self.with_gradient(scheme, false).0
     }
@@ -154,7 +156,7 @@ impl Objective {
                 .collect();
             let rows: Vec<Elements> = all.iter().flat_map(Capture::rows).collect();
             let a = DMatrix::from_fn(rows.len(), 16, |r, e| rows[r][e]);
-            // A singular value decomposition of non-finite settings would not terminate.
+            // The singular value decomposition of a matrix with non-finite elements would not terminate.
             let finite = a.iter().all(|e| e.is_finite());
             let Some(parts) = finite.then(|| self.parts(&a, &self.noise(&all))).flatten() else {
                 return (f64::INFINITY, gradient);
@@ -225,9 +227,9 @@ impl Objective {
         }
     }
 
-    /// Returns the parts for W = A⁺ of any rank, assuming that nearby settings have the same rank. The
-    /// derivative of A⁺ is that of Golub & Pereyra (1973, eq. 4.12): dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ (1 - AA⁺) +
-    /// (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
+    /// Returns loss and derivatives for W = A⁺ of any rank, assuming that nearby settings have the same
+    /// rank. The derivative of A⁺ is that of Golub & Pereyra (1973, eq. 4.12): dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ
+    /// dAᵀ (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
     fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
         let w = minimum_norm(a);
         let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment.matrix()[(i, j)]);
@@ -236,12 +238,12 @@ impl Objective {
         let counted = self.counted(&w);
         let bias = self.counted(&(&unseen * &s));
         let noisy = blocks(noise, &counted.transpose());
-        // d/dW of tr M W Σ Wᵀ + tr M (1 - WA) S (1 - WA)ᵀ.
+        // The derivative of tr M W Σ Wᵀ + tr M (1 - WA) S (1 - WA)ᵀ with respect to W.
         let v = noisy.transpose() * 2.0 - &bias * a.transpose() * 2.0;
         let (wt, vt) = (w.transpose(), v.transpose());
         let mut by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
         if self.metric.is_some() {
-            // The direct contribution of A; zero for M = 1, because Wᵀ(1 - WA) = 0.
+            // The direct contribution of A, which is zero for M = 1, because Wᵀ(1 - WA) = 0.
             by_a -= &wt * &bias * 2.0;
         }
         Parts {
@@ -251,7 +253,7 @@ impl Objective {
         }
     }
 
-    /// Returns the parts for W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
+    /// Returns loss and derivatives for W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
     fn full_rank(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         if a.nrows() < 16 {
             return None;
@@ -268,7 +270,7 @@ impl Objective {
         let counted = self.counted(&w);
         let noisy = blocks(noise, &counted.transpose());
         let v = noisy.transpose() * 2.0;
-        // tr M W Σ Wᵀ through dW = N⁻¹ dAᵀ - N⁻¹ (dAᵀ A + Aᵀ dA) W.
+        // The derivative of tr M W Σ Wᵀ through dW = N⁻¹ dAᵀ - N⁻¹ (dAᵀ A + Aᵀ dA) W.
         let z = &w * v.transpose() * &inverse;
         Some(Parts {
             loss: (&w * noisy).trace(),
@@ -277,7 +279,7 @@ impl Objective {
         })
     }
 
-    /// Converts derivatives for A and Σ to derivatives for the settings.
+    /// Converts derivatives with respect to A and Σ to derivatives with respect to the settings.
     fn chain(&self, all: &[Capture], parts: &Parts, gradient: &mut [f64]) {
         let captures = all.len();
         let mut first = 0;
@@ -299,7 +301,7 @@ impl Objective {
         }
     }
 
-    /// Adds tr V dΣ to the gradient. With Σ = σ_θ² Σ_m D_m S D_mᵀ, it is 2 σ_θ² <V D_m S, dD_m>.
+    /// Adds tr V dΣ to the gradient. With Σ = σ_θ² Σ_m D_m S D_mᵀ, this term is 2 σ_θ² Σ_m <V D_m S, dD_m>.
     fn chain_noise(&self, capture: &Capture, v: &DMatrix<f64>, mut add: impl FnMut(usize, f64)) {
         let firsts = capture.derivatives();
         let pulled: Vec<(usize, Vec<Elements>)> = firsts
@@ -318,7 +320,7 @@ impl Objective {
             let dot = |pulled: Option<&Vec<Elements>>| -> f64 {
                 pulled.map_or(0.0, |p| p.iter().zip(&rows).map(|(p, r)| p.dot(r)).sum())
             };
-            // dD_m for motor n, and dD_n for motor m.
+            // The derivative of D_m with respect to motor n, and of D_n with respect to motor m.
             add(n, dot(of(m)));
             if m != n {
                 add(m, dot(of(n)));
@@ -327,8 +329,8 @@ impl Objective {
     }
 }
 
-/// Multiplies a block-diagonal matrix by a matrix. Blocks have one or four rows (one per channel), too few
-/// for a matrix product.
+/// Multiplies a block-diagonal matrix by a matrix. Blocks have only one or four rows (one per channel),
+/// for which nalgebra's matrix product is slow.
 fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(m.nrows(), m.ncols());
     let mut first = 0;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
-    /// Returns value and gradient at a point; the value is infinite where the function is undefined.
+    /// Returns value and gradient at a point. The value is infinite if the function is undefined there.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
 
     /// Returns whether to stop the search.
@@ -23,8 +23,8 @@ pub struct Minimum {
     pub value: f64,
 }
 
-/// Minimizes `f` by Adam (Kingma & Ba 2015), with a step that decays to zero along half a cosine
-/// period. Returns the best point found.
+/// Minimizes `f` by Adam (Kingma & Ba 2015), with a step size that decays to zero along half a period of
+/// a cosine. Returns the best point found.
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
@@ -53,7 +53,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     best
 }
 
-/// A point, and the value and gradient there.
+/// A point, and the function's value and gradient there.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
 /// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
@@ -65,8 +65,8 @@ struct Remembered<'a, F> {
     walls: AtomicU32,
 }
 
-/// Value that replaces undefined values, because argmin's line search recovers from large values,
-/// but not from infinite ones.
+/// Replacement for undefined values. Argmin's line search recovers from large values, but not from
+/// infinite ones.
 const BAD: f64 = 1e30;
 /// Number of consecutive undefined values after which the search stops. Argmin's line search would
 /// shorten its steps forever next to a region where the function is undefined.
@@ -74,7 +74,7 @@ const MOST_WALLS: u32 = 200;
 
 impl<F: Smooth> Remembered<'_, F> {
     fn at(&self, x: &[f64]) -> Result<(f64, Vec<f64>), Error> {
-        let poisoned = |_| Error::msg("another evaluation failed");
+        let poisoned = |_| Error::msg("another evaluation panicked");
         let mut last = self.last.lock().map_err(poisoned)?;
         if let Some((_, value, gradient)) = last.as_ref().filter(|(at, ..)| at == x) {
             return Ok((*value, gradient.clone()));
@@ -91,7 +91,7 @@ impl<F: Smooth> Remembered<'_, F> {
                 return Err(Error::msg("the function has no finite value near its last point"));
             }
         }
-        let mut best = self.best.lock().map_err(|_| Error::msg("another evaluation failed"))?;
+        let mut best = self.best.lock().map_err(|_| Error::msg("another evaluation panicked"))?;
         if value < best.value {
             *best = Minimum { x: x.to_vec(), value };
         }
@@ -125,7 +125,8 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         best: Mutex::new(Minimum { x: start.to_vec(), value: f64::INFINITY }),
         walls: AtomicU32::new(0),
     };
-    // The loss is of the order of σ². Argmin's tolerances are absolute and must be below it for any noise.
+    // The loss is of the order of σ². Argmin's tolerances are absolute and must be smaller than the loss
+    // for any noise.
     let solver = LBFGS::new(MoreThuenteLineSearch::new(), 20)
         .with_tolerance_grad(0.0)
         .and_then(|s| s.with_tolerance_cost(0.0));
@@ -133,7 +134,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         let configured = Executor::new(&problem, solver).configure(|state: IterState<_, _, _, _, _, _>| {
             state.param(start.to_vec()).max_iters(iterations).target_cost(f64::NEG_INFINITY)
         });
-        // A line search without improvement ends the run; the best point is kept.
+        // If a line search finds no improvement, argmin ends with an error. The best point is kept.
         let _ = configured.run().map(|result| result.state().get_iter());
     }
     let best = problem.best.lock().map(|b| b.clone());
@@ -187,7 +188,7 @@ mod tests {
         }
     }
 
-    /// A search ends where the function becomes undefined, also within a line search.
+    /// A search ends when the function becomes undefined, also within a line search.
     #[test]
     fn searches_stop_where_the_function_is_undefined() {
         for (open, stops) in (1..12).flat_map(|open| [(open, false), (open, true)]) {
@@ -195,7 +196,7 @@ mod tests {
             let closing = valley();
             let found = quasi_newton(&closing, &[-1.2, 1.0], 1_000_000);
             let looks = closing.looks.load(Ordering::Relaxed);
-            assert!(looks <= if stops { open } else { open + MOST_WALLS + 1 }, "{looks} looks at {open}");
+            assert!(looks <= if stops { open } else { open + MOST_WALLS + 1 }, "{looks} evaluations");
             assert!(found.value <= 24.3, "{found:?}");
             let closing = valley();
             let found = adam(&closing, &[-1.2, 1.0], 50, 0.02);

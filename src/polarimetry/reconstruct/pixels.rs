@@ -1,4 +1,4 @@
-//! Reconstruction of whole images: by a fast matrix product where all measurements have equal weight,
+//! Reconstruction of whole images: by a fast matrix product if all measurements have equal weight,
 //! otherwise per pixel.
 //!
 //! A pixel is any item with one intensity per measurement: a position in an image, a time bin, a wavelength.
@@ -20,11 +20,11 @@ use tensor::number::Number;
 pub struct Options {
     /// Standard deviation of an intensity. If `None`, errors are estimated from the residuals.
     pub noise: Option<f64>,
-    /// Intensities from this value on are saturated and ignored, per pixel.
+    /// Saturation level. An intensity of at least this value is ignored for its pixel.
     pub saturation: Option<f64>,
-    /// Whether each matrix is replaced by the nearest realizable matrix (Cloude).
+    /// Whether each matrix is replaced by the nearest realizable matrix (see [`crate::decompose::cloude`]).
     pub realizable: bool,
-    /// Second moment of matrices with T00 = 1.
+    /// Prior: the second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
 }
 
@@ -34,7 +34,7 @@ pub struct Tally {
     pub pixels: usize,
     /// Number of pixels that are estimated without some of their measurements.
     pub partial: usize,
-    /// Number of pixels that the remaining measurements do not determine; the result is NaN.
+    /// Number of pixels whose remaining measurements do not determine a matrix; their results are NaN.
     pub lost: usize,
 }
 
@@ -49,7 +49,8 @@ impl Tally {
     }
 }
 
-/// Number of precomputed priors, in steps of half an octave of noise over brightness, from 2^-24 on.
+/// Number of precomputed estimators with a prior. The ratio of noise to brightness starts at 2^-24 and
+/// increases by √2.
 const STEPS: i32 = 64;
 const FIRST: i32 = -48;
 
@@ -174,7 +175,7 @@ impl<T: Number> Reconstruction<T> {
         errors: Option<&mut [T]>,
     ) -> Tally {
         let pixels = out.len() / 16;
-        assert_eq!(intensities.len(), pixels * self.measurements(), "one intensity a measurement and pixel");
+        assert_eq!(intensities.len(), pixels * self.measurements(), "one per measurement and pixel");
         let fast = variances.is_none() && self.options.prior.is_none();
         if let (true, [lane]) = (fast, self.lanes.as_slice()) {
             let finite = lane.least.as_ref().is_some_and(|(weights, _)| weights.apply(intensities, out));
@@ -229,7 +230,7 @@ impl<T: Number> Reconstruction<T> {
         nearest(&m).map_or(elements, |m| std::array::from_fn(|e| m[e / 4][e % 4]))
     }
 
-    /// Solves one pixel. `known` is the result of the product.
+    /// Solves one pixel. `known` is the result of the matrix product.
     fn pixel(
         &self,
         lane: &Lane<T>,
@@ -251,7 +252,8 @@ impl<T: Number> Reconstruction<T> {
             let (n, sum) = used.fold((0, 0.0), |(n, sum), m| (n + 1, sum + at(m).get().powi(2)));
             let share = lane.expected * f64::from(n) / count.max(1) as f64;
             let signal = sum - f64::from(n) * noise.powi(2);
-            // Below the noise the brightness is unknown; a tenth of the noise keeps the estimate near zero.
+            // If the signal is below the noise, the brightness is unknown. A tenth of the noise keeps the
+            // estimate near zero.
             (signal.max(0.01 * f64::from(n) * noise.powi(2)) / share.max(1e-300)).sqrt()
         };
         if partial || variance(0).is_some() {
@@ -296,8 +298,8 @@ impl<T: Number> Reconstruction<T> {
         Solved { found: Some(found), partial }
     }
 
-    /// Returns the noise's standard deviation from the residuals, √(Σ r²/(n - 16)); NaN without redundant
-    /// measurements.
+    /// Returns the standard deviation of the noise, estimated from the residuals as √(Σ r²/(n - 16)); NaN
+    /// without redundant measurements.
     fn left_over(
         &self,
         lane: &Lane<T>,

@@ -11,12 +11,12 @@ use rayon::prelude::*;
 /// Number of neighbouring bins on each side that are averaged.
 const NEAR: usize = 4;
 
-/// Returns the variances of counts, predicted by a first estimate without weights, because a bin without
-/// counts has no variance estimate of its own.
+/// Returns the variances of counts, predicted from a first, unweighted estimate of the matrices. The
+/// counts alone do not suffice, because a bin without counts has no variance estimate.
 ///
-/// The first estimate, 16 elements per pixel in the order of `layout`, is stored in `matrices`. `rays` holds
-/// one ray per wavelength, or per position and wavelength. `variance` returns the variance of a reading from
-/// a radiance and a wavelength in nanometres. Other arguments are as for [`reconstruct`].
+/// `matrices` receives the first estimate, 16 elements per pixel in the order of `layout`. `rays` holds
+/// one ray per wavelength, or per position and wavelength. `variance` returns the variance of a reading
+/// from a radiance and a wavelength in nanometres. Other arguments are as for [`reconstruct`].
 ///
 /// # Errors
 /// If the captures do not determine a Mueller matrix and there is no prior.
@@ -37,8 +37,9 @@ pub fn of_counts(
     Ok(predicted(scheme, rays, layout, matrices, variance))
 }
 
-/// Returns the variances that matrices predict, by measurement, then by pixel. Each measurement is averaged
-/// over a pixel's neighbours in time, because a single bin's estimate is as noisy as the reading itself.
+/// Returns the variances that matrices predict, by measurement, then by pixel. The predicted intensity is
+/// averaged over a pixel's neighbours in time, because a single bin's estimate is as noisy as the reading
+/// itself.
 ///
 /// `matrices` holds 16 elements per pixel in the order of `layout`. `rays` holds one ray per wavelength, or
 /// per position and wavelength. `variance` returns the variance of a reading from a radiance and a wavelength

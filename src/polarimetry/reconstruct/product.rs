@@ -8,11 +8,10 @@ use super::estimator::LinearEstimate;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Number of pixels per block.
 const BLOCK: usize = 32;
 /// Number of values per SIMD vector.
 const LANES: usize = 8;
-/// Number of pixels gathered together: several cache lines of every image plane.
+/// Number of pixels that are read together: several cache lines of every image plane.
 const RUN: usize = 512;
 /// Number of pixels per task: large enough for memory pages, small enough for the L2 cache.
 const TASK: usize = 2048;
@@ -47,7 +46,7 @@ impl<T: Number> Weights<T> {
     /// If lengths differ.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
-        assert_eq!(intensities.len(), pixels * self.0.len(), "one intensity a measurement and pixel");
+        assert_eq!(intensities.len(), pixels * self.0.len(), "one per measurement and pixel");
         let tasks = out.par_chunks_mut(TASK * 16).enumerate().map(|(i, out)| {
             let first = i * TASK;
             let end = first + out.len() / 16;
@@ -71,10 +70,10 @@ impl<T: Number> Weights<T> {
         self.any(plane, out)
     }
 
-    /// Computes the product with intensities from `plane`. Intensities are gathered in runs, which
-    /// is the fastest way to read memory, and stored by block. A block's intensities are then
-    /// contiguous in the L1 cache; the distance of image planes is often a multiple of its
-    /// associativity.
+    /// Computes the product with intensities from `plane`. Intensities are read in runs, which is the
+    /// fastest way to read memory, and copied by block. The intensities of a block are then contiguous in
+    /// the L1 cache. Without the copy, planes at a distance that is a power of two would compete for the
+    /// same cache sets.
     #[inline(always)]
     fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         let mut finite = true;
@@ -106,7 +105,8 @@ impl<T: Number> Weights<T> {
     fn block(&self, x: &[[[T; LANES]; BLOCK / LANES]], out: &mut [T]) -> bool {
         let zero = [T::default(); LANES];
         let mut all = [[zero; 16]; BLOCK / LANES];
-        // Four elements of two vectors of pixels at a time, so that sums and operands fit the registers.
+        // Process four elements of two vectors of pixels at a time, so that sums and operands fit into
+        // registers.
         for pair in 0..BLOCK / LANES / 2 {
             for quarter in 0..4 {
                 let mut sums = [[zero; 2]; 4];
@@ -130,7 +130,7 @@ impl<T: Number> Weights<T> {
                 *o = from[e][k % LANES];
             }
         }
-        // Zero times a finite number is zero.
+        // The sum is zero if and only if all values are finite, because zero times a finite number is zero.
         let nothing = T::default();
         let mut odd = zero;
         for v in all[..out.len().div_ceil(16 * LANES)].as_flattened() {
@@ -140,7 +140,7 @@ impl<T: Number> Weights<T> {
     }
 }
 
-/// Adds w x to s, per element. The code is a loop because a closure could be compiled separately,
+/// Adds w x to s, per element. This is a loop, because the compiler could compile a closure separately,
 /// without the caller's target features.
 #[inline(always)]
 fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {

@@ -1,7 +1,8 @@
-//! Second moments of Mueller matrices and their files: the prior of a class of materials.
+//! Second moments of Mueller matrices, which are the prior of a class of materials, and their files.
 //!
-//! E[t tᵀ] of matrices with T00 = 1, as row-major vectors. `sunstone pbrdf pca --prior` computes it from
-//! pBRDFs (see [`super::pca`]). Files are TOML, so that other programs can write them.
+//! The second moment is E[t tᵀ] over matrices with T00 = 1, as row-major vectors t. `sunstone pbrdf pca
+//! --prior` computes the second moment from pBRDFs (see [`super::pca`]). Files are TOML, so that other
+//! programs can write them.
 
 use crate::capture::element::rotator;
 use base::locate::{InputError, Located};
@@ -14,7 +15,8 @@ use std::path::Path;
 /// A 16 × 16 matrix over the elements of Mueller matrices, as row-major vectors (Stokes out first).
 pub type Moment = SMatrix<f64, 16, 16>;
 
-/// A second moment E[t tᵀ] with its cached root, which is slower to compute than a prior's loss.
+/// A second moment E[t tᵀ] with its cached root. Computing the root is slower than evaluating the loss
+/// with a prior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondMoment {
     matrix: Moment,
@@ -49,8 +51,8 @@ pub fn root(s: &Moment) -> Moment {
     l
 }
 
-/// Returns the second moment of the same matrices in frames that are rotated at random, independently on both
-/// sides: E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+/// Returns the second moment of the same matrices in frames that are rotated at random, independently
+/// before and after the scene: E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
 ///
 /// Tables of materials contain matrices in frames of the plane of scattering. In an image, the frames of
 /// camera and projector are at any angle to that plane.
@@ -106,7 +108,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Returns why a matrix is not a second moment, as a phrase that follows the matrix's name in a
+/// Returns the reason why a matrix is not a second moment, worded to follow the matrix's name in a
 /// message; `None` if the matrix is a second moment.
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
@@ -160,8 +162,8 @@ mod tests {
         assert!(load(Path::new("/nowhere/p.toml")).expect_err("no file").to_string().contains("cannot read"));
     }
 
-    /// The rotated moment agrees with that of 20 000 rotated matrices within 5 sigma; a second rotation
-    /// changes nothing.
+    /// The rotated moment agrees with the moment of 20 000 rotated matrices within 5 standard errors. A
+    /// second rotation does not change the moment.
     #[test]
     fn rotated_moments_match_rotated_matrices() {
         let t = nalgebra::SVector::<f64, 16>::from_fn(|e, _| (e as f64 * 1.3).cos());

@@ -1,14 +1,14 @@
-//! The estimate of a single pixel whose measurements have different weights: some are saturated,
-//! some noisier than others.
+//! The estimate for a single pixel whose measurements have different weights, because some are saturated
+//! or noisier than others.
 //!
-//! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements. With a
-//! prior, the estimate has the minimum expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a
-//! I_m/σ_m². The covariance is (s⁻² S⁻¹ + N)⁻¹.
+//! The estimate is weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements.
+//! With a prior of second moment s² S, the estimate of minimum expected squared error is N = Σ a aᵀ/σ_m²,
+//! t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance is (s⁻² S⁻¹ + N)⁻¹.
 
 use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
 
-/// A Mueller matrix with the standard errors of its elements; both row-major.
+/// A Mueller matrix with the standard errors of its elements, both row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimated {
     /// Elements, in the unit of the intensities.
@@ -41,7 +41,7 @@ pub fn estimate(
         let inner = Moment::identity() + root.transpose() * normal * root;
         root * Cholesky::new(inner)?.inverse() * root.transpose()
     } else {
-        // Scaled, so that the singularity test does not depend on the unit.
+        // The matrix is scaled so that the singularity test does not depend on the unit.
         let scale = normal.trace() / 16.0;
         let inverse = Cholesky::new(normal / scale)?.inverse();
         // Pivots do not reveal the accuracy of an inverse, so the product is checked.
@@ -68,9 +68,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// For noise that differs between captures, the estimate is unbiased, its covariance is the
-    /// stated one, and this covariance is at most that of plain least squares. Uses 20 000 draws
-    /// and chi-squared of all 16 elements together.
+    /// For noise that differs between captures, the estimate is unbiased, its covariance is the stated
+    /// one, and this covariance is at most that of unweighted least squares. The test uses chi-squared of
+    /// all 16 elements together and 20 000 samples.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));
@@ -97,7 +97,7 @@ mod tests {
             squares += chi2 * chi2;
         }
         let n = f64::from(n);
-        // For chi-squared with 16 degrees of freedom: mean 16, variance 32, E[χ⁴] = 16·18.
+        // Chi-squared with 16 degrees of freedom has mean 16, variance 32 and E[χ⁴] = 16·18.
         assert!((sum / n - 16.0).abs() < 5.0 * (32.0 / n).sqrt());
         assert!((squares / n - 288.0).abs() < 5.0 * (48_000.0_f64 * 2.0 / n).sqrt() * 2.0);
     }

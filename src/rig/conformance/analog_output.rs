@@ -1,4 +1,4 @@
-//! Checks that an analog output outputs exactly the written buffers.
+//! Checks of an analog output: it outputs exactly the written buffers and refuses invalid ones.
 
 use super::{LONG, Report, SHORT, fails, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};
@@ -24,7 +24,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         "refuses to wait when nothing was started",
         fails(card.wait(Duration::from_millis(10)), Fault::Refused),
     );
-    // Choose a rate at which a third of a second fits into the card's memory.
+    // Choose a rate at which the samples of a third of a second fit into the card's memory.
     let rate_hz = (limits.samples as f64 * 3.0).min(1000.0).clamp(slow, fast);
     let set = |channels: Vec<usize>, rate_hz: f64| AnalogSettings { channels, rate_hz };
     for (name, settings) in [

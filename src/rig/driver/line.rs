@@ -1,5 +1,5 @@
-//! Byte lines to instruments: a serial port, a TCP connection, or two connected ends in memory, one
-//! of them for an emulator.
+//! Byte lines to instruments: a serial port, a TCP connection, or an in-memory line, whose second end an
+//! emulator uses.
 
 use crate::instrument::Fault;
 use std::io::{self, ErrorKind, Read, Write};
@@ -7,7 +7,7 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// Timeout for connecting and for sending.
+/// Timeout for connecting to an instrument and for sending.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Returns the time until a deadline.

@@ -14,12 +14,12 @@ use std::path::{Path, PathBuf};
 
 const FIX: &str = "create one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
-/// Parameters of the instruments that a run uses to convert readings.
+/// Assumed parameters of the instruments, with which a run converts readings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Believed {
     pub(super) cmos: Cmos,
     pub(super) spad: Spad,
-    /// Mutual geometry of camera and projector.
+    /// Relative geometry of camera and projector.
     pub(super) geometry: Option<Geometry>,
 }
 
@@ -43,12 +43,11 @@ impl Believed {
     /// Returns the parameters with those of calibration files applied.
     ///
     /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
-    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if
-    /// present.
+    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is not a calibration, has no part for a rig, has an invalid
-    /// detector parameter, or if the size of a device differs from the rig's.
+    /// [`InputError`] if a file is not a calibration, has no table for a rig, has an invalid detector
+    /// parameter, or if the size of a device differs from the rig's.
     pub(super) fn calibrated(
         self,
         rig: &Path,
@@ -65,7 +64,7 @@ impl Believed {
             };
             let pair = found.camera.as_ref().zip(found.projector.as_ref());
             if found.detector.cmos.is_none() && found.detector.spad.is_none() && pair.is_none() {
-                let message = "[detector.cmos], [detector.spad] and [camera] with [projector] are all missing; at least one is needed";
+                let message = "[detector.cmos], [detector.spad] and [camera] with [projector] are all missing; at least one is required";
                 return Err(wrong(None, message.into(), FIX));
             }
             if let Some(cmos) = &found.detector.cmos {
@@ -99,7 +98,7 @@ impl Believed {
     }
 }
 
-/// Returns parameters with those of the calibration in place of the given values, and checks them.
+/// Returns the given parameters, overridden by those of the calibration, and checks the result.
 fn overlaid<T: Serialize + DeserializeOwned>(
     given: &T,
     found: &Value,
@@ -157,15 +156,14 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// A calibration file can contain everything: detectors and geometry are read, and the scheme
-    /// is ignored.
+    /// A calibration file can contain all tables. Detectors and geometry are read, and the scheme is ignored.
     #[test]
     fn one_file_can_contain_everything() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");
         let found = read(&[&all], [Some([8, 6]), Some([4, 4])]).expect("a calibration");
         assert_eq!(found.cmos.read_noise_e, 4.0);
         let geometry = found.geometry.expect("a geometry");
-        // A shift along x only: epipolar lines are rows.
+        // With a translation along x only, epipolar lines are rows.
         let line = geometry.fundamental * nalgebra::Vector3::new(4.0, 3.0, 1.0);
         assert!(line[0].abs() < 1e-12 && line[1].abs() > 1e-3);
     }

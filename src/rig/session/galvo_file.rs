@@ -19,11 +19,10 @@ use crate::driver::galvo::wiring::{Travel, Wiring};
 use crate::instrument::{AnalogLimits, GalvoLimits};
 use std::time::Duration;
 
-/// Resolution of simulated mirrors in optical degrees: 16 bits over ±10 V at 0.8 V per mechanical
-/// degree.
+/// Resolution of simulated mirrors in optical degrees: 16 bits over ±10 V at 0.8 V per mechanical degree.
 const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 
-/// Wiring of the mirrors to a card, and the card's limits.
+/// The wiring of the mirrors to a card, and the limits of the card.
 type Behind = (Wiring, AnalogLimits);
 
 /// Returns the limits of a galvo, and its wiring if a card drives it.

@@ -1,4 +1,4 @@
-//! Mutual geometry of camera and projector from a rig file in OpenCV's terms, as required for
+//! Relative geometry of camera and projector from a rig file in OpenCV's conventions, as required for
 //! epipolar masks.
 //!
 //! ```toml
@@ -90,8 +90,8 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to that of a distortion-free lens, with pixel centers at + 0.5.
-    /// Returns an infinite coordinate if there is no solution.
+    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centers at +
+    /// 0.5. Returns an infinite coordinate if the distortion cannot be inverted there.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
         let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
@@ -102,7 +102,6 @@ impl Lens {
     }
 }
 
-/// A checked geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
     /// Fundamental matrix F of undistorted pixels with centers at + 0.5.
@@ -127,14 +126,14 @@ impl Geometry {
         Self::between(camera, projector, r, Vector3::from(file.translation))
     }
 
-    /// Creates a geometry from calibration tables. Their common frame is arbitrary.
+    /// Creates a geometry from calibration tables. The tables' common frame is arbitrary.
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
         let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
         let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
             return Err("a pose is not a rotation and a translation".into());
         };
         let between = to.after(&from.inverse());
-        // A distance below one nanometer is rounding.
+        // A distance below one nanometer is due to rounding errors.
         if between.translation.norm() < 1e-9 {
             return Err(
                 "camera and projector have the same position; calibrate them at their real positions".into(),
@@ -151,7 +150,7 @@ impl Geometry {
                 "`rotation` is not a rotation matrix, or `translation` is zero; copy OpenCV's R and t".into(),
             );
         }
-        // F for pixel centers at integers, then shifted by half a pixel.
+        // Compute F for pixel centers at integers, then shift by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;
         let mut shift = Matrix3::identity();
         (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);
@@ -184,8 +183,7 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also with distortion of the
-    /// camera's lens.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also if the camera's lens has distortion.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");
@@ -208,7 +206,7 @@ mod tests {
         }
     }
 
-    /// Tables written by `sunstone calibrate` give the same geometry in any common frame.
+    /// Tables written by `sunstone calibrate` give the same geometry for any common frame.
     #[test]
     fn calibrations_give_the_same_geometry() {
         let given = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002, 0.0]")).expect("a geometry");

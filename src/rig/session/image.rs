@@ -39,8 +39,8 @@ pub struct Run {
 
 /// Intensities of all captures through one mask.
 pub struct Intensities {
-    /// Intensities in the unit of the tensor, by measurement and pixel. NaN if a pixel was not read or all
-    /// its readings are saturated.
+    /// Intensities in the unit of the tensor, by measurement and pixel. NaN for a pixel that was not read
+    /// or has only saturated readings.
     pub values: Vec<f32>,
     /// Variances of the intensities; infinite for unknown intensities.
     pub variances: Vec<f32>,
@@ -89,7 +89,8 @@ impl Run {
         })
     }
 
-    /// Returns the intensities through a mask. If the run has a dark mask, its intensities are subtracted.
+    /// Returns the intensities through a mask. If the run has a dark mask, the intensities of the dark
+    /// mask are subtracted.
     ///
     /// # Errors
     /// [`ImageError`] if the mask does not exist or frames are damaged.
@@ -224,11 +225,11 @@ impl Run {
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
-    /// Returns the diode of a scan with the counter's bins and mean number of pulses; `None` for a camera
-    /// run.
+    /// Returns the diode of a scan, with the bins and the mean number of pulses of the counter; `None`
+    /// for a camera run.
     ///
     /// # Errors
-    /// [`ImageError`] if its stored parameters are damaged.
+    /// [`ImageError`] if the stored parameters of the diode are damaged.
     pub fn diode(&self) -> Result<Option<Spad>, ImageError> {
         if self.work["kind"] != "scan" {
             return Ok(None);
@@ -281,12 +282,11 @@ impl Run {
     }
 }
 
-/// Returns the names of a scheme's elements along the light.
+/// Returns the names of a scheme's elements in the order in which light passes them.
 pub(super) fn elements(scheme: &Scheme) -> Vec<String> {
     scheme.generator().iter().chain(scheme.analyzer()).map(|e| e.name.clone()).collect()
 }
 
-/// Returns whether two schemes have the same elements and sensor.
 pub(super) fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     elements(a) == elements(b) && a.sensor.channels() == b.sensor.channels()
 }

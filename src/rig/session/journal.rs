@@ -1,8 +1,8 @@
 //! The journal of a run: one JSON event per line in chronological order. The line of a frame proves
 //! that the frame is on disk.
 //!
-//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is
-//! ignored, and its frame is taken again. The journal is not part of the store's content, because
+//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is ignored,
+//! and the frame of this line is captured again. The journal is not part of the store's content, because
 //! times, retries and interruptions differ between runs.
 
 use serde::{Deserialize, Serialize};
@@ -33,8 +33,7 @@ pub enum Event {
     },
     /// The run waits for a condition.
     Suspend { frame: u32, why: String, run_s: f64 },
-    /// The wall clock jumped. Wall times before and after the jump are not comparable, but run
-    /// times are.
+    /// The wall clock jumped. Wall times before and after the jump cannot be compared, but run times can.
     ClockJump {
         /// Size of the jump in seconds.
         by_s: f64,
@@ -44,16 +43,15 @@ pub enum Event {
     End { wall_s: f64 },
 }
 
-/// Metadata of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// Frame number in the run.
     pub frame: u32,
-    /// CRC-32C of the frame's numbers, 32 bits each, little-endian.
+    /// CRC-32C of the frame's values as little-endian 32-bit integers.
     pub crc: u32,
     /// Encoder angles in degrees, in the order of the stages' names.
     pub angles_deg: Vec<f64>,
-    /// Pointing of the beam by the mirrors' sensors, in degrees.
+    /// Direction of the beam as measured by the mirrors' sensors, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pointing_deg: Option<[f64; 2]>,
     /// Laser pulses during the photon count.
@@ -62,7 +60,7 @@ pub struct FrameRecord {
     /// CRC-32C of the time tags, if kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tags_crc: Option<u32>,
-    /// Temperatures of instruments that measure them, in degrees Celsius. NaN values are omitted.
+    /// Temperatures of the instruments that have a sensor, in degrees Celsius. NaN values are omitted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub temperatures_c: Vec<(String, f64)>,
     /// The instrument's own frame number.
@@ -116,7 +114,7 @@ impl Journal {
 /// Calls `f` for every complete event of a store's journal, in order. A missing journal has no events.
 ///
 /// # Errors
-/// An error if the journal cannot be read.
+/// If the journal cannot be read.
 pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     let file = match base::input::open(&store.join(FILE)) {
         Ok(file) => file,
@@ -136,7 +134,8 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// Returns `keep` of the last record of each frame on disk: frames 0, 1, … without a gap.
+/// Returns the result of `keep` for the last record of each frame on disk: frames 0, 1, … up to the first
+/// gap.
 ///
 /// `keep` limits memory: a run can have half a million frames.
 ///

@@ -1,8 +1,8 @@
 //! Runs of known samples for calibration: means over many pixels or scan points.
 //!
-//! Only the dependence on direction distinguishes the effect of the mirrors from that of the
-//! beamsplitter behind them. A scan with mirrors therefore yields one sample along its middle and
-//! one along each of four directions halfway to its edges.
+//! Only the dependence on direction distinguishes the effect of the galvo mirrors from that of the
+//! beamsplitter. A scan with mirrors therefore yields one sample at its center, and four samples in
+//! directions halfway to its edges.
 
 use super::image::{ImageError, Intensities, Run};
 use super::rig_file::sample_of;
@@ -16,7 +16,7 @@ use std::ops::RangeInclusive;
 
 /// Half-width of a scan's middle region, in half points.
 const MIDDLE: usize = 4;
-/// Half-width of the region of any other direction, in points.
+/// Half-width of the regions in the four other directions, in points.
 const AROUND: usize = 2;
 
 /// Pixels that are averaged, and their representative ray.
@@ -27,7 +27,7 @@ struct Region {
 }
 
 impl Run {
-    /// Returns the mean of every measurement of a known sample, for each direction.
+    /// Returns the mean of every measurement of a known sample, one [`Sample`] per direction.
     ///
     /// The first direction is the axis: all pixels of a camera, or the points in the middle of a
     /// scan. A sufficiently wide scan whose scheme includes the mirrors has four more directions.
@@ -77,7 +77,7 @@ impl Run {
         if seen.time.is_none() {
             return vec![Region { x: 0..=width, y: 0..=height, ray: axial }];
         }
-        // All i with |2 i + 1 − n| at most MIDDLE.
+        // All i for which |2 i + 1 − n| is at most MIDDLE.
         let middle = |n: usize| n.saturating_sub(MIDDLE + 1).div_ceil(2)..=(n + MIDDLE - 1) / 2;
         let mut all = vec![Region { x: middle(width), y: middle(height), ray: axial }];
         let mirrors = self.scheme.coaxial.as_ref().is_some_and(|c| c.galvo.is_some());
@@ -98,8 +98,8 @@ impl Run {
     }
 }
 
-/// Returns the means of all measurements over a region, their standard deviations, the number of readings,
-/// and the number of readings left out.
+/// Returns the means of all measurements over a region, their standard deviations, the number of
+/// readings, and the number of excluded readings.
 fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
     let Layout { width, times, .. } = seen.layout;
     let pixels = seen.layout.pixels().max(1);
@@ -124,7 +124,7 @@ fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
                 left_out += 1;
             }
         }
-        // A histogram counts as the sum over its bins, whose variance is that of all counts.
+        // The reading of a histogram is the sum over its bins, whose variance is that of all counts.
         let n = if seen.time.is_some() { n / times as f64 } else { n };
         (sum / n, f64::max(square, 1e-300).sqrt() / n)
     };

@@ -7,15 +7,13 @@ use crate::instrument::{
 };
 use std::collections::BTreeMap;
 
-/// A stage and how it approaches its goals.
+/// A stage, and the direction from which it approaches its goals.
 pub struct Stage {
     pub device: Box<dyn RotationStage>,
-    /// Overshoot in degrees with which the stage approaches each goal from below; 0 without
-    /// backlash.
+    /// Overshoot in degrees with which the stage approaches each goal from below; 0 without backlash.
     pub approach_deg: f64,
 }
 
-/// All instruments of a rig.
 pub struct Rig {
     pub name: String,
     /// The clock that all instruments share.
@@ -27,8 +25,8 @@ pub struct Rig {
     pub galvo: Option<Box<dyn GalvoScanner>>,
     pub laser: Option<Box<dyn PulsedLaser>>,
     pub counter: Option<Box<dyn PhotonCounter>>,
-    /// Called with the number of every frame before it is taken. A simulated bench uses this number
-    /// as the key of its noise.
+    /// Called with the number of every frame before the frame is captured. A simulated bench uses this
+    /// number as the key of its noise.
     pub on_frame: Option<Box<dyn FnMut(u32) + Send>>,
     /// Called before every write to disk. If it returns true, the write fails as on a full disk (for tests).
     pub disk_full: Option<Box<dyn FnMut() -> bool + Send>>,

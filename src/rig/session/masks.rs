@@ -1,10 +1,9 @@
 //! Masks: patterns of the projector, and the camera pixels that are read for each of them.
 //!
-//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the
-//! camera pixels on those lines are read (epipolar imaging). Alternatively the projector shows
-//! everything except the stripe (non-epipolar imaging). Stripes are families of epipolar lines of
-//! the fundamental matrix. The fundamental matrix applies to ideal pixels, so pixels are
-//! undistorted first.
+//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the camera
+//! pixels on those lines are read (epipolar imaging). Alternatively the projector shows everything except
+//! the stripe (non-epipolar imaging). Stripes are families of epipolar lines of the fundamental matrix. The
+//! fundamental matrix applies to ideal pixels, so pixels are undistorted first.
 
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
@@ -23,7 +22,7 @@ pub struct Epipolar<'a> {
     pub projector: Ideal<'a>,
 }
 
-/// One frame of a mask.
+/// One frame of a mask: the displayed pattern and the camera region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// The pattern that the projector shows.
@@ -60,7 +59,8 @@ pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mas
     }
 }
 
-/// Returns where a projector line crosses the middle column or, for `upright` pencils, the middle row.
+/// Returns the coordinate at which a projector line crosses the middle column or, if `upright` is true,
+/// the middle row.
 fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     let [w, h] = size.map(f64::from);
     if upright { -(line[1] * h / 2.0 + line[2]) / line[0] } else { -(line[0] * w / 2.0 + line[2]) / line[1] }
@@ -68,14 +68,14 @@ fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
 
 /// Returns the homogeneous epipole in the projector, where all epipolar lines meet: Fᵀ e' = 0.
 fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
-    // It is orthogonal to the columns of F, two of which span the column space.
+    // The epipole is orthogonal to the columns of F, two of which span the column space.
     let column = |i: usize| f.column(i).into_owned();
     let pairs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| column(i).cross(&column(j)));
     let longest = pairs.into_iter().max_by(|a, b| a.norm().total_cmp(&b.norm()));
     longest.unwrap_or_default()
 }
 
-/// Returns a mask of `count` stripes of epipolar lines over the projector.
+/// Returns a mask that divides the epipolar lines of the projector into `count` stripes.
 ///
 /// If `inside`, each frame shows the lines of its stripe; otherwise it shows all other lines. A
 /// camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
@@ -94,7 +94,7 @@ pub fn stripes(
     let f = &epipolar.fundamental;
     let e = epipole(f);
     let [w, h] = projector.map(f64::from);
-    // Lines from an epipole above or below the projector cross its rows.
+    // Lines from an epipole above or below the projector's image cross the rows of the image.
     let (dx, dy) = (e[0] - e[2] * w / 2.0, e[1] - e[2] * h / 2.0);
     let upright = dy.abs() > dx.abs();
     let across = if upright { w } else { h };
@@ -171,8 +171,7 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are
-    /// rows.
+    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
@@ -200,10 +199,11 @@ mod tests {
         assert_eq!(mask.shot_of, rest.shot_of);
     }
 
-    /// For any geometry and depth, a camera pixel's stripe contains the corresponding projector pixel.
+    /// For any depth, the stripe of a camera pixel contains the projector pixel that illuminates the same
+    /// point.
     #[test]
     fn partners_are_in_the_same_stripe() {
-        // Projector rotated and translated sideways and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
+        // The projector is rotated, and translated sideways and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
         let k = Matrix3::new(60.0, 0.0, 32.0, 0.0, 60.0, 24.0, 0.0, 0.0, 1.0);
         let r = *nalgebra::Rotation3::from_euler_angles(0.03, -0.1, 0.05).matrix();
         let t = Vector3::new(0.4, 0.05, 0.1);

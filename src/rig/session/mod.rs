@@ -5,7 +5,7 @@
 //! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► frame store ─► image
 //! ```
 
-/// A message about a fault in a file, and how to fix it.
+/// A message about a fault in a file, and the fix.
 type Fault = (String, &'static str);
 
 pub mod assemble;

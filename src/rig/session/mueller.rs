@@ -31,26 +31,24 @@ pub struct MuellerImage {
 /// Options of the reconstruction of a run.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
-    /// Options as for images. Saturated readings are marked by the run itself.
+    /// Options of the reconstruction of images. `saturation` is not used, because the run already marks
+    /// saturated readings.
     pub options: Options,
-    /// Horizontal field of view of the camera in radians, for plates at oblique incidence. The
-    /// field of view of a scan is known from the run.
+    /// Horizontal field of view of the camera in radians, with which plates are corrected for oblique
+    /// incidence. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
-    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear
-    /// interpolation.
+    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear interpolation.
     pub superpixel: bool,
 }
 
 impl Run {
     /// Reconstructs the Mueller matrices of one mask.
     ///
-    /// Weights are inverse variances. A camera's variances come from its readings. The variances of
-    /// a diode come from a first, unweighted estimate, because a bin without counts has no variance
-    /// estimate.
+    /// Weights are inverse variances. A camera's variances come from its readings. The variances of a diode
+    /// come from a first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few
-    /// captures.
+    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
         let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;

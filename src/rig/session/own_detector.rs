@@ -1,4 +1,5 @@
-//! Calibration data of a run's own detector: histograms of a plane (counter), dark and lit frames (camera).
+//! Data for calibrating the detector of a run: histograms of a plane (counter), or dark and lit frames
+//! (camera).
 
 use super::image::{ImageError, Run, failed};
 use crate::calibrate::radiometric::stack::Stack;
@@ -9,17 +10,15 @@ use polarimetry::capture::directions::Directions;
 /// Speed of light in meters per picosecond.
 const C: f64 = 299_792_458e-12;
 
-/// Histograms of a scan.
 pub struct Histograms {
     /// The counter's parameters as stored in the run.
     pub counter: Counter,
-    /// Number of scan points.
     pub points: usize,
     /// Counts of every capture and point.
     counts: Vec<Vec<u32>>,
     /// Laser pulses of every capture and point.
     pulses: Vec<u64>,
-    /// For each point, the length of the ray to the plane divided by the plane's distance.
+    /// For each point, the length of the ray to the plane, divided by the distance of the plane.
     slant: Vec<f64>,
     offset_ps: f64,
 }
@@ -87,7 +86,8 @@ impl Run {
         })
     }
 
-    /// Returns the dark and lit frames of a camera, a stack per exposure. Lit frames have irradiance 1.
+    /// Returns the dark and lit frames of a camera, one stack per exposure. The irradiance of lit frames
+    /// is set to 1.
     ///
     /// # Errors
     /// [`ImageError`] if the run is a scan, has no masks `dark` and `full`, has captures with different

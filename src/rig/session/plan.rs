@@ -47,7 +47,7 @@ use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom, SchemeKind};
 /// Maximum number of frames of a run.
 pub const MOST_FRAMES: u64 = 100_000_000;
 
-/// A checked plan of a session.
+/// A valid plan of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub name: String,
@@ -123,8 +123,7 @@ pub struct ScanWork {
     /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Whether the time tags of the counter are stored; the histograms are then computed from the
-    /// tags.
+    /// Whether the time tags of the counter are stored; the histograms are then computed from the tags.
     pub time_tags: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Recovery from failures of instruments.
 //!
-//! A step is retried after an increasing wait. Stalled stages are homed, and lost instruments are
-//! reconnected. Failures that a retry cannot fix end the run with a message.
+//! A failed step is retried after a wait that increases with each attempt. Stalled stages are homed, and
+//! lost instruments are reconnected. Failures that a retry cannot fix end the run with a message.
 
 use super::lab::Rig;
 use super::plan::Limits;
@@ -40,7 +40,7 @@ impl Tries {
 /// stages that stalled or lost their zero.
 pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
-        // One lost connection often means that all are lost, so check every instrument.
+        // If one connection is lost, often all connections are lost, so check every instrument.
         for instrument in rig.instruments() {
             if instrument.name() == failure.instrument || instrument.identify(within).is_err() {
                 instrument.reconnect(within)?;

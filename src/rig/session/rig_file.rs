@@ -60,19 +60,19 @@ pub enum Scene {
     Sample([f32; 16]),
 }
 
-/// A checked bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
     pub scene: Scene,
     /// Name of the slice from which the simulated sensors read.
     pub slice: String,
-    /// Radiance at T00 = 1: factor on a sample's Mueller matrix.
+    /// Radiance at T00 = 1: the factor by which a sample's Mueller matrix is multiplied.
     pub brightness: f64,
     /// Wavelength in nanometers.
     pub nm: f64,
-    /// True elements. `None` means the elements of the plan's scheme.
+    /// True elements. If `None`, the elements of the plan's scheme are used.
     pub optics: Option<Scheme>,
-    /// Horizontal fields of view of camera (or scan) and projector in degrees. `None` means axial rays.
+    /// Horizontal fields of view of camera (or scan) and projector in degrees. If `None`, rays are
+    /// parallel to the axis.
     pub fov_deg: [Option<f64>; 2],
     pub seed: u64,
     /// Whether the bench runs in real time instead of simulated time.
@@ -87,7 +87,7 @@ pub struct BenchPlan {
 /// Library of a counter's board, if specified, and the board's settings.
 pub type Board = (Option<PathBuf>, Th260Settings);
 
-/// A checked rig file.
+/// A valid rig file.
 #[derive(Clone, Debug)]
 pub struct RigPlan {
     pub name: String,
@@ -97,7 +97,6 @@ pub struct RigPlan {
     /// Flash content, active LEDs and triggers of a DLPC350.
     pub flash: Option<FlashPlan>,
     pub camera: Option<(Driver, CameraLimits)>,
-    /// Serial number that selects the camera.
     pub camera_serial: Option<String>,
     pub galvo: Option<(Driver, GalvoLimits)>,
     /// Wiring of the galvo mirrors to an analog output card, and the card's limits.
@@ -108,7 +107,7 @@ pub struct RigPlan {
     pub counter: Option<(Driver, CounterLimits)>,
     /// Board of a counter behind PicoQuant's library.
     pub th260: Option<Board>,
-    /// Wavelength of the rig's light in nanometers.
+    /// Wavelength of the rig's light source in nanometers.
     pub wavelength_nm: f64,
     /// Assumed camera parameters.
     pub cmos: Cmos,
@@ -211,12 +210,12 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             file.stages.contains_key(name) || roles.contains(&(name, true))
         };
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
-            let what = format!("a fault is planned for `{}` at use {}", odd.instrument, odd.at);
-            let help = "set the name of an instrument of this file, or \"disk\", and a use from 1";
+            let what = format!("invalid fault for `{}` at use {}", odd.instrument, odd.at);
+            let help = "set the name of an instrument of this file, or \"disk\", and a use of at least 1";
             return Err(fault(b.span(), (what, help)));
         }
     }
-    // The bench keeps its true parameters. Calibration changes the assumed ones only.
+    // The bench keeps the true parameters. Calibration files change only the assumed parameters.
     let believed = Believed { cmos, spad, geometry };
     let sizes = [camera.as_ref().map(|(_, c)| c.size), projector.as_ref().map(|(_, p)| p.size)];
     let files = file.calibration.as_ref().map_or(&[][..], |f| f.list());
@@ -303,7 +302,6 @@ fn check_wavelength(nm: f64) -> Result<(), Fault> {
     Err(("`wavelength_nm` is out of range".into(), "set a wavelength above 100 and below 1e5 nm"))
 }
 
-/// Checks the detectors of a table.
 fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
     let wrong = |kind: &str, e: DetectorError| {
         (format!("[{table}.{kind}]: {e}"), "correct the value, or remove the key")
@@ -353,7 +351,7 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
                 let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
                 // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
-                    let help = "set four rows of numbers; no absolute value may exceed the first number";
+                    let help = "set four rows of four numbers; no element may exceed M00 (the first number) in absolute value";
                     return Err(("`sample` is not a Mueller matrix".into(), help));
                 }
                 m

@@ -1,7 +1,7 @@
-//! The loop of a run: takes frames and hands them to the writer, which stores and journals them.
+//! The loop of a run: captures frames and passes them to the writer, which stores frames and journal.
 //!
-//! Every step is a checkpoint: after a failure it restarts from moving the stages. All stages move
-//! concurrently, while the writer saves earlier frames.
+//! Every step is a checkpoint. After a failure, the step starts again with the moves of the stages. All
+//! stages move concurrently, while the writer saves earlier frames.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
@@ -22,7 +22,7 @@ const JUMP_S: f64 = 5.0;
 /// Polling interval of a condition.
 const LOOK: Duration = Duration::from_secs(5);
 
-/// A frame: its record, its numbers, and its time tags if they are kept.
+/// A captured frame: its record, its pixel values or counts, and its time tags if they are kept.
 type Taken = (FrameRecord, Vec<u32>, Option<Tags>);
 
 /// State of a run.
@@ -34,7 +34,7 @@ struct Session<'a> {
     begun: Duration,
     /// Wall time minus the rig's time, in seconds.
     wall_offset: f64,
-    /// Present settings of the instruments, to avoid setting them again.
+    /// Present settings of the camera, which are not sent again if they are unchanged.
     camera: Option<CameraSettings>,
     shown: Option<usize>,
     ready: bool,
@@ -45,7 +45,7 @@ struct Session<'a> {
     temperatures: Vec<(String, f64)>,
 }
 
-/// Takes all missing frames.
+/// Captures all missing frames.
 ///
 /// # Errors
 /// [`RunError`]. All journaled frames are on disk.
@@ -80,7 +80,7 @@ pub fn run(
         steps,
     };
     let result = session.frames(first, stop, watch);
-    // In every case, save the frames taken so far and switch off the light.
+    // In every case, save the captured frames and switch off the light.
     let closed = session.writer.flush();
     session.darken();
     let outcome = Outcome {
@@ -138,7 +138,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Takes one frame, with retries.
+    /// Captures one frame, with retries.
     fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         let mut tries = Tries::new(&self.steps.plan.limits);
         loop {
@@ -175,7 +175,7 @@ impl Session<'_> {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
 
-    /// Attempts to take a frame.
+    /// Attempts to capture a frame.
     fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         self.prepare()?;
         if matches!(self.steps.plan.work, Work::Scan(_)) {
@@ -223,7 +223,7 @@ impl Session<'_> {
                 return Ok(());
             }
             if !state.emitting {
-                // Its power was cut: start over.
+                // The laser lost its power, so start the step again.
                 return Err(Failure::new(Fault::Timeout, "laser", "the laser stopped emitting").into());
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
@@ -243,7 +243,7 @@ impl Session<'_> {
         }
     }
 
-    /// Moves all stages to their goals concurrently, each from a smaller angle.
+    /// Moves all stages to their goals concurrently. Each stage approaches its goal from a smaller angle.
     fn turn(&mut self, capture: usize) -> Result<Vec<f64>, Failure> {
         let mut found: BTreeMap<String, f64> = BTreeMap::new();
         let mut over: Vec<(String, f64)> = vec![];
@@ -344,14 +344,14 @@ impl Session<'_> {
             let what = format!("incomplete frame of {} bytes", frame.bytes.len());
             return Err(Failure::new(Fault::Timeout, &name, what));
         };
-        // A frame number that does not increase means an earlier frame.
+        // A frame number that does not increase belongs to an earlier frame.
         if self.last_number.is_some_and(|last| frame.number <= last) {
             return Err(Failure::new(Fault::Timeout, &name, "an earlier frame arrived again"));
         }
         self.last_number = Some(frame.number);
         self.saturated(step, &part, settings.format.bits(), &name)?;
         record.number = frame.number;
-        // Place the region on the sensor; the rest is zero.
+        // Place the region on the sensor. Pixels outside the region are zero.
         let [width, height] = self.steps.frame_size.map(|n| n as usize);
         let r = settings.region;
         let mut whole = vec![0; width * height];
@@ -362,7 +362,7 @@ impl Session<'_> {
         Ok(whole)
     }
 
-    /// Rejects a frame at the shortest exposure if too many of its pixels are saturated.
+    /// Rejects a frame of the shortest exposure if too many pixels are saturated.
     fn saturated(&self, step: Step, numbers: &[u32], bits: u32, name: &str) -> Result<(), Failure> {
         let Work::Camera(work) = &self.steps.plan.work else {
             return Ok(());
@@ -424,7 +424,7 @@ impl Session<'_> {
         let laser = self.rig.laser.as_mut().ok_or_else(|| absent("laser"))?;
         let power = laser.state(self.within)?.power;
         if power < self.steps.plan.limits.laser_power {
-            let what = format!("the power fell to {power:.2} of nominal during a frame");
+            let what = format!("the laser's power fell to {power:.2} of nominal during a frame");
             return Err(Failure::new(Fault::Timeout, laser.name(), what));
         }
         record.number = histogram.number;

@@ -1,4 +1,5 @@
-//! The store of a run: raw frames over named axes, with everything needed to reconstruct Mueller matrices.
+//! The store of a run: raw frames over named axes, and all data that the reconstruction of Mueller
+//! matrices requires.
 
 use super::journal::{self, Event, FrameRecord};
 use super::masks::Mask;
@@ -188,7 +189,7 @@ pub fn resume(
 pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     let failed = |cause: String| DiskError { path: path.to_owned(), cause };
     let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
-    // Keep only columns of numbers in memory: a run can have half a million frames.
+    // Keep only columns of numbers in memory, because a run can have half a million frames.
     let scan = matches!(steps.plan.work, Work::Scan(_));
     let mut columns: Vec<(String, &str)> = vec![];
     columns.extend(steps.stage_names.iter().map(|name| (format!("angle_{name}"), "degree")));

@@ -1,4 +1,4 @@
-//! Logs of records, each sealed with its CRC-32C. A record that a crash truncated ends the log.
+//! Logs of records, each followed by its CRC-32C. A record that was truncated by a crash ends the log.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};

@@ -9,7 +9,7 @@ use polarimetry::capture::scheme::Scheme;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// One frame of a run.
+/// The indices of one frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
     pub frame: u32,
@@ -20,11 +20,10 @@ pub struct Step {
     pub third: usize,
 }
 
-/// A plan prepared for a rig, including everything that needs no communication with instruments.
+/// A plan prepared for a rig, including all quantities that do not require communication with instruments.
 pub struct Steps {
     pub plan: Plan,
-    /// Names of the stages in alphabetical order, which is also the order of the angles in the
-    /// journal.
+    /// Names of the stages in alphabetical order, which is also the order of the angles in the journal.
     pub stage_names: Vec<String>,
     /// Goals of each stage in degrees, by capture.
     pub goals: BTreeMap<String, Vec<f64>>,
@@ -43,7 +42,7 @@ pub struct Steps {
 pub struct Cost {
     pub frames: u64,
     pub duration: Duration,
-    /// Part of the duration during which stages move.
+    /// Time during which stages move, which is part of `duration`.
     pub moving: Duration,
     /// Size of the raw sensor data in bytes.
     pub bytes: u64,
@@ -210,7 +209,8 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Returns the direction of a scan point, through a pinhole camera's pixel center: optical degrees in x, y.
+/// Returns the direction of a scan point in optical degrees (x, y). It is the direction through the pixel
+/// center of a pinhole camera.
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
     let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);

@@ -24,11 +24,10 @@ const FOLDER: &str = "time_tags";
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Record type of the files: of the types that PicoQuant's programs read, the one with the largest
-/// range of `dtime`.
+/// Record type of the files. It has the largest range of `dtime` of all types that PicoQuant's programs read.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
-/// Time tags of one point: the pulses of its dwell, and every photon.
+/// Time tags of one point: the number of pulses in the dwell time, and every photon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
     pub pulses: u64,
@@ -70,7 +69,8 @@ impl Tags {
         self.photons.iter().map(split)
     }
 
-    /// Returns the counts per bin, as [`possibly_empty_histogram`] computes them from a file of these tags.
+    /// Returns the counts per bin. They equal those that [`possibly_empty_histogram`] computes from a
+    /// file with these tags.
     ///
     /// # Errors
     /// A message if a bin has 2³² − 1 counts.
@@ -97,7 +97,7 @@ impl Tags {
     }
 }
 
-/// Time scale of a file's counts.
+/// Time scale of the numbers in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     pub bin_ps: f64,
@@ -251,7 +251,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Rows and logs round-trip, and a histogram equals the count of the tags.
+        /// Rows and logs are read as written, and a histogram equals the counted tags.
         #[test]
         fn tags_round_trip(points in points(), cut in 0_usize..2000) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -269,7 +269,7 @@ mod tests {
                 p.each().filter(|(_, d, _)| *d < 1000).for_each(|(_, d, _)| want[usize::from(d)] += 1);
                 prop_assert_eq!(p.histogram(1000, &SCALE).expect("a histogram"), want);
             }
-            // Truncated: all complete points are read, and nothing else.
+            // From a truncated log, only complete points are read.
             let path = folder.path().join(LOG);
             let bytes = std::fs::read(&path).expect("reads");
             std::fs::write(&path, &bytes[..bytes.len().saturating_sub(cut)]).expect("writes");

@@ -1,9 +1,10 @@
-//! The writer thread: writes each frame, syncs it to disk, and only then records it in the journal.
+//! The writer thread: writes each frame, syncs the frame to disk, and only then records the frame in the
+//! journal.
 //!
 //! A frame that is a whole chunk of the store is written directly. Smaller frames (histograms) are first
-//! appended to a log of their chunk, which becomes a chunk when it is full. The log is emptied afterwards, so
-//! that a frame is always in the log or in a chunk. Queued frames are synced together. Time tags are written
-//! in the same way, before their histograms.
+//! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is
+//! emptied afterwards, so that a frame is always in the log or in a chunk. Queued frames are synced
+//! together. Time tags are written in the same way, before their histograms.
 
 use super::journal::{Event, FrameRecord, Journal};
 use super::sealed_log::{self, SealedLog};
@@ -53,7 +54,7 @@ struct Work {
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
-/// Returns the CRC-32C of a frame's numbers.
+/// Returns the CRC-32C of a frame's values.
 pub fn checksum(numbers: &[u32]) -> u32 {
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
     crc32c::crc32c(&bytes)
@@ -71,7 +72,7 @@ pub struct Recovered {
 /// Compares a store with its journal. The first frame with a different checksum ends the intact part.
 ///
 /// # Errors
-/// An error if the journal cannot be read.
+/// If the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
@@ -116,7 +117,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
             good = n + 1;
         }
         if good < sound + per {
-            // A full chunk whose file is lost but whose log is intact is rebuilt from the log.
+            // If the file of a full chunk is lost but the log is intact, the chunk is rebuilt from the log.
             (part, tags, sound) = (kept, kept_tags, good);
             break;
         }

@@ -1,7 +1,6 @@
 //! A simulated analog output card.
 //!
-//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample
-//! period.
+//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample period.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -10,11 +9,10 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all
-/// channels.
+/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
-/// The load at the terminals. It receives the voltages of all channels at every change.
+/// The device at the terminals. It receives the voltages of all channels at every change.
 pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
 
 pub struct SimulatedCard {
@@ -47,7 +45,7 @@ impl SimulatedCard {
         }
     }
 
-    /// Records every sample from now on and returns the recording.
+    /// Starts recording every sample, and returns the recording.
     #[cfg(test)]
     pub fn record(&mut self) -> Recording {
         let recording = Recording::default();

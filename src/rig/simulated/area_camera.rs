@@ -1,6 +1,6 @@
 //! A simulated area camera.
 //!
-//! The image is the tensor under the displayed pattern, through the elements at their true angles.
+//! The image is computed from the tensor, the displayed pattern, and the elements at their true angles.
 //! The noise depends on the frame number of the run.
 
 use super::faults::Mishap;
@@ -11,7 +11,6 @@ use crate::instrument::{
 };
 use std::time::Duration;
 
-/// State of a camera.
 #[derive(Default)]
 pub struct Camera {
     settings: Option<CameraSettings>,

@@ -20,12 +20,11 @@ use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Ray;
 use std::time::Duration;
 
-/// Record type of its time tags: that of PicoQuant's TimeHarp 260 P.
+/// Record type of the counter's time tags: that of PicoQuant's TimeHarp 260 P.
 pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
 /// Maximum number of tags in one acquisition.
 const MOST_TAGS: u64 = 1 << 26;
 
-/// State of a counter.
 #[derive(Default)]
 pub struct Counter {
     settings: Option<CounterSettings>,
@@ -147,7 +146,8 @@ impl PhotonCounter for Simulated<Counter> {
             if !settings.tags || full {
                 return Ok((counts, vec![], diode.pulses));
             }
-            // The counts do not depend on the card's mode. Only tag mode then assigns them to pulses.
+            // The counts do not depend on the card's mode. In time-tag mode, the counts are then assigned
+            // to pulses.
             let alone = diode.mode == Mode::Synchronous;
             let records = tagged(&counts, diode.pulses, alone, &mut random).map_err(|e| e.to_string())?;
             Ok((vec![], records, diode.pulses))

@@ -12,7 +12,7 @@ use store::zarr::{StoredSlice, TensorStore};
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
-/// Maximum size of the cached images of patterns, in bytes. A run repeats the same patterns.
+/// Maximum total size of cached images, in bytes. Images are cached because a run repeats its patterns.
 const KEPT_BYTES: usize = 512 << 20;
 /// Maximum size of the cached rows of a scan, in bytes.
 const MOST_ROWS_BYTES: usize = 64 << 20;
@@ -169,7 +169,8 @@ impl Scenery {
 
     /// Returns the light that returns from the scenery under a pattern, or `None` without a pattern.
     ///
-    /// The pattern contains the drives of s'; each box of s' covers a whole number of projector pixels.
+    /// The pattern contains the drive of each projector pixel. Each entry of s' covers a whole number of
+    /// projector pixels.
     ///
     /// # Errors
     /// A message if the pattern does not fit the tensor, or if the scenery is a scan.
@@ -190,7 +191,7 @@ impl Scenery {
                 }
                 Ok(Some(Light::Mueller(image)))
             }
-            Self::Scan(_) => Err("a scan by a galvo has no patterns".into()),
+            Self::Scan(_) => Err("a galvo scan has no patterns; use a slice with projector pixels".into()),
             Self::Tensor(tensor) => tensor.light(pattern, bench, generator).map(Some),
         }
     }

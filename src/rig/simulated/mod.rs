@@ -1,8 +1,8 @@
 //! Simulated instruments that share one bench.
 //!
-//! Stage moves, pattern changes and laser failures affect the images of the camera. The sensors
-//! read a rendered tensor ([`light`]) through the true optics (`world::World::bench`). [`faults`]
-//! injects the failures of a laboratory. All instruments use the bench's [`crate::clock::Clock`].
+//! The images of the simulated camera depend on stage positions, patterns and laser power. The sensors
+//! read a rendered tensor ([`light`]) through the true optics (`world::World::bench`). [`faults`] injects
+//! failures that occur in laboratories. All instruments use the bench's [`crate::clock::Clock`].
 
 pub(crate) mod analog_card;
 pub(crate) mod area_camera;

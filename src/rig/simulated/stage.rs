@@ -1,9 +1,8 @@
-//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and
-//! homing.
+//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
 //!
-//! Backlash: the axle lags the encoder by half of the play, opposite to the direction of the last
-//! move. If all moves approach from the same side, the error is constant, and calibration
-//! determines it.
+//! Because of backlash, the axle lags the encoder by half of the play, opposite to the direction of the
+//! last move. If all moves approach their goals from the same side, this error is constant, and
+//! calibration determines it.
 
 use super::faults::Mishap;
 use super::world::{Shared, StageState};
@@ -17,7 +16,7 @@ const HOMING: f64 = 10.0;
 /// State of a stage apart from its angles, which are part of the bench.
 pub struct Stage {
     backlash_deg: f64,
-    /// Goal in degrees and arrival time of the move under way.
+    /// Goal in degrees and arrival time of the current move.
     goal: Option<(f64, Duration)>,
     stalled: bool,
 }
@@ -136,7 +135,7 @@ impl RotationStage for Simulated<Stage> {
     fn stop(&mut self, _within: Duration) -> Result<(), Failure> {
         self.alive()?;
         if let Some((goal, then)) = self.device.goal.take() {
-            // Stop at the position reached so far.
+            // Stop at the present position.
             let left = then.saturating_sub(self.world.clock().now()).as_secs_f64();
             let from = self.state().encoder_deg;
             let whole = self.limits.move_time(goal - from).as_secs_f64();

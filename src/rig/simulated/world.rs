@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// An operation under way: the time of its end and its result, `None` if it was dropped.
+/// An operation in progress: the time of its end, and its result (`None` if the result was dropped).
 pub(super) struct Pending<T> {
     pub(super) ready: Duration,
     pub(super) result: Option<T>,
@@ -125,7 +125,8 @@ impl Shared {
                     w.emitting = false;
                     w.pattern = None;
                     for stage in w.stages.values_mut() {
-                        // The axle turns a little during the power cut, and the encoder restarts at zero.
+                        // During the power cut, the axle rotates by 1.7°. Afterwards the encoder starts
+                        // at zero.
                         stage.angle_deg += 1.7;
                         stage.encoder_deg = 0.0;
                         stage.homed = false;
@@ -166,8 +167,8 @@ impl Shared {
         if dead { Err(lost(instrument)) } else { Ok(()) }
     }
 
-    /// Waits for the end of an operation and returns its result. `words` are the messages for three
-    /// cases: no operation was started, it takes longer than `within`, or its result was dropped.
+    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases:
+    /// no operation was started, the operation takes longer than `within`, or its result was dropped.
     pub(super) fn finish<T>(
         &self,
         instrument: &str,
@@ -214,7 +215,6 @@ impl Shared {
         Ok(())
     }
 
-    /// Returns the identity of a simulated instrument.
     pub fn identity(&self, instrument: &str, model: &str) -> Result<Identity, Failure> {
         self.alive(instrument)?;
         Ok(Identity {

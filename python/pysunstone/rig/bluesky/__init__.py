@@ -1,4 +1,4 @@
-"""Bridge to bluesky and ophyd-async: their devices as instruments of a session, and instruments as their devices.
+"""Bridge to bluesky and ophyd-async: uses their devices as instruments of a session, and instruments as devices of bluesky.
 
 Devices are recognized by bluesky's protocols, so that neither library is required: `Movable` (``set`` returns a status),
 `Readable`, `Locatable`, `Triggerable`, `Stoppable`. The protocols of ophyd-async, whose methods are coroutines, are also

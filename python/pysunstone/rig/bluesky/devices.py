@@ -34,11 +34,11 @@ _lock = threading.Lock()
 
 
 def event_loop() -> asyncio.AbstractEventLoop:
-    """Return the event loop for devices: that of bluesky's RunEngine if there is one, else a loop on a separate thread.
+    """Return the event loop for devices: that of bluesky's RunEngine if there is one, otherwise a loop on a separate thread.
 
     Devices of ophyd-async belong to the loop in which they were connected. Connect them in this loop, with
     ``asyncio.run_coroutine_threadsafe(device.connect(), event_loop()).result()``, or with ophyd-async's ``init_devices`` after
-    you created a RunEngine.
+    you have created a RunEngine.
     """
     engine = sys.modules.get("bluesky.run_engine")
     found: asyncio.AbstractEventLoop | None = engine.get_bluesky_event_loop() if engine else None
@@ -92,14 +92,14 @@ class Device:
 
         self._run(listen, _ANSWER_S)
         if not ended.wait(within_s):
-            raise TimeoutError(f"{self.name()} is not done after {within_s:.1f} s")
+            raise TimeoutError(f"{self.name()} did not finish within {within_s:.1f} s")
         error = status.exception()
         if isinstance(error, asyncio.CancelledError):
             raise RuntimeError(f"{self.name()} was stopped during the operation") from error
         if error is not None:
             raise error
         if not status.success:
-            raise RuntimeError(f"{self.name()} failed without a reason")
+            raise RuntimeError(f"{self.name()} failed without stating a reason")
 
     def _run(self, work: Callable[[], Any], within_s: float) -> Any:
         future = asyncio.run_coroutine_threadsafe(work(), self._loop or event_loop())
@@ -108,7 +108,7 @@ class Device:
         except concurrent.futures.TimeoutError:
             if not future.done():
                 future.cancel()
-                raise TimeoutError(f"{self.name()} does not answer within {within_s:.1f} s") from None
+                raise TimeoutError(f"{self.name()} did not answer within {within_s:.1f} s") from None
             raise
 
     def identity(self) -> Identity:
@@ -122,7 +122,7 @@ class Device:
         if wanted not in reading and key is None and len(reading) == 1:
             wanted = next(iter(reading))
         if wanted not in reading:
-            raise InstrumentError("refused", f"`read` has no `{wanted}`, but {', '.join(reading)}; name one with key=")
+            raise InstrumentError("refused", f"`read` returned no key `{wanted}`; available keys: {', '.join(reading)}; pass one of them as key=")
         return reading[wanted]["value"]
 
 
@@ -136,11 +136,12 @@ class StageOfDevice(RotationStage):
     limits
         Limits of the stage, which the session enforces.
     home
-        Called on the session's thread to find the zero position. Without it, the zero position counts as always known.
+        Function that finds the zero position, called on the session's thread. Without this function, the zero position counts as
+        always known.
     key
-        Key of ``read``, for a device that is not `Locatable`; by default its name.
+        Key of ``read``, for a device that is not `Locatable`; by default the device's name.
     loop
-        Event loop of its coroutines; by default `event_loop`.
+        Event loop of the device's coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class StageOfDevice(RotationStage):
             except (TimeoutError, asyncio.TimeoutError, InstrumentError):
                 raise
             except Exception as error:
-                raise InstrumentError("stalled", f"its move failed: {error}") from error
+                raise InstrumentError("stalled", f"the move failed: {error}") from error
         return self.read(within_s)
 
     def read(self, within_s: float) -> StageReading:
@@ -223,13 +224,13 @@ class CameraOfDevice(AreaCamera):
     limits
         Limits of the camera. Images of the whole sensor are cropped to the requested region.
     exposure
-        `Movable`: exposure time, seconds. Without it the device keeps its exposure time, regardless of the plan.
+        `Movable`: exposure time, seconds. If None, the device keeps its exposure time, regardless of the plan.
     gain
         `Movable`: gain, decibels.
     key
         Key of the image in ``read``; by default the device's name, or the only key.
     loop
-        Event loop of its coroutines; by default `event_loop`.
+        Event loop of the device's coroutines; by default `event_loop`.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ class Status:
         try:
             return self._future.exception(timeout)
         except concurrent.futures.TimeoutError:
-            raise TimeoutError("it has not ended") from None
+            raise TimeoutError("the operation has not ended") from None
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait for the end; raise the exception of a failed operation."""
@@ -81,7 +81,8 @@ class _AsDevice:
 
 
 class MovableStage(_AsDevice):
-    """A rotation stage as a device of bluesky: `Movable`, `Locatable`, `Readable` and `Stoppable`, in degrees of its own scale.
+    """A rotation stage as a device of bluesky: `Movable`, `Locatable`, `Readable` and `Stoppable`, in degrees of the stage's
+    scale.
 
     A stage whose zero position is unknown is homed before its first move.
     """
@@ -128,7 +129,7 @@ class MovableStage(_AsDevice):
                 if not passes or time.monotonic() > until:
                     raise
         if self._stopped is False:
-            raise InstrumentError("stalled", "it was stopped during the move", self.name)
+            raise InstrumentError("stalled", "the stage was stopped during the move", self.name)
 
     def stop(self, success: bool = False) -> None:
         """Stop immediately. The move in progress fails, unless `success`."""

@@ -34,9 +34,9 @@ class GalvoOfDevices(GalvoScanner):
     x, y
         `Movable` in optical degrees from the axis, and `Locatable` or `Readable`. Both move simultaneously.
     limits
-        Limits of the mirrors. After both moves the scanner waits ``settle_s``.
+        Limits of the mirrors. After both moves, the scanner waits for ``settle_s``.
     loop
-        Event loop of their coroutines; by default `event_loop`.
+        Event loop of the devices' coroutines; by default `event_loop`.
     """
 
     def __init__(self, x: Any, y: Any, limits: GalvoLimits, *, loop: asyncio.AbstractEventLoop | None = None) -> None:
@@ -73,11 +73,11 @@ class LaserOfDevices(PulsedLaser):
     limits
         Wavelength and pulse rates.
     rate
-        `Movable`: pulses per second. Without it the laser keeps its rate.
+        `Movable`: pulses per second. If None, the laser keeps its rate.
     power
-        `Readable`: mean power relative to the nominal power. Without it plans do not wait for the power.
+        `Readable`: mean power relative to the nominal power. If None, plans do not wait for the power.
     loop
-        Event loop of their coroutines; by default `event_loop`.
+        Event loop of the devices' coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -123,17 +123,17 @@ class CounterOfDevice(PhotonCounter):
     Parameters
     ----------
     device
-        `Triggerable`, and `Readable` with an array of counts per bin that begins at the sync pulse. Surplus bins are cut off.
+        `Triggerable`, and `Readable` with an array of counts per bin that begins at the sync pulse. Surplus bins are ignored.
     limits
-        Limits of the counter. All bins have its finest width.
+        Limits of the counter. All bins have the finest width of these limits.
     rate_hz
         Pulse rate of the laser, as in the plan, used to compute the number of pulses.
     dwell
-        `Movable`: counting time, seconds. Without it the device keeps its counting time, regardless of the plan.
+        `Movable`: counting time, seconds. If None, the device keeps its counting time, regardless of the plan.
     key
         Key of the counts in ``read``; by default the device's name, or the only key.
     loop
-        Event loop of its coroutines; by default `event_loop`.
+        Event loop of the device's coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class CounterOfDevice(PhotonCounter):
         if settings.bin_ps != self._limits.finest_ps or settings.offset_ps != 0 or settings.tags:
             raise InstrumentError(
                 "limit",
-                f"it has bins of {self._limits.finest_ps} ps from the sync pulse on, and no time tags; correct bin_ps, offset_ps, time_tags",
+                f"the device has bins of {self._limits.finest_ps} ps from the sync pulse, and no time tags; correct bin_ps, offset_ps, time_tags",
             )
         if self._dwell is not None:
             self._dwell.wait(self._dwell.begin(self._dwell.device.set, settings.dwell_s), within_s)

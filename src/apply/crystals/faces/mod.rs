@@ -1,12 +1,12 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which
-//! rough faces reflect, compared with a single reflection at the true normals and with the
-//! renderer's labels.
+//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which is due to
+//! reflection from rough faces. The profile is compared with the closed form of a single reflection at
+//! the true normals, and with the renderer's labels.
 //!
-//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so
-//! (3,3) is negative. A diffuse ground behind the crystal does not preserve circular polarization.
-//! The crystal's retardance, which differs between paths, changes the light of internal
-//! reflections. The method learns nothing; training variants are listed because every application
-//! requires them.
+//! One reflection by glass at an angle below Brewster's angle reverses the handedness of circular
+//! polarization, so (3,3) is negative. A diffuse ground behind the crystal does not preserve circular
+//! polarization. Internal reflections have various path lengths, so the crystal's retardance changes
+//! their polarization in different ways. The method learns nothing; training variants are listed because
+//! every application requires them.
 
 pub mod predicted;
 
@@ -39,7 +39,7 @@ enum Image {
     All(usize, f64),
     /// An element of non-epipolar light, times a sign.
     Other(usize, f64),
-    /// The closed form, for the true normals.
+    /// The closed form for the true normals.
     Predicted,
 }
 
@@ -53,14 +53,14 @@ const METHODS: [(Method, Image); 7] = [
     (Method::new("true normals", "closed form, a bound"), Image::Predicted),
 ];
 
-/// Minimum share of surface light of a positive pixel.
+/// Minimum fraction of surface-reflected light in a positive pixel.
 const SHARE: f64 = 0.1;
 
 /// Minimum coverage of a pixel that counts as crystal.
 const WHOLE: f64 = 0.999;
 
-/// Minimum cosine between the normals of two pixels of one face, and maximum cosine for two faces: 1° and
-/// 10°.
+/// Minimum cosine between the normals of two pixels of the same face (1°), and maximum cosine for pixels
+/// of different faces (10°).
 const SAME_FACE_COS: f64 = 0.999_848;
 const UNLIKE: f64 = 0.984_808;
 
@@ -132,9 +132,9 @@ struct Seen {
     /// normal of a face.
     faces: Vec<usize>,
     normal: Vec<Vector3<f64>>,
-    /// −(3,3) by the closed form; 0 outside the crystal.
+    /// −(3,3) according to the closed form; 0 outside the crystal.
     predicted: Vec<f64>,
-    /// Intensity of the light reflected by the surface only, and of all light.
+    /// Intensity of the light that is only reflected by the surface, and of all light.
     surface: Vec<f64>,
     total: Vec<f64>,
 }
@@ -199,7 +199,6 @@ impl Seen {
             .collect()
     }
 
-    /// Returns the metrics of an image.
     fn judge(&self, image: &[f64]) -> [f64; METRICS.len()] {
         let of = |values: &[f64]| self.faces.iter().map(|i| values[*i]).collect::<Vec<f64>>();
         let behind: Vec<f64> = self.total.iter().zip(&self.surface).map(|(a, s)| a - s).collect();
@@ -214,8 +213,8 @@ impl Seen {
         ]
     }
 
-    /// Returns the area under the curve of the differences of two pixels at distance two: pairs
-    /// across an edge against pairs within a face.
+    /// Returns the area under the ROC curve for detecting edges by the difference between two pixels at
+    /// distance two. Pairs across an edge are positives, pairs within a face negatives.
     fn edges(&self, image: &[f64]) -> f64 {
         let [w, h] = self.size;
         let (mut across, mut within) = (vec![], vec![]);

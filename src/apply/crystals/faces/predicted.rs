@@ -1,18 +1,19 @@
-//! The reflection of circular light by a face of known normal: −(3,3) of one reflection by microfacets.
+//! The reflection of circular light by a face of known normal: −(3,3) of one reflection from microfacets.
 //!
-//! With the half vector h of the directions to the camera and to the projector, the angle θ between it and
-//! either, and Fresnel's amplitudes r_s, r_p at θ,
+//! With the half vector h of the directions to the camera and to the projector, the angle θ between h and
+//! either direction, and the Fresnel amplitude coefficients r_s, r_p at θ,
 //!
 //! > −M33 = −r_s r_p · D(h) G2 / (4 cosθ_o) · 1/(cos³θ_p d²),
 //!
-//! with the GGX facets of Walter et al. (2007), Heitz's correlated masking (2014, eq. 99) and a projector at
-//! distance d, θ_p off its axis, whose irradiance on the plane at 1 m is 1. Rotations of frames do not change
-//! (3,3). At normal incidence, −r_s r_p is the reflectance; beyond Brewster's angle it is negative.
+//! with the GGX distribution D of Walter et al. (2007) and Heitz's correlated masking-shadowing function
+//! G2 (2014, eq. 99). The point is at distance d from the projector, at angle θ_p to the projector's
+//! axis. The projector's irradiance on the plane at 1 m is 1. Rotations of frames do not change (3,3). At
+//! normal incidence, −r_s r_p is the reflectance; beyond Brewster's angle it is negative.
 
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
-/// Rough glass.
+/// Rough glass with a GGX distribution of microfacets.
 #[derive(Clone, Copy, Debug)]
 pub struct Glass {
     pub index: f64,
@@ -21,7 +22,7 @@ pub struct Glass {
 }
 
 impl Glass {
-    /// Returns −r_s r_p at cosine `cos` of incidence.
+    /// Returns −r_s r_p for an angle of incidence with cosine `cos`.
     pub fn turned(self, cos: f64) -> f64 {
         let n2 = self.index * self.index;
         let root = (n2 - 1.0 + cos * cos).sqrt();
@@ -29,8 +30,9 @@ impl Glass {
         -s * p
     }
 
-    /// Returns D(h) G2 / (4 cosθ_o), 1/sr: radiance over irradiance perpendicular to the beam for perfectly
-    /// reflecting facets; 0 unless both unit directions are on the side of the normal `n`.
+    /// Returns D(h) G2 / (4 cosθ_o), 1/sr: the radiance divided by the irradiance perpendicular to the
+    /// beam, for perfectly reflecting facets. The result is 0 unless both unit directions are on the side
+    /// of the normal `n`.
     pub fn facets(self, n: Vector3<f64>, wo: Vector3<f64>, wi: Vector3<f64>) -> f64 {
         let (co, ci) = (n.dot(&wo), n.dot(&wi));
         if !(co > 0.0 && ci > 0.0) {
@@ -67,13 +69,13 @@ mod tests {
         let glass = Glass { index: 1.5, alpha: 0.3 };
         assert!((glass.turned(1.0) - 0.04).abs() < 1e-12);
         assert!((glass.turned(0.5_f64.sqrt()) - 0.0279111).abs() < 1e-6);
-        // Brewster's angle.
+        // At Brewster's angle the value is zero.
         let cos = 1.0 / (1.0 + 1.5_f64.powi(2)).sqrt();
         assert!(glass.turned(cos).abs() < 1e-12 && glass.turned(0.9 * cos) < 0.0);
     }
 
-    /// D cosθ_h integrates to 1 over the half vectors (Walter et al. 2007, eq. 4): at normal incidence, with
-    /// G2 divided out.
+    /// D cosθ_h integrates to 1 over the half vectors (Walter et al. 2007, eq. 4). The test uses normal
+    /// incidence and divides by G2.
     #[test]
     fn facets_are_normalized() {
         let glass = Glass { index: 1.5, alpha: 0.4 };
@@ -91,7 +93,7 @@ mod tests {
                 d * half.cos() * ring
             })
             .sum();
-        // Half vectors up to 45°: tan² t² / (α² + tan²) of all.
+        // The fraction of half vectors up to the angle θ = 45° is tan² θ / (α² + tan² θ).
         assert!((sum - 1.0 / (1.0 + 0.16)).abs() < 1e-4, "{sum}");
     }
 }

@@ -23,8 +23,9 @@ fn device(x: f64) -> Pinhole {
     Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [x, 0.0, 0.2], axes)
 }
 
-/// The left face is tilted by `lean` degrees to the left, the right face by 2° less to the right, so that the
-/// half vector, about 6° to the right, is closer to its normal. The outermost columns are ground only.
+/// Returns the normal at a pixel. The left face is tilted to the left by `lean` degrees, and the right
+/// face to the right by 2° less. The half vector, about 6° to the right, is therefore closer to the
+/// normal of the right face. The outermost columns are ground only.
 fn normal(pixel: usize, lean: f64) -> Vector3<f64> {
     let angle = if pixel % SIZE < SIZE / 2 { -lean } else { lean - 2.0 };
     let (sin, cos) = angle.to_radians().sin_cos();
@@ -35,8 +36,8 @@ fn is_face(pixel: usize) -> bool {
     (1..SIZE - 1).contains(&(pixel % SIZE))
 }
 
-/// Faces are tilted by `lean` degrees, and the truth map has `truth`; the surface reflects `shine` times as
-/// much as glass.
+/// Returns an observation of faces that are tilted by `lean` degrees; the truth map states `truth`
+/// degrees. The surface reflects `shine` times as much light as glass.
 fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation {
     let rig = Rig { camera: device(-0.02), projector: device(0.02) };
     let glass = Glass { index: Mineral::Quartz.indices(550.0).iter().sum::<f64>() / 2.0, alpha: ALPHA };
@@ -44,7 +45,7 @@ fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation
     let surface = |pixel: usize| {
         if is_face(pixel) { shine * glass.reflected(&rig, point(pixel), normal(pixel, lean)) } else { 0.0 }
     };
-    // Stripes, much brighter than the surface.
+    // The ground has stripes that are much brighter than the surface.
     let ground = |pixel: usize| if pixel / SIZE % 4 < 2 { 4.0 } else { 1.0 };
     let light = |behind: f64| {
         slice([SIZE, SIZE, 1, 3], 0.0, |p, _, e, _| match e {
@@ -101,13 +102,13 @@ fn circular_polarization_isolates_the_faces() {
         }
         assert!(score(&outcome, method, 3) < 0.1, "{method}");
     }
-    // The ground hides the faces.
+    // In the intensity, the faces are not visible before the ground.
     assert!(score(&outcome, "intensity", 0) < 0.5 && score(&outcome, "intensity", 3) > 0.9);
     assert!(score(&outcome, "-(3,3), non-epipolar", 0).abs() < 0.5);
     assert_eq!(outcome.pictures.len(), 8);
 }
 
-/// Planted errors: wrong normals are detected, and so is a surface that does not reverse handedness.
+/// The metrics detect deliberate errors: wrong normals, and a surface that does not reverse handedness.
 #[test]
 fn wrong_normals_and_missing_reversal_are_detected() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));

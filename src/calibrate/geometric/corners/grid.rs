@@ -5,13 +5,15 @@ use crate::geometric::image::Image;
 use nalgebra::Vector2;
 use std::collections::{BTreeMap, VecDeque};
 
-/// A position on the grid: columns to the right, rows down, seen from the board's front.
+/// A position on the grid as (column, row). Seen from the front of the board, columns count to the right
+/// and rows downward.
 pub type Place = (i32, i32);
 
-/// Maximum deviation of a neighbor from an edge's direction, as sine or tangent of the angle.
+/// Maximum deviation of a neighbor from an edge's direction, as the sine or tangent of the angle between
+/// both.
 const ASIDE: f64 = 0.3;
 
-/// Returns the nearest corner in a direction that a black-white edge joins to corner `from`.
+/// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white edge.
 fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> Option<usize> {
     let here = &all[from];
     let mut near: Vec<(f64, usize)> = all
@@ -28,7 +30,8 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
     near.into_iter().take(3).map(|(_, i)| i).find(|i| joined(image, here, &all[*i]))
 }
 
-/// Returns whether a side of a square joins two corners: one black-white order along the whole line.
+/// Returns whether two corners are connected by the side of a square: along the whole line, the same side
+/// is black and the other white.
 fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     let d = b.at - a.at;
     let length = d.norm();
@@ -51,10 +54,10 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
 /// Returns all grids of neighboring corners, the largest first. Row and column directions have the
 /// orientation of the image's x and y.
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
-    // Four directions of each corner: along e1, along e2, and their opposites.
+    // Returns the four directions of a corner: along e1 and e2, and opposite to e1 and e2.
     let ways = |s: &Saddle| {
         let [mut x, mut y] = s.edges;
-        // x is the edge closer to the image's x axis; y has the orientation of the image's y axis.
+        // Make x the edge that is closer to the image's x axis. y has the orientation of the image's y axis.
         if x.x.abs() < y.x.abs() {
             (x, y) = (y, x);
         }
@@ -77,7 +80,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
             continue;
         }
         let mut grid = BTreeMap::from([((0, 0), seed)]);
-        // For each corner, the index of its direction along the row.
+        // For each corner, the index of the direction along the grid's rows.
         let mut turns = BTreeMap::from([(seed, 0)]);
         let mut places = BTreeMap::from([(seed, (0, 0))]);
         let mut queue = VecDeque::from([seed]);

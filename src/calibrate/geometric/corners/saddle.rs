@@ -1,4 +1,5 @@
-//! Detects single corners: candidates by image curvature, then positions by a fit of a blurred corner model.
+//! Detects single corners: finds candidates from the curvature of the image, then fits a blurred corner
+//! model to obtain subpixel positions.
 
 use crate::geometric::image::Image;
 use nalgebra::{SMatrix, SVector, Vector2};
@@ -10,8 +11,8 @@ pub struct Saddle {
     pub at: Vector2<f64>,
     /// Unit vectors along the two edges that cross at the corner.
     pub edges: [Vector2<f64>; 2],
-    /// Half of the difference white minus black; negative if the squares between +e1 and +e2 are
-    /// black.
+    /// Half of the brightness difference between white and black; negative if the square between +e1 and
+    /// +e2 is black.
     pub contrast: f64,
 }
 
@@ -30,7 +31,8 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
         }
     }
     let field = Image { values: strength, ..*image };
-    // The threshold refers to a typical candidate, since the strongest may be a specular highlight.
+    // The threshold is relative to a typical candidate, because the strongest candidate can be a specular
+    // highlight.
     let mut found = vec![];
     let reach = 3_isize;
     for y in reach..h - reach {
@@ -100,8 +102,8 @@ fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     (value, by)
 }
 
-/// Blur of images before corners are fitted, in pixels. A sharp edge along a pixel's side then covers three
-/// pixels with a Gaussian profile instead of one.
+/// Blur of images before corners are fitted, in pixels. After this blur, a sharp edge on a pixel border
+/// has a Gaussian profile over three pixels.
 pub const SOFT: f32 = 0.8;
 
 /// Returns the saddle near a pixel of an image blurred by [`SOFT`], fitted to the pixels within `radius`.
@@ -127,7 +129,8 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     Some(Saddle { at: Vector2::new(p[0], p[1]), edges: [e1, e2], contrast: p[5] * side.signum() })
 }
 
-/// Estimates the edge directions from sign changes on a ring, and mean and contrast there.
+/// Estimates the edge directions from sign changes on a ring around the corner, and mean and contrast
+/// from the values on the ring.
 fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameters> {
     const RING: usize = 64;
     let ring: Vec<f64> = (0..RING)
@@ -142,7 +145,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         })
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
-    // A saddle is point-symmetric: use the even part of the ring.
+    // A saddle is point-symmetric: use the even part of the values on the ring.
     let half: Vec<f64> = (0..RING / 2).map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean).collect();
     let swing = half.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let odd = (0..RING / 2).map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2)).sum::<f64>();
@@ -162,7 +165,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
     let [(a, rises), (b, _)] = crossings[..] else {
         return None;
     };
-    // The model's f·g midway between both edges gives the sign of the contrast.
+    // The sign of the model midway between both edges determines the sign of the contrast.
     let (_, by) = model(
         &Parameters::from([0.0, 0.0, a, b, 1.0, 1.0, 0.0, 0.0, 0.0]),
         (0.5 * (a + b)).cos() * radius,
@@ -266,7 +269,8 @@ mod tests {
         }
     }
 
-    /// Without noise, the error is the difference between square pixels and the model's Gaussian blur.
+    /// Without noise, the remaining error is due to the difference between square pixels and the model's
+    /// Gaussian blur.
     #[test]
     fn positions_are_accurate_to_three_hundredths_of_a_pixel() {
         let mut worst = 0.0_f64;
@@ -277,7 +281,7 @@ mod tests {
             let image = corner(at, angles, if i % 2 == 0 { 1.0 } else { -1.0 }).blurred(SOFT);
             let found = refine(&image, Vector2::new(15.5, 15.5), 6.0).expect("a corner");
             worst = worst.max((found.at - at).norm());
-            // The square between both edges.
+            // A point in the square between both edges.
             let middle = at + (found.edges[0] + found.edges[1]).normalize() * 5.0;
             let bright = image.between(middle.x, middle.y) > 100.0;
             assert_eq!(bright, found.contrast > 0.0, "{i}");

@@ -33,7 +33,7 @@ pub enum NotFound {
     Size(usize, usize, usize, usize),
 }
 
-/// Blurs at which corners are searched, in pixels.
+/// Standard deviations of the blurs with which corners are searched, in pixels.
 const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 
 /// Finds a board.
@@ -81,7 +81,7 @@ fn apart(all: &mut Vec<Saddle>) {
     *all = kept;
 }
 
-/// Returns the grid row by row. A few missing corners are searched near their predicted positions.
+/// Returns the grid row by row. If a few corners are missing, searches near their predicted positions.
 fn filled(
     image: &Image,
     grid: &BTreeMap<Place, usize>,
@@ -111,7 +111,7 @@ fn filled(
         .collect()
 }
 
-/// Radius of a corner's fit window relative to the distance of its nearest neighbor.
+/// Radius of a corner's fit window relative to the distance to the nearest neighbor.
 const REACH: f64 = 0.4;
 /// Minimum and maximum radius of the window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];
@@ -135,14 +135,14 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
         if y + 1 < h {
             next.push(i + w);
         }
-        // Squares seen at an angle are narrower than their sides are long.
+        // The width of an obliquely viewed square is smaller than the length of its sides.
         let side = next.iter().map(|n| (full[*n].at - s.at).norm()).fold(f64::INFINITY, f64::min);
         let lean = s.edges[0].perp(&s.edges[1]).abs();
         smallest = smallest.min(side);
         let radius = (REACH * side * (0.4 + 0.6 * lean)).clamp(WINDOW[0], WINDOW[1]);
         refined.push(refine(image, s.at, radius)?);
     }
-    // All rotations by quarter turns that match the board's size.
+    // Returns the order of corners after a rotation of the grid by a multiple of 90°.
     let turned = |quarter: usize| -> Vec<usize> {
         let (c, r) = (board.columns, board.rows);
         (0..c * r)
@@ -186,7 +186,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// Renders a board as seen by a device, with 64 points per pixel and a white border.
+    /// Renders a board as seen by a device, with 64 sample points per pixel and a white border.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();

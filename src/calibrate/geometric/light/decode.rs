@@ -1,4 +1,5 @@
-//! Decodes images of the patterns to projector coordinates per camera pixel; NaN for unreliable pixels.
+//! Decodes camera images of the patterns. The results are projector coordinates per camera pixel, NaN for
+//! unreliable pixels.
 
 use super::patterns::{Axis, Pattern, Sequence};
 use crate::geometric::image::Image;
@@ -16,13 +17,14 @@ pub struct Decoded {
     pub v: Vec<f32>,
 }
 
-/// Minimum contrast of white and black relative to that of the brightest pixels.
+/// Minimum contrast between white and black, relative to the contrast of the brightest pixels.
 const LEAST: f32 = 0.03;
-/// Minimum difference of a bit and its inverse relative to the contrast; smaller at edges.
+/// Minimum difference between a bit and its inverse, relative to the contrast. At edges the difference is
+/// smaller.
 const SURE: f32 = 0.2;
 
 impl Decoded {
-    /// Returns the number of pixels with both coordinates.
+    /// Returns the number of pixels for which both coordinates are known.
     pub fn count(&self) -> usize {
         self.u.iter().zip(&self.v).filter(|(u, v)| u.is_finite() && v.is_finite()).count()
     }
@@ -30,14 +32,14 @@ impl Decoded {
 
 /// Decodes the images of a sequence, in its order.
 ///
-/// A pixel is left out in these cases:
+/// A pixel is NaN in these cases:
 /// - White is only slightly brighter than black.
 /// - More than one bit of an axis is uncertain, because the pixel receives light from projector pixels that
 ///   are not neighbors.
-/// - The code is beyond the projector.
+/// - The decoded coordinate is outside the projector's image.
 ///
 /// # Errors
-/// A message if the number of images differs from that of patterns, or if image sizes differ.
+/// A message if the numbers of images and patterns differ, or if image sizes differ.
 pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> {
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
@@ -97,7 +99,8 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     Ok(Decoded { width, height, u: axis(Axis::Column), v: axis(Axis::Row) })
 }
 
-/// Returns the coordinate of Gray bits, highest first, each as difference over contrast; NaN if invalid.
+/// Returns the coordinate that Gray code bits encode; NaN if the code is invalid. `steps` holds the
+/// difference between each bit and its inverse relative to the contrast, most significant bit first.
 fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let (mut code, mut bits, mut unsure) = (0_u32, 0_u32, None);
     for step in steps {
@@ -122,7 +125,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let Some(place) = unsure else {
         return if x < length { f64::from(x) + 0.5 } else { f64::NAN };
     };
-    // At an edge both codes must be neighbors. The pixel then sees their border.
+    // At an edge both codes must be neighbors. The pixel then observes the border between them.
     let y = plain(code ^ (1 << (bits - place)));
     if x.abs_diff(y) == 1 && x.max(y) < length { f64::from(x.max(y)) } else { f64::NAN }
 }
@@ -138,7 +141,7 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     if sequence.shifts == 0 || coarse.is_nan() {
         return coarse;
     }
-    // Peak-to-peak amplitude of the waves, ideally equal to the contrast.
+    // The peak-to-peak amplitude of the waves, which ideally equals the contrast.
     let swing = 4.0 * c.hypot(s) / f64::from(sequence.shifts);
     if swing.is_nan() || swing < 0.2 * contrast {
         return f64::NAN;
@@ -146,7 +149,7 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     let period = f64::from(sequence.period);
     let within = s.atan2(c) / TAU * period;
     let fine = within + period * ((coarse - within) / period).round();
-    // The error of the codes is at most one pixel.
+    // The error of the coarse coordinate is at most one pixel.
     if (fine - coarse).abs() < 2.0 { fine } else { f64::NAN }
 }
 
@@ -155,7 +158,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Returns one-row images whose pixel i sees projector (u_i, v_i), linearly interpolated.
+    /// Returns one-row images whose pixel i receives light from the projector coordinates (u_i, v_i), by
+    /// linear interpolation.
     fn seen(sequence: &Sequence, at: &[(f64, f64)], noise: f32) -> Vec<Image> {
         let mut x = 9_u32;
         let patterns = sequence.patterns();
@@ -205,7 +209,8 @@ mod tests {
     fn dark_and_mixed_pixels_are_excluded() {
         let sequence = Sequence::gray([64, 64]).unwrap();
         let mut images = seen(&sequence, &[(10.5, 20.5), (10.5, 20.5), (10.5, 20.5)], 0.0);
-        // The second pixel sees no projector pixel, the third sees two distant ones.
+        // The second pixel receives light from no projector pixel, the third from two distant projector
+        // pixels.
         let other = seen(&sequence, &[(53.5, 41.5)], 0.0);
         for (image, far) in images.iter_mut().zip(&other) {
             image.values[1] = 5.0;

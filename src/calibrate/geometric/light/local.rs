@@ -5,7 +5,7 @@ use super::decode::Decoded;
 use crate::geometric::homography;
 use nalgebra::{Matrix2, Vector2};
 
-/// Projector coordinates of a corner, and their derivative by the camera coordinates.
+/// Projector coordinates of a corner, and their derivative with respect to the camera coordinates.
 pub type Thrown = (Vector2<f64>, Matrix2<f64>);
 
 /// Minimum number of decoded pixels around a corner.
@@ -35,7 +35,7 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
             }
         }
     }
-    // Wrongly decoded pixels are far off. Remove outliers repeatedly.
+    // Wrongly decoded pixels have large errors. Remove outliers repeatedly.
     for _ in 0..3 {
         if from.len() < FEWEST {
             return None;
@@ -50,7 +50,7 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
         if kept.len() == off.len() {
             let at = homography::apply(&m, Vector2::zeros());
             let slope = homography::slope(&m, Vector2::zeros());
-            // Pixels on one side only do not determine the corner.
+            // Pixels on only one side of the corner do not determine its coordinates.
             let middle = from.iter().sum::<Vector2<f64>>() / from.len() as f64;
             return (middle.norm() < 0.5 * reach && at.iter().chain(slope.iter()).all(|x| x.is_finite()))
                 .then_some((at, slope));

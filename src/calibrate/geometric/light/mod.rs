@@ -1,4 +1,5 @@
-//! Structured light: finds the projector pixel that illuminates each camera pixel's surface point.
+//! Structured light: finds, for each camera pixel, the projector pixel that illuminates the observed
+//! surface point.
 
 pub mod decode;
 pub mod local;

@@ -83,8 +83,8 @@ pub(in crate::capture) fn count(
     Err(DetectorError::Count { what, expected, found })
 }
 
-/// Checks that an image has one value per pixel. On overflow the expected size saturates, which
-/// matches no list.
+/// Checks that an image has one value per pixel. On overflow the expected size saturates at a value that
+/// no list can have.
 pub(super) fn area(
     what: &'static str,
     width: usize,

@@ -25,8 +25,7 @@ use std::path::Path;
 pub enum Detector {
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four
-        /// channels.
+        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A single-photon avalanche diode.
@@ -53,7 +52,7 @@ impl DemosaicFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code)] // calibration tables of other readers are only accepted
+#[allow(dead_code)] // calibration tables of other readers are accepted and ignored
 struct DetectorFile {
     demosaic: Option<Located<DemosaicFile>>,
     cmos: Option<Located<Cmos>>,
@@ -157,8 +156,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     }
 }
 
-/// Returns the span of the field that an error names: its name at the beginning of a line, otherwise the
-/// whole table.
+/// Returns the span of the field that an error names: the field's name at the beginning of a line. If no
+/// line begins with this name, returns the span of the whole table.
 fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<usize> {
     let DetectorError::Field { field, .. } = e else {
         return section.clone();
@@ -189,11 +188,12 @@ fn without_bins(diode: &Spad) -> Spad {
     out
 }
 
-/// Returns a diode whose counter has the time bins of a histogram: `bins` bins of `bin_ps` each, starting at
-/// the laser pulse. Settings that differ from the defaults must agree with them.
+/// Returns a diode whose counter has the time bins of a histogram: `bins` bins of `bin_ps` each, starting
+/// at the laser pulse. Settings of bins that differ from the defaults must agree with the histogram.
 ///
 /// # Errors
-/// [`DetectorError::Field`] if they differ, or if the histogram is longer than the period.
+/// [`DetectorError::Field`] if such a setting differs from the histogram, or if the histogram is longer
+/// than the period.
 pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, DetectorError> {
     let (standard, mut out) = (Spad::default(), diode.clone());
     let free = diode.bin_ps == standard.bin_ps;
@@ -234,7 +234,7 @@ mod tests {
         assert!(matches!(none, Detector::Cmos { demosaic: None, .. }));
         let diode = read("[spad]\npulses = 5").expect("a diode");
         assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
-        // A slice's bins may fit a period that the default bins do not fit.
+        // A period may be a multiple of a slice's bins but not of the default bins.
         for text in
             ["[spad]\nperiod_ps = 9990", "[spad]\nperiod_ps = 9990\nbin_ps = 30", "[spad]\nbins = 7000"]
         {

@@ -1,12 +1,11 @@
-//! Detectors: readings of instruments for a known radiance, and radiance estimates from such
-//! readings.
+//! Detectors: readings of instruments for a known radiance, and radiance estimates from such readings.
 //!
 //! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its variance
 //!
-//! Simulated measurements of a render are therefore processed like laboratory measurements.
-//! [`cmos`] is a camera (linear model of EMVA 1288), [`polarizer_array`] the mosaic of polarizers
-//! on its sensor, and [`spad`] a single-photon avalanche diode with time-correlated counting.
-//! Radiance is in the scene's unit; the scale `photons_per_unit` converts it to photons.
+//! Simulated measurements of a render are therefore processed in the same way as laboratory measurements.
+//! [`cmos`] is a camera (linear model of EMVA 1288), [`polarizer_array`] the mosaic of polarizers on its
+//! sensor, and [`spad`] a single-photon avalanche diode with time-correlated counting. Radiance is in the
+//! scene's unit; the scale `photons_per_unit` converts it to photons.
 //!
 //! All random numbers come from counter-based streams ([`random::stream`]), so readings do not
 //! depend on threads or order.

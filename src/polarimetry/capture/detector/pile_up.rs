@@ -6,31 +6,30 @@
 //!
 //! > λ_i = -ln(1 - n_i/A_i),  A_i = N - Σ_{j<i} n_j,  Var λ_i ≈ n_i/(A_i (A_i - n_i)).
 //!
-//! In free-running mode with dead time D, the dead times of counts in bins j cover a part of bin i. For
-//! counts that are uniform within their bins, this part is H(D - d) - H(-d) for bins d = i - j apart, on the
-//! circle of the laser's period. H is the distribution function of the difference of two uniform numbers (cf.
-//! Isbaner et al. 2016, Opt. Express 24:9429, "Dead-time correction of fluorescence lifetime measurements and
-//! fluorescence lifetime imaging"):
+//! In free-running mode with dead time D, the dead times of counts in bins j cover a fraction of bin i. For
+//! counts that are uniformly distributed within their bins, this fraction is H(D - d) - H(-d) with the
+//! distance d = i - j of the bins, modulo the laser's period. H is the distribution function of the
+//! difference of two random numbers that are uniform in [0, 1) (cf. Isbaner et al. 2016, Opt. Express
+//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime imaging"):
 //!
 //! > λ_i = n_i/A_i,  A_i = N - Σ_d n_{i-d} (H(D - d) - H(-d)),  Var λ_i ≈ n_i/A_i².
 //!
 //! Both results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
 //! neglects:
 //!
-//! - after-pulses, which remain in the counts as light that arrives a dead time later;
-//! - the uneven position of counts within a bin, of relative order λ_i²;
+//! - after-pulses, which remain in the counts and are interpreted as light that arrives a dead time later;
+//! - the nonuniform distribution of counts within a bin, of relative order λ_i²;
 //! - dead times cut off at the end of the capture, of relative order D over the capture's length.
 
-/// Detections per pulse and bin of a diode that is always armed.
+/// The number of detections per pulse and bin that a diode would have if it were always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was
-    /// armed.
+    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was armed.
     pub value: f64,
-    /// An unbiased estimate of the variance. The estimate is 0 in an empty bin. It is therefore
-    /// unsuitable as a weight of single bins.
+    /// An unbiased estimate of the variance. The estimate is 0 in an empty bin and is therefore
+    /// unsuitable for weighting single bins.
     pub variance: f64,
-    /// True where too much light prevents an estimate.
+    /// True if too much light prevents an estimate.
     pub saturated: bool,
 }
 
@@ -90,7 +89,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
         Some(*sum)
     }));
     let total = before[bins];
-    // A count blocks bins 1 to `whole` behind it completely. Dead times of whole periods block all bins.
+    // A count completely blocks the next `whole` bins. A dead time of at least one period blocks all bins.
     let whole = (dead.floor() - 1.0).max(0.0);
     let laps = (whole / bins as f64).floor();
     let rest = ((whole - laps * bins as f64).max(0.0) as usize).min(bins);
@@ -108,7 +107,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     (0..bins).map(|i| pulses as f64 - covered(i)).collect()
 }
 
-/// Returns H(s), the probability that one uniform random number exceeds another by less than s.
+/// Returns H(s), the probability that one uniform random number in [0, 1) exceeds another by less than s.
 fn difference_below(s: f64) -> f64 {
     let s = s.clamp(-1.0, 1.0);
     if s < 0.0 { 0.5 * (1.0 + s).powi(2) } else { 1.0 - 0.5 * (1.0 - s).powi(2) }
@@ -122,10 +121,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Checks that mean corrected rates are the true ones within 5 standard errors, and that the
-    /// mean of the stated variances is the observed variance, per bin. The sum over bins is checked
-    /// in the same way and reveals biases ten times smaller. The variance of the sum is the sum of
-    /// the variances, because errors of martingales are uncorrelated.
+    /// Checks for each bin that the mean of the corrected rates equals the true rate within 5 standard
+    /// errors, and that the mean of the stated variances equals the observed variance. The sum over bins
+    /// is checked in the same way. This reveals biases that are ten times smaller. The variance of the
+    /// sum is the sum of the variances, because the increments of a martingale are uncorrelated.
     fn assert_unbiased(rates: &[f64], captures: &[Vec<Rate>]) {
         for (i, rate) in rates.iter().enumerate() {
             let seen = Moments::of(captures.iter().map(|c| c[i].value));
@@ -140,23 +139,24 @@ mod tests {
         seen.assert_variance(stated.mean, 0.1 * stated.mean.powi(2));
     }
 
-    /// Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse: 2000
-    /// captures of 20 000 pulses.
+    /// Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse. The test
+    /// uses 2000 captures of 20 000 pulses.
     #[test]
     fn coates_corrects_pile_up() {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
         let counts: Vec<_> =
             (0..2000).map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key))).collect();
-        // Without correction, the last bin has a tenth of its photons, and its ratio to the first is far off.
+        // Without correction, the last bin has a tenth of its photons, so the ratio of the last to the
+        // first bin is wrong.
         let raw = |i: usize| counts.iter().map(|c| c[i] as f64).sum::<f64>() / 2000.0 / 20_000.0;
         assert!((raw(7) / (f64::exp(-2.6) * (1.0 - f64::exp(-0.2))) - 1.0).abs() < 0.01);
         assert!(raw(7) < 0.1 * raw(0));
         assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
-    /// The live-time correction is unbiased for dead times of part of a bin, several bins, part of
-    /// a period, and more than one and two periods, with 0.95 photons per pulse: 300 captures of 10
-    /// 000 pulses.
+    /// The live-time correction is unbiased for dead times of part of a bin, several bins, part of a
+    /// period, and more than one and two periods, with 0.95 photons per pulse. The test uses 300 captures
+    /// of 10 000 pulses.
     #[test]
     fn live_time_corrects_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();

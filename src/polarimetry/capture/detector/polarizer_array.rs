@@ -1,4 +1,4 @@
-//! The mosaic of polarizers on a sensor (division of focal plane), and demosaicking.
+//! The mosaic of polarizers on a sensor (division-of-focal-plane polarimeter), and its demosaicking.
 //!
 //! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2:
 //!
@@ -9,10 +9,9 @@
 //! top one, column 0 the left one). Images of the four polarizers are in the order of
 //! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
 //!
-//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No
-//! method here avoids that (for methods that replace this error by other errors, see Zhang, Luo,
-//! Liu & Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity
-//! correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. Neither of
+//! the methods here avoids this error (for methods that replace it by other errors, see Zhang, Luo, Liu &
+//! Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
@@ -31,8 +30,7 @@ pub enum Method {
     /// Each 2×2 block becomes one pixel with the values of four polarizers; an odd last row or
     /// column is dropped.
     Superpixel,
-    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest
-    /// pixels.
+    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest pixels.
     Bilinear,
 }
 
@@ -81,7 +79,7 @@ pub fn demosaic_variance(
     apart(variance, width, height, method, |_, weights, squared| squared / (weights * weights))
 }
 
-/// Demosaics a raw frame; `value` receives Σ w v, Σ w and Σ w² v.
+/// Demosaics a raw frame. `value` computes the result from Σ w v, Σ w and Σ w² v.
 fn apart(
     raw: &[f64],
     width: usize,
@@ -190,12 +188,12 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Variances of means of one, two or four pixels of equal variance are correct, also at the
-    /// borders.
+    /// Variances of means of one, two or four pixels of equal variance are correct, also at the borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");
-        // Pixel (2, 2) has 90°; 45° is horizontally adjacent, 135° vertically, 0° diagonally.
+        // Pixel (2, 2) has the 90° polarizer. 45° is horizontally adjacent, 135° vertically, and 0°
+        // diagonally.
         let inside: Vec<_> = got.images.iter().map(|v| v[12]).collect();
         assert_eq!(inside, [1.0, 2.0, 4.0, 2.0]);
         let corner: Vec<_> = got.images.iter().map(|v| v[0]).collect();

@@ -1,16 +1,16 @@
-//! Random numbers of detectors: streams by pixel and capture, Poisson and normal numbers.
+//! Random numbers of detectors: one stream per pixel and capture, and Poisson and normal distributions.
 
 use optics::sampling::stream::Stream;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 
-/// Salt that separates the detectors' random numbers from those of the renderer, which use the same
-/// (seed, pixel, sample) keys. Noise must not be correlated with the render that it is added to.
-/// The value of the constant is arbitrary.
+/// Salt that separates the detectors' random streams from those of the renderer, which use the same
+/// (seed, pixel, sample) keys. The noise must not be correlated with the render to which it is added. The
+/// value is arbitrary.
 const SALT: u64 = 0x6465_7465_6374_6f72;
 
-/// Mean above which a normal number replaces a Poisson number. The skewness of the Poisson number
-/// is then 1e-5, far below the resolution of any test. Rejection sampling would lose accuracy in
-/// double precision (rust-random/rand issue 1515).
+/// Mean above which a normal distribution replaces the Poisson distribution. The skewness of the Poisson
+/// distribution is then 1e-5, far below the resolution of any test. Rejection sampling would lose
+/// accuracy in double precision (rust-random/rand issue 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
 /// Returns the random stream of pixel `pixel` in capture `key`, separate from all streams of the renderer.
@@ -18,7 +18,7 @@ pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }
 
-/// Returns a Poisson number; 0 if the mean is NaN or not positive.
+/// Returns a Poisson-distributed random number; 0 if the mean is NaN or not positive.
 pub(super) fn poisson(mean: f64, stream: &mut Stream) -> f64 {
     if mean > NORMAL_ABOVE {
         let mean = mean.min(f64::MAX);
@@ -27,7 +27,7 @@ pub(super) fn poisson(mean: f64, stream: &mut Stream) -> f64 {
     Poisson::new(mean).map_or(0.0, |p| p.sample(stream))
 }
 
-/// Returns a standard normal number.
+/// Returns a random number with the standard normal distribution.
 pub(super) fn normal(stream: &mut Stream) -> f64 {
     StandardNormal.sample(stream)
 }

@@ -2,20 +2,20 @@
 //!
 //! > h(t) = (1 - a) N(t; σ) + a ∫₀^∞ N(t - s; σ) exp(-s/τ)/τ ds
 //!
-//! It combines a Gaussian for the jitter of laser, diode and clock with an exponential tail from carriers
-//! that diffuse into the junction (the usual model of SPADs: Lacaita, Cova, Ghioni & Zappa 1993,
-//! "Single-photon avalanche diode with ultrafast pulse response free from slow tails"). The cumulative
-//! response is
+//! The response combines a Gaussian for the jitter of laser, diode and clock with an exponential tail
+//! from carriers that diffuse into the junction (the usual model of SPADs: Lacaita, Cova, Ghioni & Zappa
+//! 1993, "Single-photon avalanche diode with ultrafast pulse response free from slow tails"). The
+//! cumulative response is
 //!
 //! > H(t) = Φ(t/σ) - a exp(σ²/2τ² - t/τ) Φ(t/σ - σ/τ),
 //!
 //! the distribution function of the exponentially modified Gaussian (Grushka 1972, Anal. Chem. 44:1733) mixed
 //! with that of the normal distribution, Φ. Light is assumed to arrive in the middle of its bin.
 
-/// FWHM of a Gaussian over its standard deviation, 2√(2 ln 2).
+/// Ratio of the FWHM of a Gaussian to its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;
 
-/// Range of the response: beyond this number of standard deviations plus this multiple of τ, the
+/// Range of the response, in standard deviations and in multiples of τ. Beyond the sum of both, the
 /// response is below double precision.
 const SIGMAS: f64 = 9.0;
 const TAUS: f64 = 40.0;
@@ -24,7 +24,7 @@ const TAUS: f64 = 40.0;
 /// factor would overflow.
 const FAR: f64 = -30.0;
 
-/// The instrument's response; all times have the same arbitrary unit.
+/// The instrument's response. All times have the same unit, which is arbitrary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Standard deviation σ of the jitter, zero or more.
@@ -67,8 +67,8 @@ impl Response {
         self.tail * self.tau
     }
 
-    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins`
-    /// bins; their sum is 1. Arrivals before time 0 are in the last bins.
+    /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` later. Bins are
+    /// cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.
@@ -85,7 +85,7 @@ impl Response {
             }
             below = above;
         }
-        // The truncated ends are below rounding, but the rates must sum to 1.
+        // The truncated ends are below rounding errors, but the fractions must sum to 1.
         let sum: f64 = out.iter().sum();
         out.iter_mut().for_each(|v| *v /= sum);
         out
@@ -100,7 +100,7 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Returns bins with the times of their centres, negative in the second half.
+    /// Returns the time of each bin's centre and the bin's fraction; times in the second half are negative.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;
@@ -133,7 +133,7 @@ mod tests {
         assert!((wide - 70.0).abs() <= 0.5, "{wide}");
     }
 
-    /// The closed form equals the convolution integral, computed by the trapezoidal rule.
+    /// The closed form equals the convolution integral as computed by the trapezoidal rule.
     #[test]
     fn tail_is_the_convolution_of_both() {
         for (sigma, tau) in [(1.0, 3.0), (2.0, 0.5), (1.0, 0.06)] {
@@ -168,7 +168,7 @@ mod tests {
         assert!((shares[3] / shares[2] - (-0.5_f64).exp()).abs() < 1e-12);
     }
 
-    /// A tail longer than the period folds into a geometric series.
+    /// A tail that is longer than the period wraps around and adds up to a geometric series.
     #[test]
     fn tails_wrap_around_the_period() {
         let shares = response(0.0, 1.0, 8.0).binned(1.0, 10);

@@ -4,14 +4,14 @@
 //!
 //! > λ_i = η Φ Σ_j h_{i-j} L_j + d Δ
 //!
-//! detections in bin i. Here η is the detection efficiency, Φ the photons per pulse and unit of radiance, h
-//! the instrument's response on the circle of the period (`response.rs`), d the dark counts per second and Δ
+//! detections in bin i. Here η is the detection efficiency, Φ the photons per pulse and unit of radiance,
+//! h the instrument's response, cyclic in the period (`response.rs`), d the dark counts per second and Δ
 //! the length of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and
-//! [`super::pile_up`] corrects for it. The estimates include the response: they estimate h ∗ L, which is
-//! later than L by [`Spad::response_mean_ps`] on average.
+//! [`super::pile_up`] corrects for it. The estimates do not remove the response: they estimate h ∗ L,
+//! which is delayed by [`Spad::response_mean_ps`] on average.
 //!
-//! The jitter is applied to the rates, before the dead time. The resulting error is of the order of the
-//! jitter over the dead time.
+//! The jitter is applied to the rates, before the dead time. The resulting relative error is of the order
+//! of the jitter divided by the dead time.
 
 use super::super::spectral_value::SpectralValue;
 use super::error::{DetectorError, count, demand, efficiency, finite, non_negative, positive, share};
@@ -54,13 +54,14 @@ pub struct Spad {
     pub mode: Mode,
     /// Length of a bin, ps.
     pub bin_ps: f64,
-    /// Number of bins from the start of the period that are estimated; counts are kept for all bins.
+    /// Number of bins, from the start of the period, whose radiance is estimated. Counts are kept for all
+    /// bins.
     pub bins: usize,
     /// Time between laser pulses, ps; a whole number of bins.
     pub period_ps: f64,
     /// Laser pulses per capture.
     pub pulses: u64,
-    /// Photons per pulse at the diode and unit of the scene's radiance.
+    /// Photons at the diode, per pulse and unit of the scene's radiance.
     pub photons_per_unit: f64,
     /// Detections per photon while the diode is armed.
     pub detection_efficiency: SpectralValue,
@@ -169,8 +170,8 @@ impl Spad {
         self.instrument().mean()
     }
 
-    /// Returns the fractions of light that are detected 0, 1, … bins later on the circle of the period; their
-    /// sum is 1.
+    /// Returns the fractions of light that are detected 0, 1, … bins later. Bins are cyclic in the
+    /// period; the sum of the fractions is 1.
     ///
     /// # Errors
     /// Same as [`Self::check`].
@@ -182,8 +183,7 @@ impl Spad {
     /// Returns the detections per pulse in each bin of the period while the diode is armed.
     ///
     /// `histogram` is the radiance (scene's unit) in each bin after the laser pulse, at wavelength `nm`.
-    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as
-    /// 0.
+    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as 0.
     ///
     /// # Errors
     /// Same as [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
@@ -192,7 +192,7 @@ impl Spad {
         let response = self.response()?;
         let bins = response.len();
         let (per_unit, dark) = (self.per_unit(nm), self.dark());
-        // Most of the response, and often of the light, is zero.
+        // The response is zero in most bins, and often the light as well.
         let taps: Vec<_> = response.iter().enumerate().filter(|(_, share)| **share > 0.0).collect();
         let mut rates = vec![0.0; bins];
         for (j, radiance) in histogram.iter().enumerate().filter(|(_, radiance)| **radiance != 0.0) {
@@ -206,17 +206,17 @@ impl Spad {
         Ok(rates)
     }
 
-    /// Returns the variance of one bin's estimate at this radiance after all pulses, without dead time.
-    /// Photons and dark counts follow Poisson statistics.
+    /// Returns the variance of one bin's estimate after all pulses, for a given radiance, without dead
+    /// time. Photons and dark counts follow Poisson statistics.
     pub fn variance(&self, radiance: f64, nm: f64) -> f64 {
         let unit = self.per_unit(nm);
         let rate = (unit * radiance).max(0.0) + self.dark();
-        // At least one count in total, which limits the precision of a bin.
+        // The bound of one count in total limits the precision of a bin.
         let pulses = self.pulses as f64;
         rate.max(1.0 / pulses) / (pulses * unit * unit)
     }
 
-    /// Returns random counts in each bin of the period after all pulses of one capture, for rates from
+    /// Returns random counts in each bin of the period after all pulses of one capture, for `rates` from
     /// [`Self::rates`].
     ///
     /// # Errors

@@ -5,12 +5,14 @@
 //!
 //! > p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i))
 //!
-//! and no count otherwise (Becker, "Advanced time-correlated single photon counting techniques", 2005). The
-//! histogram of N pulses is therefore exactly multinomial and is drawn as a chain of binomial numbers.
+//! and no count otherwise (Becker, "Advanced time-correlated single photon counting techniques", 2005).
+//! The histogram of N pulses therefore has exactly a multinomial distribution and is drawn as a chain of
+//! binomial random numbers.
 //!
-//! In free-running mode the diode is dead for a fixed time after each detection, independently of the laser.
-//! Detections are simulated one by one. The next detection occurs when the integral of the rate since the
-//! diode was armed reaches an exponential number of mean 1, so empty periods cost no time.
+//! In free-running mode the diode is dead for a fixed time after each detection, independently of the
+//! laser. Detections are simulated one by one. The next detection occurs when the integral of the rate
+//! since the diode was armed reaches a random number with exponential distribution of mean 1. Empty
+//! periods therefore cost no computing time.
 
 use super::random::poisson;
 use optics::sampling::stream::Stream;
@@ -32,8 +34,8 @@ fn sound(rate: f64) -> f64 {
     rate.max(0.0)
 }
 
-/// Returns the counts of `pulses` periods of a synchronous diode; `rates` are detections per pulse and bin
-/// while armed.
+/// Returns the counts of `pulses` periods of a synchronous diode; `rates` are the detections per pulse
+/// and bin while the diode is armed.
 pub(super) fn synchronous(rates: &[f64], pulses: u64, stream: &mut Stream) -> Vec<u64> {
     let mut left = pulses;
     let draw = |rate: &f64| {
@@ -53,12 +55,13 @@ pub(super) fn most_detections(rates: &[f64], recovery: &Recovery, pulses: u64) -
 }
 
 /// Returns the counts of `pulses` periods of a free-running diode that is armed at the start; `rates` are
-/// detections per pulse and bin while armed, constant within a bin.
+/// the detections per pulse and bin while the diode is armed, constant within a bin.
 ///
 /// A pending after-pulse is dropped if a photon is detected first, because that avalanche refills the traps.
 pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stream: &mut Stream) -> Vec<u64> {
     if recovery.dead <= 0.0 && recovery.after_pulsing <= 0.0 {
-        // Detections do not affect each other, so the counts are independent.
+        // Without dead time and after-pulses, detections do not affect each other, so the counts are
+        // independent.
         let n = pulses as f64;
         return rates.iter().map(|rate| poisson(n * sound(*rate), stream) as u64).collect();
     }
@@ -97,7 +100,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     }
 }
 
-/// A time as periods and bins, so that it stays exact over long captures.
+/// A time in periods and bins. This representation stays exact in long captures.
 #[derive(Clone, Copy)]
 struct Time {
     pulse: u64,
@@ -110,7 +113,7 @@ impl Time {
     }
 }
 
-/// The rates of one period, and their integral up to the start of each bin and to the end.
+/// The rates of one period, and their integral up to the start of each bin and to the end of the period.
 struct Clock<'a> {
     rates: &'a [f64],
     integral: Vec<f64>,
@@ -149,7 +152,7 @@ impl<'a> Clock<'a> {
             return None;
         }
         let rest = target - laps * total;
-        // Skips bins without light: their integral equals that of the next bin.
+        // This skips bins without light, whose integral equals that of the next bin.
         let bin = self.integral.partition_point(|sum| *sum <= rest).saturating_sub(1);
         let inside = (rest - self.integral.get(bin)?) / rate(bin);
         let inside = if inside < 1.0 { inside } else { 0.0 };
@@ -172,7 +175,8 @@ mod tests {
         Moments::of((0..n).map(|key| capture(&mut stream(11, 0, key)).iter().sum::<u64>() as f64))
     }
 
-    /// 20 000 captures of 1000 pulses: each bin is binomial, and pairs have the covariance -N p q.
+    /// In 20 000 captures of 1000 pulses, each bin has a binomial distribution, and pairs of bins with
+    /// probabilities p and q have covariance -N p q.
     #[test]
     fn synchronous_counts_are_multinomial() {
         let rates = [0.1, 0.0, 0.7, 2.0, 0.05];
@@ -200,8 +204,8 @@ mod tests {
         both.assert_variance(variance, variance * (1.0 - 6.0 * (p + q) * (1.0 - p - q)));
     }
 
-    /// Counts at low flux follow Poisson statistics, without and with a dead time that takes 1e-4 of the
-    /// time: 5000 captures of 20 000 pulses.
+    /// Counts at low flux follow Poisson statistics, without and with dead times that cover 1e-4 of the
+    /// capture. The test uses 5000 captures of 20 000 pulses.
     #[test]
     fn low_flux_gives_poisson_counts() {
         let rates = [1e-3, 4e-3, 0.0, 2e-3];
@@ -216,12 +220,12 @@ mod tests {
         }
     }
 
-    /// Counts of constant light saturate as in theory, for a rate r per bin and dead times τ
-    /// between part of a period and several periods. The count in a time T is that of a renewal
-    /// process whose intervals τ + Exp(r) have mean μ = τ + 1/r and deviation 1/r. The diode is
-    /// armed at the start, as if the last event had occurred τ before. The mean is therefore (T +
-    /// τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the
-    /// variance is r T/(1 + rτ)³. Uses 400 captures of 10 000 bins.
+    /// Counts of constant light saturate as in theory, for a rate r per bin and dead times τ from a
+    /// fraction of a period to several periods. The count in a time T is that of a renewal process whose
+    /// intervals τ + Exp(r) have mean μ = τ + 1/r and standard deviation 1/r. The diode is armed at the
+    /// start, as if the last event had occurred at time -τ. The mean is therefore (T + τ)/μ + ((1/r)² -
+    /// μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the variance is r T/(1 + rτ)³. The
+    /// test uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {
@@ -232,8 +236,8 @@ mod tests {
             assert!((mean / (rate * time / (1.0 + rate * dead)) - 1.0).abs() < 0.01);
             let variance = rate * time / (1.0 + rate * dead).powi(3);
             if variance < 1.0 {
-                // The spread is below one count: the asymptotic variance is invalid, and the mean is exact to
-                // one count.
+                // The spread is below one count: the asymptotic variance is invalid, and the formula for
+                // the mean is accurate to one count.
                 assert!((seen.mean - mean).abs() < 1.0, "{} for {mean}", seen.mean);
                 continue;
             }
@@ -242,8 +246,8 @@ mod tests {
         }
     }
 
-    /// Each detection causes another detection with probability p, so the cluster size is geometric
-    /// with mean 1/(1 - p) and mean square (1 + p)/(1 - p)². Uses 4000 captures with about 100
+    /// Each detection causes another detection with probability p, so the cluster size is geometric with
+    /// mean 1/(1 - p) and mean square (1 + p)/(1 - p)². The test uses 4000 captures with about 100
     /// photons in 10⁶ pulses.
     #[test]
     fn after_pulses_multiply_the_counts() {
@@ -251,16 +255,16 @@ mod tests {
         let recovery = Recovery { dead: 3.0, after_pulsing: p, after_pulse: 5.0 };
         let seen = sums(4000, |stream| free_running(&[1e-5; 10], &recovery, 1_000_000, stream));
         let variance = 100.0 * (1.0 + p) / (1.0 - p).powi(2);
-        // Dead time and after-pulses that photons preempt reduce the counts by about 1e-3.
+        // Dead times, and after-pulses that are dropped after a photon, reduce the counts by about 1e-3.
         assert!(
             (seen.mean * (1.0 - p) / 100.0 - 1.0).abs() < 5.0 * (variance / 4000.0).sqrt() / 100.0 + 1e-3
         );
-        // κ₄ is 100 E G⁴; for p = 0.2 the fourth moment of G is 8.9.
+        // κ₄ is 100 E G⁴ for the cluster size G; for p = 0.2 the fourth moment of G is 8.9.
         seen.assert_variance(variance, 890.0);
     }
 
-    /// After-pulses follow after the dead time plus an exponential time. Light is in one of 200 bins; the
-    /// counts behind it are checked.
+    /// After-pulses follow after the dead time plus an exponential time. Only one of 200 bins has light;
+    /// the test checks the counts in later bins.
     #[test]
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];
@@ -269,8 +273,8 @@ mod tests {
         let counts = free_running(&rates, &recovery, 10_000_000, &mut stream(3, 0, 0));
         assert_eq!(counts[1..20].iter().sum::<u64>(), 0);
         let after: u64 = counts[20..].iter().sum();
-        // Mean time from the light, from the first after-pulses: on average half a bin after that of the
-        // light.
+        // Mean delay of the first after-pulses. It is measured from the light, which arrives half a bin
+        // earlier on average.
         let early = &counts[20..41];
         assert!(early[..5].iter().sum::<u64>() > early[5..10].iter().sum::<u64>());
         let (n, share) = (counts[0] as f64, 0.1 / 0.9);

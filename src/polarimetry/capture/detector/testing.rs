@@ -1,5 +1,4 @@
-//! Computes sample moments and compares them with closed forms, with a tolerance of five standard
-//! errors.
+//! Computes sample moments and compares them with closed forms, with a tolerance of five standard errors.
 
 /// Count, mean and unbiased variance of a sample.
 pub struct Moments {
@@ -12,7 +11,7 @@ impl Moments {
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let (mut n, mut mean, mut squares) = (0.0, 0.0, 0.0);
         for v in values {
-            // Welford 1962: no cancellation where the mean is far from zero.
+            // Welford 1962, which avoids cancellation if the mean is far from zero.
             n += 1.0;
             let step = v - mean;
             mean += step / n;
@@ -23,21 +22,21 @@ impl Moments {
     }
 
     /// Checks that the mean is `want` within 5·√(variance/n), where `variance` is the true variance of a
-    /// value.
+    /// single value.
     pub fn assert_mean(&self, want: f64, variance: f64) {
         let off = (self.mean - want) / (variance / self.n).sqrt();
-        assert!(off.abs() < 5.0, "mean {} is {off} sigma off {want}", self.mean);
+        assert!(off.abs() < 5.0, "the mean is {}, {off} standard errors from {want}", self.mean);
     }
 
-    /// Checks that the variance is `want` within five standard errors: Var s² ≈ (2σ⁴ + κ₄)/n, with fourth
-    /// cumulant κ₄.
+    /// Checks that the variance is `want` within five standard errors. The squared standard error is Var
+    /// s² ≈ (2σ⁴ + κ₄)/n, where κ₄ (`fourth`) is the fourth cumulant.
     pub fn assert_variance(&self, want: f64, fourth: f64) {
         let off = (self.variance - want) / ((2.0 * want * want + fourth) / self.n).sqrt();
-        assert!(off.abs() < 5.0, "variance {} is {off} sigma off {want}", self.variance);
+        assert!(off.abs() < 5.0, "the variance is {}, {off} standard errors from {want}", self.variance);
     }
 }
 
-/// All cumulants of a Poisson number equal its mean.
+/// Checks that the moments are those of a Poisson distribution, all of whose cumulants equal `mean`.
 pub fn poisson_moments(seen: &Moments, mean: f64) {
     seen.assert_mean(mean, mean);
     seen.assert_variance(mean, mean);

@@ -78,7 +78,7 @@ pub(super) struct SensorFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code)] // fields of other readers are only accepted
+#[allow(dead_code)] // fields of other readers are accepted and ignored
 pub(super) struct SchemeFile {
     pub(super) name: Option<String>,
     pub(super) sensor: SensorFile,
@@ -99,7 +99,7 @@ pub(super) struct SchemeFile {
     detector: Option<IgnoredAny>,
 }
 
-/// The largest allowed angle in degrees, and the limit of all other numbers.
+/// The largest allowed magnitude of an angle, degrees, and of all other numbers.
 const LARGEST: f64 = 1e6;
 
 /// The text of a file, for errors with locations.
@@ -145,7 +145,7 @@ impl Text<'_> {
         default: f64,
     ) -> Result<f64, InputError> {
         match value {
-            // Beyond this, an angle has no precision left; all other numbers are smaller.
+            // Larger angles lose precision, and all other valid numbers are smaller.
             Some(v) if !(-LARGEST..=LARGEST).contains(&**v) => Err(self.error(
                 Some(v.span()),
                 format!("`{name}` is not a number from -1e6 to 1e6"),
@@ -156,7 +156,7 @@ impl Text<'_> {
         }
     }
 
-    /// Checks that settings are of moderate size. `Scheme` rejects non-finite values.
+    /// Checks that the magnitude of every setting is at most [`LARGEST`]. `Scheme` rejects non-finite values.
     fn settings(&self, value: &Located<SettingFile>, name: &str) -> Result<(), InputError> {
         let all = match &**value {
             SettingFile::Fixed(v) => std::slice::from_ref(v),
@@ -275,7 +275,7 @@ impl Text<'_> {
     }
 }
 
-/// Returns the default name of a scheme.
+/// Returns the default name of a scheme: the file name without extension.
 pub(super) fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "scheme".to_owned(), |s| s.to_string_lossy().into_owned())
 }

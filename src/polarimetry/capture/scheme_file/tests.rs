@@ -78,7 +78,7 @@ fn errors_have_positions_and_fixes() {
     assert!(load(Path::new("/nowhere/s.toml")).expect_err("no file").to_string().contains("sunstone scheme"));
 }
 
-/// A calibration file yields its scheme; without a scheme, the error names what is missing.
+/// A calibration file yields its scheme; without a scheme, the error names the missing field.
 #[test]
 fn calibration_files_contain_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\

@@ -1,9 +1,9 @@
-//! Tests simulated captures against the design matrix, and their noise against its stated size.
+//! Tests simulated captures against the design matrix, and their noise against its stated standard deviation.
 
 use super::*;
 use crate::capture::detector::testing::Moments;
 
-/// Returns matrices that differ per pixel, with T00 equal to `scale`; every capture is bright.
+/// Returns matrices that differ per pixel, with T00 equal to `scale`. No intensity is close to zero.
 fn matrices(layout: Layout, scale: f64) -> Vec<f64> {
     let of = |i: usize| match i % 16 {
         0 => scale,
@@ -26,7 +26,7 @@ fn camera(photons_per_unit: f64) -> Noise {
     Noise::Cmos { camera: Cmos { photons_per_unit, ..Cmos::default() }, demosaic: None }
 }
 
-/// Returns a camera without noise except the quantization of 1e7 electrons to 24 bits.
+/// Returns a camera whose only noise is the quantization of 1e7 electrons to 24 bits.
 fn still(demosaic: Option<Method>, binning: u32) -> Noise {
     Noise::Cmos {
         camera: Cmos {
@@ -92,7 +92,8 @@ fn camera_variances_match_the_scatter() {
             let seen = shoot(&with(camera(1e6)), seed);
             let variances = seen.variances.expect("a camera's");
             for ((a, b), v) in seen.intensities.iter().zip(&clean.intensities).zip(&variances) {
-                // Divided by the stated deviation, so that bright and dark pixels have equal weight.
+                // The difference is divided by the stated standard deviation, so that bright and dark
+                // pixels have equal weight.
                 off.push(f64::from(*a - *b) / f64::from(*v).sqrt());
                 stated += f64::from(*v);
                 n += 1.0;
@@ -100,10 +101,11 @@ fn camera_variances_match_the_scatter() {
         }
         assert!(stated / n > 0.0);
         let seen = Moments::of(off.into_iter());
-        // Neighbours in a bilinear image share pixels: at least a quarter of the numbers are independent.
+        // Neighbours in a bilinear image share pixels. At least a quarter of the values are independent.
         let independent = if demosaic == Some(Method::Bilinear) { 4.0 } else { 1.0 };
         let of = Moments { n: seen.n / independent, ..seen };
-        // The variance is computed from the reading, so the quotient is off by about 1/(2 √electrons).
+        // The variance is computed from the reading, so the quotient has a relative error of about 1/(2
+        // √electrons).
         assert!(of.mean.abs() < 5.0 / of.n.sqrt() + 0.02, "{}", of.mean);
         of.assert_variance(1.0, 0.0);
     }
@@ -133,7 +135,7 @@ fn saturated_intensities_are_nan() {
     assert!(got.variances.is_some_and(|v| v.iter().all(|v| v.is_infinite())));
 }
 
-/// Binning halves the size, and readings equal the intensity of the mean matrix.
+/// Binning halves width and height, and each reading equals the intensity of the mean matrix.
 #[test]
 fn binning_is_the_mean_of_the_matrices() {
     let odd = Layout { height: 5, width: 7, ..SMALL };
@@ -147,8 +149,8 @@ fn binning_is_the_mean_of_the_matrices() {
     assert!(worst.fold(0.0, f32::max) < 2e-6);
 }
 
-/// Superpixels recover images that are constant within each superpixel. Interpolation recovers constant
-/// images.
+/// Demosaicking by superpixels recovers images that are constant within each superpixel. Bilinear
+/// demosaicking recovers constant images.
 #[test]
 fn mosaics_of_uniform_images_are_recovered() {
     let half = Layout { height: 2, width: 3, ..SMALL };
@@ -171,7 +173,6 @@ fn mosaics_of_uniform_images_are_recovered() {
     }
 }
 
-/// Without jitter, a diode's mean counts equal the intensities of all time bins.
 #[test]
 fn mean_counts_of_a_diode_equal_the_intensities() {
     let layout = Layout { height: 1, width: 3, times: 40, lanes: 1 };
@@ -193,7 +194,7 @@ fn mean_counts_of_a_diode_equal_the_intensities() {
     let seen = simulate(&m, layout, &scheme, rays, &diode(40), 0).expect("fits");
     assert_eq!((seen.saturated, seen.variances), (0, None));
     for (a, b) in seen.intensities.iter().zip(&clean.intensities) {
-        // 0.3 x 1e-3 x 1e8 = 30 000 counts per unit.
+        // 0.3 x 1e-3 x 1e8 = 30 000 counts per unit of intensity.
         let sigma = (b / 30_000.0).sqrt();
         assert!((a - b).abs() < 6.0 * sigma, "{a} {b}");
     }

@@ -1,4 +1,5 @@
-//! Tests gradients against differences, losses against sampled ones, and learned schemes against bounds.
+//! Compares gradients with central differences, losses with Monte Carlo estimates, and learned schemes
+//! with lower bounds.
 
 use super::*;
 use crate::capture::design_matrix::a_optimal_bound;
@@ -21,15 +22,15 @@ fn objective(estimator: Estimator, angle_error: f64) -> Objective {
     }
 }
 
-/// Returns the metric of two functionals of the elements.
+/// Returns the metric of two linear functionals of the elements.
 fn functionals() -> Moment {
     let of = |f: f64| std::array::from_fn(|e| (f * e as f64).cos());
     metric(&[of(1.3), of(0.4)])
 }
 
-/// Analytic gradients agree with central differences. Covers both sensors, both estimators, few and many
-/// captures, with and without angle errors, and metrics of all elements and of a few functionals. Also covers
-/// chromatic plates and liquid crystals.
+/// Analytic gradients agree with central differences. The test covers both sensors, both estimators, few
+/// and many captures, with and without angle errors, and metrics of all elements and of a few
+/// functionals. It also covers chromatic plates and liquid crystals.
 #[test]
 fn gradients_are_exact() {
     let mut checked = 0;
@@ -66,7 +67,7 @@ fn gradients_are_exact() {
                     let found = (moved(h) - moved(-h)) / (2.0 * h);
                     assert!(
                         (found - gradient[i]).abs() < 1e-4 * norm,
-                        "{} {estimator:?} {angle_error} {i}: {found} is not {}",
+                        "{} {estimator:?} {angle_error} {i}: found {found}, expected {}",
                         scheme.name,
                         gradient[i]
                     );
@@ -78,8 +79,8 @@ fn gradients_are_exact() {
     assert!(checked > 300);
 }
 
-/// With M = 1 the error is that of all elements. With M = Σ w wᵀ it is the sum of the single functionals'
-/// errors.
+/// With the metric M = 1, the error is that of all elements. With M = Σ w wᵀ, the error is the sum of the
+/// functionals' errors.
 #[test]
 fn errors_follow_the_metric() {
     for (captures, estimator) in
@@ -94,19 +95,19 @@ fn errors_follow_the_metric() {
         assert!((all.0 - identity.0).abs() <= 1e-12 * all.0);
         let size = all.1.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
         for (a, b) in all.1.iter().zip(&identity.1) {
-            assert!((a - b).abs() <= 1e-9 * size, "{a} is not {b}");
+            assert!((a - b).abs() <= 1e-9 * size, "found {a}, expected {b}");
         }
         let unit = |i: usize| std::array::from_fn(|e| f64::from(u8::from(e == i)));
         let apart: f64 = (0..16).map(|i| of(Some(metric(&[unit(i)]))).0).sum();
-        assert!((all.0 - apart).abs() < 1e-9 * all.0, "{apart} is not {}", all.0);
+        assert!((all.0 - apart).abs() < 1e-9 * all.0, "found {apart}, expected {}", all.0);
     }
 }
 
-/// Measuring the brightness in unpolarized light takes one capture. With an uninformative prior, M00 and one
-/// captured number I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²). Behind
-/// polarizers every row has |a|² = 4 a₀₀², so three quarters remain for any angles, and K captures with the
-/// same settings do not reduce it. With the prior that light is never polarized, K captures leave σ²/(K a₀₀² +
-/// σ²).
+/// Measuring the brightness in unpolarized light takes one capture. With an uninformative prior, M00 and
+/// one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²).
+/// Behind polarizers every row has |a|² = 4 a₀₀², so three quarters remain for any angles, and K captures
+/// with the same settings do not reduce it. With the prior that light is never polarized, K captures
+/// leave σ²/(K a₀₀² + σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
@@ -128,7 +129,7 @@ fn few_captures_reach_the_bound_of_one_functional() {
         let search = Search { starts: 4, iterations: 100, adam_steps: 0, seed: 1 };
         let template = Scheme::quad(captures, false).expect("a scheme");
         let found = learn(&template, &objective, &search).loss;
-        assert!((found / bound - 1.0).abs() < 1e-6, "{captures}: {found} is not {bound}");
+        assert!((found / bound - 1.0).abs() < 1e-6, "{captures}: found {found}, expected {bound}");
     }
 }
 
@@ -181,12 +182,13 @@ fn the_closed_form_equals_the_sampled_loss() {
         let want = objective.loss(&scheme);
         assert!(
             (mean - want).abs() < 5.0 * deviation,
-            "{captures} {estimator:?}: {mean} is not {want} by {deviation}"
+            "{captures} {estimator:?}: found {mean}, expected {want}, off by {deviation}"
         );
     }
 }
 
-/// Learned angles reach the lower bound of all schemes: 1600/K, 440/K.
+/// Learned angles reach the lower bound of all schemes: 1600/K with an intensity sensor, 440/K with a
+/// polarizer array.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn learned_schemes_reach_the_bound() {
@@ -202,7 +204,8 @@ fn learned_schemes_reach_the_bound() {
     }
 }
 
-/// The observer is notified of every descent and can stop it; histories contain the found minimum.
+/// The observer is notified of every descent and can stop it; the loss histories contain the minimum that
+/// was found.
 #[test]
 fn an_observer_is_notified_and_can_stop_the_search() {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -238,7 +241,6 @@ fn an_observer_is_notified_and_can_stop_the_search() {
     assert!(none.descents.iter().all(|d| d.history.is_empty()) && none.loss > found.loss);
 }
 
-/// Results do not depend on the number of threads.
 #[test]
 fn threads_do_not_matter() {
     let objective = objective(Estimator::Prior, 0.0);

@@ -1,8 +1,8 @@
 //! Principal components of a set of Mueller matrices.
 //!
-//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ
-//! (X - mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows
-//! from its eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. Drawback: singular values
+//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X -
+//! mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows from its
+//! eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. A limitation is that singular values
 //! below about 1e-8 of the first are rounding errors.
 
 use super::moments::{MatrixRow, Moments};
@@ -20,8 +20,7 @@ pub struct Components {
     pub mean: MatrixRow,
     /// Singular values of X - mean in descending order. Singular values are proportional to √n.
     pub spectrum: MatrixRow,
-    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set
-    /// without variance.
+    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set without variance.
     pub share: MatrixRow,
     /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
     /// positive.
@@ -90,7 +89,7 @@ mod tests {
         let v_t = svd.v_t.unwrap();
         for k in 0..16 {
             let sigma = svd.singular_values[k];
-            assert!((c.spectrum[k] - sigma).abs() < 1e-10, "{k}: {} is not {sigma}", c.spectrum[k]);
+            assert!((c.spectrum[k] - sigma).abs() < 1e-10, "{k}: found {}, expected {sigma}", c.spectrum[k]);
             let along: f64 = (0..16).map(|i| v_t[(k, i)] * c.vectors[k][i]).sum();
             assert!((along.abs() - 1.0).abs() < 1e-10, "{k}: {along}");
             for i in 0..16 {
@@ -121,11 +120,11 @@ mod tests {
             };
             let left: f64 = rows.iter().map(square).sum();
             let tail: f64 = c.spectrum[n..].iter().map(|s| s * s).sum();
-            assert!((left - tail).abs() < 1e-10 * (1.0 + tail), "{n}: {left} is not {tail}");
+            assert!((left - tail).abs() < 1e-10 * (1.0 + tail), "{n}: found {left}, expected {tail}");
         }
     }
 
-    /// A set of few rows has fewer components than rows; equal rows have none.
+    /// A set of few rows has fewer components with variance than rows. Equal rows have none.
     #[test]
     fn few_rows_and_equal_rows() {
         for n in [1, 2, 5, 15] {
@@ -144,7 +143,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
 
-        /// Arbitrary numbers give finite components or none.
         #[test]
         fn arbitrary_rows_give_finite_components_or_none(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
             if let Some(c) = Components::of(&Moments::of(&all)) {

@@ -1,17 +1,16 @@
-//! Data sets of pBRDFs: moments and samples of every material. The source of the matrices is up to the
-//! caller.
+//! Data sets of pBRDFs: moments and sampled matrices of every material. The caller supplies the matrices.
 
 use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Number of slabs between two merges: enough for many threads, and small enough to limit memory.
+/// Number of slabs between two merges. It is large enough for many threads, and small enough to limit memory.
 const BATCH: u32 = 64;
 
-/// Settings of the data kept for each material.
+/// Settings for the data that is kept for each material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// c of the map arctan(c T); 8 in the paper.
+    /// Factor c of the map arctan(c T); 8 in Baek & Heide 2021.
     pub c: f64,
     /// Number of bins sampled at random (with a fixed seed), for experiments that need single matrices.
     pub samples: usize,
@@ -33,7 +32,7 @@ pub struct Material {
     pub mapped: Moments,
     /// Number of valid bins, and number of bins excluded for each reason.
     pub tally: Tally,
-    /// Sampled bins, T / T00, row-major, in random order.
+    /// Matrices T / T00 of the sampled bins, row-major, in random order.
     pub samples: Vec<[f32; 16]>,
 }
 
@@ -43,12 +42,10 @@ pub struct DataSet {
     pub materials: Vec<Material>,
 }
 
-/// The weight of each material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
-    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X
-    /// stacks all bins. If all tables have one resolution, this is nearly the same as
-    /// [`Self::Materials`].
+    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X stacks all
+    /// bins. If all tables have one resolution, this is nearly the same as [`Self::Materials`].
     #[default]
     Bins,
     /// Equal weight for all materials.
@@ -110,7 +107,8 @@ impl DataSet {
     }
 }
 
-/// Gathers a material from its slabs; `visit` passes the entries of a slab to the accumulator.
+/// Accumulates the data of a material from its slabs. `visit` passes the entries of a slab to the
+/// accumulator.
 ///
 /// # Errors
 /// [`DataError::Factor`], [`DataError::NoBins`].

@@ -2,9 +2,9 @@
 //! §4).
 //!
 //! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all
-//! others. This separates related materials, whose names are adjacent; nothing is random. If relatives of a
-//! test material are in the training set (a silicone of another colour), the fold tests new specimens rather
-//! than new kinds of material.
+//! others. Related materials, whose names are adjacent, are thus in different folds; no random numbers
+//! are used. If the training set contains materials related to a test material (a silicone of another
+//! colour), the fold tests generalization to new specimens rather than to new kinds of material.
 
 use super::data_set::{DataError, DataSet, Weight};
 use super::moments::Moments;
@@ -71,7 +71,7 @@ mod tests {
         DataSet { materials: (0..n).map(material).collect() }
     }
 
-    /// Every material is tested once, and each fold contains all bins once.
+    /// Every material is tested once, and training and test set of each fold together contain all bins once.
     #[test]
     fn folds_split_the_materials() {
         let data = data(25);

@@ -1,11 +1,11 @@
 //! Selects the valid entries of a pBRDF and accumulates their moments and samples.
 //!
-//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive;
-//! it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible for passive
-//! materials: T00 is noise around 0, and the quotient is arbitrarily large. A few such entries would dominate
-//! the second moments, so they are excluded and counted. Entries that are slightly unphysical because of
-//! noise stay as measured. There is no lower limit of T00: a dim bin is not wrong, and the paper stacks them
-//! all.
+//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is
+//! positive; it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible
+//! for passive materials. Its T00 is noise around 0, so the quotient is arbitrarily large. A few such
+//! entries would dominate the second moments, so they are excluded and counted. Entries that are slightly
+//! unphysical because of noise stay as measured. There is no lower limit of T00, because a dark bin is a
+//! valid measurement and the paper uses all bins.
 //!
 //! Slabs of entries are processed in parallel. The data kept per slab is bounded in size and merged in the
 //! order of slabs. The result therefore does not depend on threads or on the split of a file into slabs.
@@ -31,7 +31,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Adds the entries of another part.
+    /// Adds the counts of another tally.
     pub fn merge(&mut self, other: &Self) {
         self.valid += other.valid;
         self.holes += other.holes;
@@ -40,13 +40,12 @@ impl Tally {
     }
 }
 
-/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials
-/// differ.
+/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials differ.
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
 
-/// A uniform choice without replacement of at most `most` entries: those with the smallest keys.
+/// A random sample of at most `most` entries without replacement: those with the smallest random keys.
 #[derive(Clone, Debug)]
 struct Choice {
     most: usize,
@@ -70,7 +69,7 @@ impl Choice {
         }
     }
 
-    /// Keeps the `most` smallest keys, in order.
+    /// Keeps only the `most` smallest keys, in ascending order.
     fn prune(&mut self) {
         self.kept.sort_unstable_by_key(|k| k.0);
         self.kept.truncate(self.most);
@@ -139,7 +138,7 @@ impl Gathered {
         self.choice.offer(mix(self.next), || v.map(|e| e as f32));
     }
 
-    /// Adds the entries of another part; parts must be merged in order.
+    /// Adds the data of another accumulator. Accumulators must be merged in the order of their slabs.
     pub fn merge(&mut self, other: Self) {
         self.plain.merge(&other.plain);
         self.mapped.merge(&other.mapped);
@@ -148,8 +147,8 @@ impl Gathered {
         self.choice.prune();
     }
 
-    /// Returns the sampled entries, divided by T00, in random order. The first n of them are also a uniform
-    /// sample.
+    /// Returns the sampled entries, divided by T00, in random order. The first n of these entries are
+    /// also a random sample.
     pub fn samples(mut self) -> Vec<[f32; 16]> {
         self.choice.prune();
         self.choice.kept.into_iter().map(|k| k.1).collect()
@@ -198,7 +197,8 @@ mod tests {
         assert_eq!(g.samples().len(), 2);
     }
 
-    /// The samples do not depend on the grouping of slabs, and all entries are equally likely (5 sigma).
+    /// The samples do not depend on the grouping of slabs. All entries are equally likely, within 5
+    /// standard errors.
     #[test]
     fn samples_are_uniform_and_independent_of_grouping() {
         let (slabs, n, most) = (40, 500, 1000);
@@ -227,7 +227,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
 
-        /// Arbitrary input gives only finite moments.
         #[test]
         fn arbitrary_matrices_give_finite_moments(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
             let mut g = Gathered::new(7, c, 5);

@@ -1,4 +1,4 @@
-//! Mean and second moments of sets of Mueller matrices, accumulated in any number of parts.
+//! Mean and second moments of sets of Mueller matrices, accumulated from any number of subsets.
 //!
 //! A matrix is a row v of 16 elements, `v[4 i + j] = m[i][j]`, i = Stokes out, j = Stokes in. The accumulator
 //! stores the number of rows n, their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. Rows are added as in
@@ -7,7 +7,8 @@
 //!
 //! > μ = μ_a + δ n_b / n,  C = C_a + C_b + δ δᵀ n_a n_b / n,  δ = μ_b - μ_a.
 //!
-//! This avoids a sum of squares, which would lose a variance that is small relative to the mean.
+//! These formulas avoid a sum of squares, in which a variance that is small relative to the mean would be
+//! lost to rounding.
 
 use rayon::prelude::*;
 
@@ -61,8 +62,8 @@ impl Moments {
             *mean += d / self.count;
         }
         let after: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
-        // before - after is parallel to both, so the product is symmetric except for rounding. Computing half
-        // of it would be slower.
+        // `before` and `after` are parallel, so the product is symmetric except for rounding errors.
+        // Computing only one half would be slower.
         for (c, a) in self.about_mean.iter_mut().zip(&after) {
             for (c, b) in c.iter_mut().zip(&before) {
                 *c += a * b;
@@ -142,12 +143,12 @@ mod tests {
             assert!((a.mean()[i] - b.mean()[i]).abs() <= slack, "mean {i}");
             for j in 0..16 {
                 let (x, y) = (a.covariance()[i][j], b.covariance()[i][j]);
-                assert!((x - y).abs() <= slack, "[{i}][{j}]: {x} is not {y}");
+                assert!((x - y).abs() <= slack, "[{i}][{j}]: found {x}, expected {y}");
             }
         }
     }
 
-    /// Both moments equal their definitions, and merging in any parts changes nothing.
+    /// Both moments equal their definitions, and merging any subsets gives the same result.
     #[test]
     fn moments_match_their_definitions() {
         let rows = rows(9001, 3);
@@ -169,8 +170,7 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 is computed correctly with a mean of 1e4, where a sum of squares would
-    /// lose it.
+    /// A variance of 1e-12 is computed correctly with a mean of 1e4, although a sum of squares would lose it.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> =
@@ -199,7 +199,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
 
-        /// Rows with non-finite elements are ignored, whatever their other elements.
+        /// Rows with non-finite elements are ignored, whatever the values of their other elements.
         #[test]
         fn rows_that_are_not_finite_are_ignored(
             odd in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..8),

@@ -110,15 +110,15 @@ fn errors_of_matrices_match_actual_errors() {
             stated[i % 16] += errors[i].powi(2);
         }
         for e in 0..16 {
-            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); that of σ̂² over
-            // 8 redundant measurements adds √(2/8/6000).
+            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); the estimate
+            // σ̂² from 8 redundant measurements adds √(2/8/6000).
             let ratio: f64 = off[e] / stated[e];
             assert!((ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(), "{noise:?} {e}: {ratio}");
         }
     }
 }
 
-/// Projected matrices are realizable, and matrices that already were do not change.
+/// Projected matrices are realizable, and the projection does not change realizable matrices.
 #[test]
 fn projections_are_realizable() {
     let (scheme, rays, pixels) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec(), 200);
@@ -134,14 +134,13 @@ fn projections_are_realizable() {
     assert!(projected.chunks(16).all(|m| is_realizable(&of(m), 1e-9)));
 }
 
-/// With few captures, reconstruction fails without a prior and succeeds with a prior at any
-/// brightness.
+/// With few captures, reconstruction fails without a prior and succeeds with a prior at any brightness.
 #[test]
 fn priors_allow_few_captures() {
     let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);
     let plain = Reconstruction::<f64>::new(&scheme, &rays, Options::default());
     assert!(plain.err().expect("rank 8").to_string().contains("--prior"));
-    // Matrices of three parameters.
+    // The matrices are linear combinations of three terms.
     let truth = |p: usize| -> [f64; 16] {
         let (a, b) = ((p as f64).sin(), (p as f64 * 0.3).cos());
         let s = 10.0_f64.powi(p as i32 % 5);
@@ -161,7 +160,7 @@ fn priors_allow_few_captures() {
         let clean = design.intensities(&truth(p));
         (0..8).for_each(|m| seen[m * pixels + p] = clean[m]);
     }
-    // One measurement of one pixel is missing, so that it is solved individually.
+    // One measurement of one pixel is missing, so that this pixel is solved individually.
     seen[3 * pixels + 11] = f64::NAN;
     let options = Options { prior: Some(s), noise: Some(1e-6), ..Options::default() };
     let mut out = vec![0.0; pixels * 16];
@@ -204,7 +203,7 @@ proptest! {
             .expect("rank 16")
             .apply(seen.as_slice(), None, &mut out, None);
         for e in 0..16 {
-            prop_assert!((out[e] - t[e]).abs() < 1e-8 * t[0], "{} {e}: {} is not {}", scheme.name, out[e], t[e]);
+            prop_assert!((out[e] - t[e]).abs() < 1e-8 * t[0], "{} {e}: found {}, expected {}", scheme.name, out[e], t[e]);
         }
     }
 }

@@ -1,5 +1,4 @@
-//! An emulated controller with a stage. The emulator follows the protocol document and can simulate
-//! faults.
+//! An emulated controller with a stage. The emulator follows the protocol document and can simulate faults.
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
@@ -14,7 +13,7 @@ pub struct Trouble(Arc<AtomicU8>);
 
 impl Trouble {
     pub const NONE: u8 = 0;
-    /// The controller does not reply.
+    /// The controller sends no replies.
     pub const SILENT: u8 = 1;
     /// The stage stops halfway.
     pub const STALLS: u8 = 2;

@@ -5,7 +5,6 @@
 //!
 //! All numbers are little-endian.
 
-/// Address of the host.
 pub const HOST: u8 = 0x01;
 /// Address of a USB controller with one channel.
 pub const CONTROLLER: u8 = 0x50;
@@ -52,14 +51,14 @@ pub enum Message {
         serial: u32,
         /// Model, up to 8 bytes.
         model: String,
-        /// Firmware: minor, interim and major version.
+        /// Firmware version: minor, interim and major number.
         firmware: [u8; 3],
     },
-    /// MGMSG_MOD_IDENTIFY: flash the front panel.
+    /// MGMSG_MOD_IDENTIFY: flashes the LED of the front panel.
     Identify,
     /// MGMSG_MOD_SET_CHANENABLESTATE: enables or disables the channel.
     Enable(bool),
-    /// MGMSG_HW_STOP_UPDATEMSGS: send a status only on request.
+    /// MGMSG_HW_STOP_UPDATEMSGS: stops automatic status messages.
     StopUpdates,
     /// MGMSG_MOT_SET_VELPARAMS: acceleration and maximum velocity in the controller's units.
     SetVelocity { acceleration: i32, velocity: i32 },
@@ -71,9 +70,9 @@ pub enum Message {
     MoveAbsolute(i32),
     /// MGMSG_MOT_MOVE_COMPLETED, with or without a status.
     MoveCompleted(Option<Status>),
-    /// MGMSG_MOT_MOVE_STOP: immediate or with a ramp.
+    /// MGMSG_MOT_MOVE_STOP: stops the stage.
     Stop {
-        /// Whether the stage stops without a ramp.
+        /// Whether the stage stops without a deceleration ramp.
         abrupt: bool,
     },
     /// MGMSG_MOT_MOVE_STOPPED, with or without a status.
@@ -86,7 +85,8 @@ pub enum Message {
     RequestDcStatus,
     /// MGMSG_MOT_GET_DCSTATUSUPDATE.
     DcStatus(Status),
-    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: the host is alive; controllers on USB require it every second.
+    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: reports that the host is alive; USB controllers require this message
+    /// every second.
     AckDcStatus,
     /// Any other message: id, parameters, data.
     Other(u16, [u8; 2], Vec<u8>),
@@ -171,7 +171,7 @@ impl Message {
         let status = || Status::of(data);
         let found = match (id, data.len()) {
             (_, 0) => {
-                // Unknown parameters of a known message mean its last form.
+                // A known message with unknown parameters is decoded as the last form in the table.
                 let forms = || PLAIN.iter().filter(move |(_, known, _)| *known == id);
                 let form = forms().find(|(.., p)| *p == parameters).or(forms().next_back());
                 form.map(|(message, ..)| message.clone())
@@ -222,7 +222,6 @@ impl Parser {
         self.held.clear();
     }
 
-    /// Returns the next complete message.
     pub fn next_message(&mut self) -> Option<Message> {
         let mut at = 0;
         let found = loop {

@@ -1,9 +1,9 @@
 //! Thorlabs' APT protocol for motor controllers (host–controller communications protocol, issue 29):
 //! messages, a driver for rotation stages, and an emulator.
 //!
-//! Not tested with real hardware. Bytes are compared with those of an independent package
-//! (`validation/instruments.py`). The behaviour is tested with the emulator, in memory and behind a serial
-//! device of the system.
+//! The driver is not tested with real hardware. The encoded bytes are compared with those of an
+//! independent package (`validation/instruments.py`). The behaviour is tested with the emulator, in
+//! memory and over a pseudo-terminal.
 
 #[cfg(test)]
 mod emulator;

@@ -7,13 +7,12 @@ use std::time::{Duration, Instant};
 
 /// Polling interval of a moving stage.
 const ASK: Duration = Duration::from_millis(100);
-/// Number of equal positions away from the goal after which a stage counts as stalled.
+/// Number of consecutive equal positions, different from the goal, after which a stage counts as stalled.
 const STANDS: u32 = 3;
 
 /// Units and limits of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Encoder counts per degree.
     pub counts_per_degree: f64,
     /// Velocity in controller units that equals one degree per second.
     pub velocity: f64,
@@ -58,7 +57,7 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Stops status updates and enables the channel; nothing moves.
+    /// Creates a stage on a line. Stops status updates and enables the channel, but does not move the stage.
     ///
     /// # Errors
     /// [`Failure`] if the line is disconnected.
@@ -102,7 +101,7 @@ impl AptStage {
         }
     }
 
-    /// Queries the status; passes every message that arrives to `seen`.
+    /// Queries the status. Passes every message that arrives to `seen`.
     fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
         self.send(&Message::RequestDcStatus)?;
         loop {
@@ -217,7 +216,7 @@ impl RotationStage for AptStage {
             // Allow at least one polling interval, so that a completed move never times out.
             let status = self.status(until.max(Instant::now() + ASK), &mut |_| {})?;
             let reading = self.reading(status);
-            // Tolerance of two counts: the encoder's noise.
+            // Tolerate two counts, which is the noise of the encoder.
             if !reading.moving && (status.position - goal).abs() <= 2 {
                 self.goal = None;
                 return Ok(reading);

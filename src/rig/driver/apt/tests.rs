@@ -1,4 +1,5 @@
-//! Tests of bytes, of the driver with the emulator (in memory and by serial device) and of invalid streams.
+//! Tests of the encoded bytes, of the driver with the emulator (in memory and over a pseudo-terminal),
+//! and of invalid streams.
 
 use super::super::line::{MemoryLine, StreamLine};
 use super::emulator::{self, Trouble};
@@ -74,7 +75,7 @@ fn an_unplugged_cable_is_reported_as_disconnected() {
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
-/// Uses a serial device of the system: a pseudo-terminal with the emulator at its other end.
+/// The driver works over a serial device of the system: a pseudo-terminal with the emulator at its other end.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_driver_works_through_a_serial_device() {
@@ -188,7 +189,7 @@ proptest! {
             count += 1;
         }
         prop_assert!(count <= bytes.len() / 6);
-        // A partial message ends after at most the longest message length.
+        // Bytes up to the maximum message length complete any partial message.
         parser.feed(&[0; 300]);
         while parser.next_message().is_some() {}
         parser.feed(&Message::Homed.bytes(HOST, CONTROLLER));

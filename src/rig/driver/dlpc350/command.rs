@@ -12,9 +12,9 @@ pub enum Source {
 /// State of the pattern sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Run {
-    /// The sequence is stopped; a start begins it from its first pattern.
+    /// The sequence is stopped. A start command restarts the sequence at its first pattern.
     Stop,
-    /// The sequence is paused; a start resumes it.
+    /// The sequence is paused. A start command resumes the sequence.
     Pause,
     Start,
 }
@@ -50,7 +50,7 @@ pub struct Entry {
     pub negative: bool,
     /// Whether 230 µs of black follow the pattern.
     pub dark_after: bool,
-    /// Whether a new image is loaded before the pattern.
+    /// Whether the next image is loaded from flash before the pattern.
     pub fetch: bool,
     /// Whether the trigger output stays active from the previous pattern.
     pub joined: bool,
@@ -124,7 +124,7 @@ pub enum Command {
     TriggerIn2(bool),
     /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Times of every pattern in microseconds; the period equals the exposure or exceeds it by ≥ 230 µs.
+    /// Times of every pattern, µs; the period equals the exposure or exceeds the exposure by ≥ 230 µs.
     Exposure { exposure_us: u32, period_us: u32 },
     /// Shape of the sequence; counts start at 1.
     Config {
@@ -137,12 +137,12 @@ pub enum Command {
         /// Number of images, 1 to 64.
         images: u8,
     },
-    /// Opens a mailbox.
+    /// Opens a mailbox for the data that follow.
     Open(Mailbox),
     /// Write offset in the open mailbox.
     Address(u8),
-    /// Flash numbers of the sequence's images. TI's program writes two in reverse order; the driver writes
-    /// one.
+    /// Numbers of the sequence's images in flash. TI's program writes two numbers in reverse order; this
+    /// driver writes only one.
     ImageTable(Vec<u8>),
     /// Patterns of the sequence.
     PatternTable(Vec<Entry>),
@@ -200,7 +200,8 @@ pub enum Question {
     Tag = 0x1AFF,
 }
 
-/// Returns messages for the bits of a validation result; the first two are errors, the others warnings.
+/// Returns messages for the bits of a validation result; the first two messages are errors, the others
+/// are warnings.
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
         "exposure or period is out of range",

@@ -49,7 +49,7 @@ struct State {
     table: Vec<u8>,
     list: Vec<u8>,
     leds: u8,
-    /// Number of status queries that are still answered "in progress"; then `valid` is reported.
+    /// Number of status queries that the emulator still answers with "in progress" before it reports `valid`.
     busy: u8,
     valid: Option<u8>,
     running: bool,
@@ -106,7 +106,7 @@ impl State {
     /// Executes a command; returns `None` if it is unknown or not allowed in this state.
     fn describe(&mut self, code: u16, data: &[u8]) -> Option<()> {
         let first = *data.first()?;
-        // While a sequence runs, only stopping it and switching LEDs is allowed.
+        // While a sequence runs, only stopping the sequence and switching LEDs are allowed.
         if self.running && code != 0x1A24 && code != 0x1A07 {
             return None;
         }

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Number of one-bit planes per image.
 const PLANES: usize = 24;
 
-/// Returns the byte of an RGB pixel and the bit in this byte that contain a plane.
+/// Returns the index of the byte of an RGB pixel that contains a plane, and of the bit in this byte.
 fn place(plane: usize) -> (usize, usize) {
     ([1, 0, 2][plane / 8], plane % 8)
 }

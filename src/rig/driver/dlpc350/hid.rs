@@ -85,7 +85,8 @@ impl Assembler {
     pub fn feed(&mut self, report: &[u8; REPORT]) -> Option<Message> {
         if self.bytes.is_empty() {
             let (flags, length) = (report[0], u16::from_le_bytes([report[2], report[3]]));
-            // Reserved bits, another destination or an impossible length: not a message header.
+            // Reserved bits, another destination or an impossible length show that this is not a message
+            // header.
             if flags & 0x1F != 0 || usize::from(length) > LONGEST {
                 return None;
             }

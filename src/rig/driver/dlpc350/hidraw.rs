@@ -29,8 +29,7 @@ impl HidRaw {
     }
 }
 
-/// Returns the sorted device files of a vendor and product ID in a folder such as
-/// `/sys/class/hidraw`.
+/// Returns the sorted device files of a vendor and product ID in a folder such as `/sys/class/hidraw`.
 pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
     let wanted = format!("{maker:08X}:{product:08X}");
     let Ok(entries) = std::fs::read_dir(class) else {

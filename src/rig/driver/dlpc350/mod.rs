@@ -1,17 +1,15 @@
-//! TI's DLPC350, the controller of LightCrafter 4500 projectors: pattern mode over USB HID (guide
-//! DLPU010).
+//! TI's DLPC350, the controller of LightCrafter 4500 projectors: pattern mode over USB HID (guide DLPU010).
 //!
-//! **Patterns.** In pattern mode the controller displays bit planes of images in its flash, or of
-//! the video port. TI's own program writes these images together with the firmware; they cannot be
-//! sent over USB while the sequence runs. The driver therefore takes a list of the flash contents
-//! (`dlpc350::projector::Flash`) and finds each pattern, or the negative of the pattern, in this
-//! list. White and black are always available. Any other pattern fails with a limit error. The
-//! video port is not supported.
+//! **Patterns.** In pattern mode the controller displays bit planes of images in its flash, or of the
+//! video port. TI's own program writes these images together with the firmware. The images cannot be sent
+//! over USB while the sequence runs. The driver therefore takes a list of the flash contents
+//! (`dlpc350::projector::Flash`) and finds each pattern, or the negative of the pattern, in this list.
+//! White and black are always available. Any other pattern fails with a limit error. The video port is
+//! not supported.
 //!
-//! **Not tested with real hardware.** Packets are compared with those of the independent package
-//! `pycrafter4500` (`validation/dlpc350.py`). The behaviour is tested against this module's
-//! emulator, which follows the guide. For device files ([`hidraw`]), only finding and opening it is
-//! tested.
+//! **Tests.** The driver is not tested with real hardware. Packets are compared with those of the independent
+//! package `pycrafter4500` (`validation/dlpc350.py`). The behaviour is tested against this module's emulator,
+//! which follows the guide. For device files ([`hidraw`]), only finding and opening a file is tested.
 
 pub mod command;
 #[cfg(test)]

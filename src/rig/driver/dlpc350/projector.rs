@@ -49,8 +49,8 @@ impl Dlpc350 {
     /// Creates a projector on an open line. `leds` is a bit mask of the LEDs to use (1 red, 2 green, 4 blue).
     /// A pattern repeats every `period`.
     ///
-    /// # Errors
-    /// [`Failure`] with limit: too many images or planes, wrong pixels, no LED, or a period out of range.
+    /// # Errors [`Failure`] with limit: too many images or planes, invalid pixel values, no LED, or a
+    /// period out of range.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -91,8 +91,8 @@ impl Dlpc350 {
     /// Adds triggers.
     ///
     /// # Errors
-    /// [`Failure`] with limit: a time is out of range, or an input is set (which requires 230 µs of black
-    /// after a pattern) and the period is too short for it.
+    /// [`Failure`] with limit: a time is out of range, or the period is too short for an input trigger,
+    /// which requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -186,7 +186,7 @@ impl Dlpc350 {
             fetch: true,
             joined: false,
         };
-        // Order of the guide: set everything while the sequence is stopped, then validate.
+        // Follow the order of the guide: set all parameters while the sequence is stopped, then validate.
         let triggers = self.triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         let before = [
             Command::Run(Run::Stop),
@@ -234,7 +234,7 @@ impl Dlpc350 {
             }
             let period = Duration::from_micros(u64::from(self.period_us));
             if main & 2 != 0 {
-                // The previous pattern ends within one period.
+                // Wait one period, within which the previous pattern ends.
                 std::thread::sleep(period);
                 return Ok(());
             }
@@ -260,7 +260,7 @@ impl Instrument for Dlpc350 {
         &self.name
     }
 
-    /// Returns the firmware's tag as the serial number, because the protocol has none.
+    /// Returns the firmware's tag as the serial number, because the protocol has no serial number.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
         let until = Instant::now() + within;
         let v = self.ask(Question::Version, 4, until)?;
@@ -293,7 +293,7 @@ impl PatternProjector for Dlpc350 {
         }
     }
 
-    /// Finds the patterns in flash; the only query sent is for the number of images.
+    /// Finds the patterns in flash; the only query that is sent is for the number of images.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let limit = |what: String| self.fail(Fault::Limit, what);
@@ -335,8 +335,8 @@ impl PatternProjector for Dlpc350 {
         self.stands(until)
     }
 
-    /// Turns off the LEDs under manual control first, so that they are dark regardless of the
-    /// sequence.
+    /// Switches to manual control of the LEDs and turns them off first, so that they are dark even if the
+    /// sequence still runs.
     fn dark(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         self.tell(&Command::Leds(0), until)?;

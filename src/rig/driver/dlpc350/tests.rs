@@ -43,7 +43,7 @@ fn packets_match_the_guide() {
     assert_eq!(reports[0][..8], [0x40, 7, 3, 0, 0x24, 0x1A, 2, 0]);
     let reports = Message::host(true, 0, Question::Main as u16, &[]).reports();
     assert_eq!(reports[0][..7], [0xC0, 0, 2, 0, 0x0C, 0x1A, 0]);
-    // 128 patterns are 384 bytes: 58 in the first report, 64 in each subsequent one.
+    // 128 patterns are 384 bytes: the first report holds 58 bytes, each subsequent report 64 bytes.
     let reports = Message::host(false, 1, 0x1A34, &[0xAB; 384]).reports();
     assert_eq!(reports.len(), 1 + (384_usize - 58).div_ceil(64));
     assert_eq!(reports[0][2..6], [0x82, 0x01, 0x34, 0x1A]);
@@ -78,7 +78,7 @@ fn patterns_are_found_in_flash() {
     let failure = projector.load(&[stripes(3)], LONG).expect_err("not there");
     assert!(failure.fault == Fault::Limit && failure.what.contains("flash"), "{failure}");
     projector.show(0, LONG).expect("what was loaded before is still there");
-    // A flash list of another firmware.
+    // The flash list belongs to another firmware.
     let small = Emulator::new(1);
     let flash = Flash(vec![vec![], vec![stripes(8)]]);
     let mut projector = Dlpc350::new("dmd", Box::new(small), flash, 2, PERIOD).expect("a projector");
@@ -130,9 +130,8 @@ fn unsupported_settings_are_refused() {
     assert_eq!(complaints(0b11).len(), 2);
 }
 
-/// The emulator rejects sequences that the guide calls invalid; no other test checks that the
-/// driver asks for validation. Triggers are set before the sequence is validated, in steps of 107.2
-/// ns: 0xBB is the start of the pattern (TI's own program).
+/// The driver sets triggers before it requests validation of the sequence; no other test checks this request.
+/// Trigger times are in steps of 107.2 ns, and 0xBB is the start of the pattern (as in TI's own program).
 #[test]
 fn triggers_match_the_guide() {
     let triggers = Triggers {

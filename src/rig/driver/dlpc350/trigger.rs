@@ -49,8 +49,8 @@ pub struct Input {
     pub delay_us: f64,
 }
 
-/// All triggers. Absent outputs keep the controller's settings; without an input, the controller's
-/// clock begins patterns.
+/// All triggers. If an output is absent, the controller keeps its settings. Without an input, the
+/// controller's clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {

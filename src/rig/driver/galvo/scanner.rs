@@ -1,9 +1,8 @@
 //! A galvo scanner on any analog output.
 //!
-//! The card reports its output voltage but not the mirrors' position. [`GalvoScanner::point`]
-//! therefore converts the present voltage to an angle. After a failure the beam's position is
-//! unknown; the next move is a single step, followed by enough settling time for a move from any
-//! position.
+//! The card reports its output voltage but not the mirrors' position. [`GalvoScanner::point`] therefore
+//! converts the present voltage to an angle. After a failure the beam's position is unknown; the next move is
+//! a single step, followed by enough settling time for a move from any position.
 
 use super::wiring::Wiring;
 use crate::clock::Clock;

@@ -1,4 +1,5 @@
-//! Compares voltages and paths with closed forms; tests the scanner on a simulated card, also on failures.
+//! Compares voltages and paths with closed forms; tests the scanner on a simulated card, with and without
+//! failures.
 
 use super::scanner::AnalogGalvo;
 use super::wiring::{Travel, Wiring};
@@ -55,8 +56,8 @@ fn scanner(world: &Shared, wiring: Wiring) -> AnalogGalvo {
     AnalogGalvo::new(Box::new(card(world)), world.clock(), wiring).expect("a scanner")
 }
 
-/// The steps are those of 16 bits over ±10 V: zero is a step, and the largest output is one step
-/// below 10 V.
+/// The output steps are those of 16 bits over ±10 V: 0 V is an exact step, and the largest output is one
+/// step below 10 V.
 #[test]
 fn steps_match_the_number_of_bits() {
     assert_eq!(CARD.step(), 20.0 / 65_536.0);
@@ -65,7 +66,7 @@ fn steps_match_the_number_of_bits() {
     assert_eq!(CARD.nearest(10.0), 10.0 - CARD.step());
     assert_eq!(CARD.nearest(0.4 * CARD.step()), 0.0);
     assert_eq!(CARD.nearest(0.6 * CARD.step()), CARD.step());
-    // 10° of the beam are 5° of the mirror.
+    // A mirror angle of 5° deflects the beam by 10°.
     assert_eq!(WIRING.volts([10.0, 10.0]), [4.0, -2.5]);
 }
 
@@ -87,20 +88,21 @@ proptest! {
             let speed = (0..2).map(|i| (at[i] - last[i]).abs() * WIRING.rate_hz).fold(0.0, f64::max);
             fastest = fastest.max(speed);
             let cross = (at[0] - from[0]) * (to[1] - from[1]) - (at[1] - from[1]) * (to[0] - from[0]);
-            prop_assert!(cross.abs() < 1e-9, "off the line by {}", cross);
+            prop_assert!(cross.abs() < 1e-9, "{} degrees off the straight line", cross);
             if k + 1 < n {
                 let mirrored = way[0][n - 2 - k] + way[0][k];
                 prop_assert!((mirrored - a[0] - b[0]).abs() < 1e-9);
             }
             last = at;
         }
-        prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees a second", fastest);
-        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. At
-        // worst, the fastest sample covers the interval of length 1/n next to the midpoint, where the speed
-        // falls as (1 - 4x²)² ≥ 1 - 8x²: its mean speed is at least 1 - 8/(3n²) of the maximum.
+        prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees per second", fastest);
+        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary.
+        // In the worst case, the fastest sample covers the interval of length 1/n next to the midpoint.
+        // The speed decreases there as (1 - 4x²)² ≥ 1 - 8x², so the mean speed is at least 1 - 8/(3n²) of
+        // the maximum.
         let n = n as f64;
         let least = 2000.0 * (1.0 - 1.0 / n) * (1.0 - 8.0 / (3.0 * n * n));
-        prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees a second", fastest, least);
+        prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees per second", fastest, least);
     }
 }
 
@@ -113,7 +115,8 @@ fn card_and_scanner_conform() {
     }
 }
 
-/// Each sample is output at its time and channel, in the card's steps; then the mirrors settle at the goal.
+/// Each sample is output at its time and on its channel, rounded to the card's steps. Then the mirrors
+/// settle at the goal.
 #[test]
 fn every_sample_is_output_at_its_time() {
     let world = world(&[]);
@@ -125,7 +128,8 @@ fn every_sample_is_output_at_its_time() {
     let at = galvo.point([10.0, -6.0], WITHIN).expect("points");
     assert!((at[0] - 10.0).abs() < 4e-4 && (at[1] + 6.0).abs() < 7e-4, "{at:?}");
     assert_eq!(world.with(|w| w.pointing_deg), at);
-    // 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by half a step, plus half a step of the goal.
+    // The number of samples is 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by half a step, plus
+    // half a step of the goal.
     let n = 94;
     let stood = recording.lock().expect("it")[before..].to_vec();
     assert_eq!(stood.len(), n);
@@ -145,7 +149,8 @@ fn every_sample_is_output_at_its_time() {
     assert_eq!(recording.lock().expect("it").len(), before + n + 1);
 }
 
-/// Each failure of the card is reported with its cause. The next move reaches its goal and waits long enough.
+/// Each failure of the card is reported with its cause. The next move reaches its goal and waits for the
+/// maximum settling time.
 #[test]
 fn card_failures_are_reported_and_the_next_move_succeeds() {
     for (mishap, fault) in [

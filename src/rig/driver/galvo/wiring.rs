@@ -1,8 +1,9 @@
-//! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths between positions.
+//! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths of the beam between
+//! positions.
 //!
-//! A mirror that turns by θ turns the beam by 2θ. Makers state volts per mechanical degree of the mirror
-//! (0.5, 0.8 or 1 for Thorlabs' GVS0xx). All other angles are optical degrees of the beam, as in
-//! [`crate::instrument::GalvoScanner`].
+//! A mirror that rotates by θ deflects the beam by 2θ. Manufacturers specify volts per mechanical degree
+//! of the mirror (0.5, 0.8 or 1 for Thorlabs' GVS0xx). All other angles are optical degrees of the beam,
+//! as in [`crate::instrument::GalvoScanner`].
 
 use crate::instrument::{AnalogLimits, AnalogSettings, GalvoLimits};
 use std::time::Duration;
@@ -12,8 +13,8 @@ use std::time::Duration;
 pub enum Travel {
     /// The beam moves in a single step of one sample.
     Stepped,
-    /// The beam moves along an S-curve with zero speed and acceleration at its ends. The number is
-    /// its maximum speed, in degrees per second.
+    /// The beam moves along an S-curve with zero speed and acceleration at its ends. The number is the
+    /// maximum speed of the beam, in degrees per second.
     Smooth(f64),
 }
 
@@ -37,7 +38,7 @@ pub struct Wiring {
 /// Maximum slope of [`curve`].
 const STEEPEST: f64 = 1.875;
 
-/// Returns the S-curve from 0 to 1 with zero speed and acceleration at both ends: 10 u³ - 15 u⁴ + 6 u⁵.
+/// Returns the S-curve 10 u³ - 15 u⁴ + 6 u⁵ from 0 to 1, which has zero speed and acceleration at both ends.
 fn curve(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
@@ -58,7 +59,6 @@ impl Wiring {
         AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }
 
-    /// Returns the combined limits of mirrors and card.
     pub fn limits(&self, card: &AnalogLimits) -> GalvoLimits {
         let steps = self.volts_per_degree.map(|v| 2.0 * card.step() / v.abs());
         GalvoLimits { range_deg: self.range_deg, resolution_deg: steps[0].max(steps[1]), settle: self.settle }
@@ -74,7 +74,6 @@ impl Wiring {
         ((STEEPEST * far / speed * self.rate_hz).ceil() as usize).max(1)
     }
 
-    /// Returns the duration of the longest move.
     pub fn longest(&self) -> Duration {
         let corner = self.volts(self.range_deg);
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
@@ -100,7 +99,7 @@ impl Wiring {
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(
-                "invalid volts_per_degree {:?}; expected 0.001 to 1000 V per degree, such as 0.8",
+                "invalid volts_per_degree {:?}; expected magnitudes of 0.001 to 1000 V per degree, such as 0.8",
                 self.volts_per_degree
             ));
         }
@@ -108,7 +107,7 @@ impl Wiring {
             && !(speed > 0.0 && speed.is_finite())
         {
             return Err(format!(
-                "invalid speed {speed}; expected a positive number of degrees per second, or none for steps"
+                "invalid speed {speed}; expected a positive number of degrees per second; for stepped moves, remove the speed"
             ));
         }
         card.check(&self.settings())?;

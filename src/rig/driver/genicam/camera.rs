@@ -12,7 +12,7 @@ use crate::instrument::{
 use cameleon::StreamError;
 use std::time::Duration;
 
-/// Relative tolerance of the exposure time: cameras round it to their clock.
+/// Relative tolerance of the exposure time, which cameras round to the period of their clock.
 const EXPOSURE_OFF: f64 = 0.01;
 
 pub struct GenICamCamera {
@@ -20,8 +20,7 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// Whether the camera acquires or may acquire: an earlier program or connection may not have
-    /// stopped it.
+    /// Whether the camera acquires or may acquire: an earlier program or connection may not have stopped it.
     acquiring: bool,
     /// Whether an exposure was started whose frame has not arrived.
     pending: bool,
@@ -40,8 +39,7 @@ impl GenICamCamera {
     /// does not report.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is
-    /// missing).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
     pub fn new(
         name: &str,
         control: Control,
@@ -93,7 +91,7 @@ impl GenICamCamera {
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
-                "unsupported sensor: size {:?}, formats {}; needs at least one pixel and Mono8, Mono10p, Mono12p or Mono16",
+                "unsupported sensor of size {:?} with formats {}; use a camera with at least one pixel and format Mono8, Mono10p, Mono12p or Mono16",
                 self.limits.size,
                 entries.join(", ")
             );

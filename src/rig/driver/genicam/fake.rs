@@ -39,7 +39,6 @@ pub struct State {
     /// Addresses and new values of all registers written, in order.
     pub written: Vec<(usize, u32)>,
     pub trouble: Trouble,
-    /// Whether the line is open.
     pub opened: bool,
     /// Whether the camera has enabled the stream, and whether the host receives it.
     pub streaming: [bool; 2],
@@ -76,7 +75,7 @@ impl Fake {
         put(0x0144, b"F-0001");
         put(0x01D0, &(MANIFEST as u64).to_le_bytes());
         put(MANIFEST, &1_u64.to_le_bytes());
-        // Version 1.0.0 of the file; an uncompressed XML of schema 1.1.
+        // The manifest states version 1.0.0 of the file, and uncompressed XML of schema 1.1.
         put(MANIFEST + 8, &[0, 0, 0, 1]);
         put(MANIFEST + 12, &[0, 0, 1, 1]);
         put(MANIFEST + 16, &(FILE as u64).to_le_bytes());
@@ -190,7 +189,7 @@ impl DeviceControl for Fake {
         Ok(())
     }
 
-    /// Finds the XML through the bootstrap registers, as a real line does.
+    /// Finds the XML through the bootstrap registers, as on a real camera.
     fn genapi(&mut self) -> ControlResult<String> {
         let mut word = |at: u64| -> ControlResult<u64> {
             let mut bytes = [0; 8];

@@ -1,5 +1,6 @@
-//! GenICam cameras (crate `cameleon`, feature `genicam`): features named by the Standard Features Naming
-//! Convention, over any line that reads and writes registers. The feature `usb3_vision` adds the USB line.
+//! GenICam cameras (crate `cameleon`, feature `genicam`): features are named as in the Standard Features
+//! Naming Convention, and accessed over any line that reads and writes registers. The Cargo feature
+//! `usb3_vision` adds the USB line.
 
 pub mod camera;
 mod nodes;

@@ -1,4 +1,4 @@
-//! Features of a camera by name. `cameleon` evaluates the camera's XML; nothing is cached.
+//! Features of a camera by name. `cameleon` evaluates the camera's XML. Values are not cached.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
@@ -84,7 +84,6 @@ impl Nodes {
         self.control.as_mut()
     }
 
-    /// Returns whether a feature exists.
     pub fn has(&mut self, feature: &str) -> bool {
         self.params().node(feature).is_some()
     }
@@ -93,7 +92,7 @@ impl Nodes {
         ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
-    /// Calls `f` with a feature. `f` returns `None` if the feature has another type.
+    /// Calls `f` with a feature. `f` returns `None` if the feature has an unexpected type.
     fn with<T>(
         &mut self,
         feature: &str,
@@ -200,7 +199,6 @@ impl Nodes {
         Ok(())
     }
 
-    /// Executes a command feature.
     pub fn command(&mut self, feature: &str) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_command(p).map(|n| n.execute(p)))
     }

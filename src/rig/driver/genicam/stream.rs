@@ -6,7 +6,7 @@ use cameleon::payload::{self, Payload, PayloadReceiver};
 use cameleon::{DeviceControl, PayloadStream, StreamError};
 use std::time::{Duration, Instant};
 
-/// Maximum number of queued frames; later frames are dropped, which their numbers show.
+/// Maximum number of queued frames; further frames are dropped, which causes gaps in the frame numbers.
 const WAITING: usize = 8;
 /// Polling interval for frames.
 const POLL: Duration = Duration::from_millis(1);
@@ -23,18 +23,16 @@ pub struct Block {
     pub timestamp: Duration,
 }
 
-/// Returns the fault for an error of a stream.
 pub fn fault(error: &StreamError) -> Fault {
     match error {
         StreamError::Timeout => Fault::Timeout,
-        // A damaged frame is merely lost.
+        // A damaged frame counts as a lost frame.
         StreamError::InvalidPayload(_) | StreamError::BufferTooSmall => Fault::Timeout,
         StreamError::InStreaming => Fault::Refused,
         _ => Fault::Disconnected,
     }
 }
 
-/// A source of frames.
 pub trait Frames: Send {
     /// Opens the line; has no effect if it is open.
     ///
@@ -137,7 +135,8 @@ impl<S: PayloadStream + Send> Frames for Streamed<S> {
         loop {
             match receiver.try_recv() {
                 Ok(payload) => return block(payload).map(Some),
-                // `cameleon` reports the same error for an empty queue and for one whose sender has closed.
+                // `cameleon` reports the same error for an empty queue and for a queue whose sender has
+                // closed.
                 Err(StreamError::ReceiveError(what)) if what.contains("closed") => {
                     return Err(StreamError::Disconnected);
                 }

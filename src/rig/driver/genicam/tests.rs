@@ -49,7 +49,7 @@ fn features_reach_their_registers() {
         [identity.maker, identity.model, identity.serial, identity.firmware],
         ["Sunstone", "Fake 16 x 12", "F-0001", "0.1"]
     );
-    // Automatic exposure was on; the driver turned it off.
+    // Automatic exposure was on, and the driver turned it off.
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20034, 0)]);
     camera.configure(&settings(), WITHIN).expect("sets");
     assert_eq!(
@@ -80,7 +80,7 @@ fn features_reach_their_registers() {
     assert!(begun.elapsed() >= settings().exposure);
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20024, 1)]);
     assert_eq!(pixels::unpack(&frame), Some((0..32).collect()));
-    // The region moves to where the earlier width would not fit.
+    // The region moves to an offset at which the earlier width would not fit.
     let mut wide = settings();
     wide.region = Region { x: 12, y: 0, width: 4, height: 12 };
     wide.trigger = Trigger::Line;

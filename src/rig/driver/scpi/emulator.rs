@@ -23,7 +23,6 @@ pub enum Trouble {
     Interlock,
 }
 
-/// State of the laser.
 #[derive(Debug)]
 struct State {
     on: bool,

@@ -6,14 +6,12 @@ use super::talk::Talk;
 use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
 use std::time::{Duration, Instant};
 
-/// A laser driven by SCPI commands.
 pub struct ScpiLaser {
     talk: Talk,
     table: LaserTable,
 }
 
 impl ScpiLaser {
-    /// Creates a laser on an open line.
     pub fn new(name: &str, line: Box<dyn Line>, table: LaserTable) -> Self {
         let talk = Talk::new(name, line);
         Self { talk, table }
@@ -81,7 +79,7 @@ impl PulsedLaser for ScpiLaser {
                     return self.fail(Fault::Refused, what);
                 }
             }
-            // Set the rate first, so that the laser never emits at a wrong rate.
+            // Set the rate first, so that the laser never emits at a previous rate.
             if let Some(command) = self.table.rate(rate_hz) {
                 self.tell(&command, until)?;
             }

@@ -1,8 +1,8 @@
-//! SCPI (1999) over the message rules of IEEE 488.2: a message exchange over any line, a
+//! SCPI (1999) with the message exchange protocol of IEEE 488.2: a message exchange over any line, a
 //! table-driven pulsed laser or delay generator, and an emulator.
 //!
-//! Not tested with a real instrument. `validation/scpi.py` tests the exchange over TCP with the
-//! packages PyVISA-py (which queries the emulator) and PyVISA-sim (which replies to the driver).
+//! The driver is not tested with a real instrument. `validation/scpi.py` tests the exchange over TCP with
+//! the packages PyVISA-py (which queries the emulator) and PyVISA-sim (which replies to the driver).
 
 pub mod emulator;
 pub mod laser;

@@ -35,21 +35,21 @@ pub struct LaserTable {
     pub off: String,
     /// Command that sets the pulse rate; absent if the rate is fixed.
     pub set_rate: Option<String>,
-    /// Query whether the light is on.
+    /// Query that returns whether the light is on.
     #[serde(default = "ask_on")]
     pub ask_on: String,
     /// Replies that mean that the light is on.
     #[serde(default = "on_answers")]
     pub on_answers: Vec<String>,
-    /// Query for the pulse rate in hertz; absent if the rate is fixed.
+    /// Query that returns the pulse rate in hertz; absent if the rate is fixed.
     pub ask_rate: Option<String>,
-    /// Query for the mean power, in any unit; if absent, the power is assumed to be nominal.
+    /// Query that returns the mean power, in any unit. If absent, the power is assumed to be nominal.
     pub ask_power: Option<String>,
     /// Nominal power, in the unit of `ask_power`.
     pub nominal_power: Option<f64>,
-    /// Query whether the interlock is closed; the reply 1 or ON means closed.
+    /// Query that returns whether the interlock is closed. The reply 1 or ON means closed.
     pub ask_interlock: Option<String>,
-    /// Query for the oldest error; the reply is 0 if there is none.
+    /// Query that returns the oldest error. The reply is 0 if there is no error.
     #[serde(default = "errors")]
     pub errors: String,
     /// Whether the instrument supports `*OPC?`.

@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// Whether a late reply may be pending, which would be mistaken for the reply to another query.
+    /// Whether a late reply may be pending. It would be mistaken for the reply to the next query.
     out_of_step: bool,
 }
 
@@ -72,7 +72,7 @@ impl Talk {
         })
     }
 
-    /// Sends a query and returns its reply as text without the newline.
+    /// Sends a query and returns the reply as text without the newline.
     ///
     /// # Errors
     /// [`Failure`]: timeout after `within`, disconnected (also if the reply is not text).
@@ -97,7 +97,7 @@ impl Talk {
         }
     }
 
-    /// Sends a query and returns its reply as a number; refuses SCPI's NaN and infinity (9.91E37, 9.9E37).
+    /// Sends a query and returns the reply as a number. Refuses SCPI's NaN (9.91E37) and infinity (9.9E37).
     pub fn ask_number(&mut self, question: &str, within: Duration) -> Result<f64, Failure> {
         let answer = self.ask(question, within)?;
         match answer.parse::<f64>() {

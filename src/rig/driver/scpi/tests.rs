@@ -88,7 +88,7 @@ fn late_replies_are_not_read_as_later_ones() {
 #[test]
 fn instrument_errors_map_to_faults() {
     let (table, _) = served();
-    // The table claims a wider range than the laser has: the laser itself refuses.
+    // The table states a wider range than that of the laser, so the laser itself refuses the rate.
     let text = table.replace("8e7", "9e9");
     let mut laser = connected(&text);
     let failure = laser.emit(true, 5e9, LONG).expect_err("out of range");
@@ -123,7 +123,7 @@ fn tables_are_checked() {
     assert!(failure.fault == Fault::Disconnected && failure.what.contains("127.0.0.1:1"), "{failure}");
 }
 
-/// Tests another vendor's commands: the delay generator from the documentation.
+/// Tests another vendor's commands: those of the delay generator in the documentation of [`LaserTable`].
 #[test]
 fn commands_of_another_vendor_work() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\

@@ -37,9 +37,10 @@ pub fn fault(code: i32) -> Fault {
         -21 | -20 => Fault::Refused,
         // Lane and acknowledgement errors.
         -43..=-40 => Fault::Timeout,
-        // Defects of the board: modules, EEPROM.
+        // Defects of the board's modules or EEPROM.
         -56..=-53 | -74..=-64 => Fault::Refused,
-        // Not found, not open, not initialized; DMA, FPGA, calibration, status; unknown codes.
+        // The board is not found, not open or not initialized; errors of DMA, FPGA, calibration or
+        // status; unknown codes.
         _ => Fault::Disconnected,
     }
 }

@@ -119,7 +119,7 @@ impl Th260Counter {
                 }
                 Ok(serial) => {
                     found.push(serial);
-                    // This board has another serial number: release it.
+                    // Release this board, because it has another serial number.
                     let _ = self.library.tell(device, Order::Close);
                 }
                 Err(code::OPEN_FAIL) => {}

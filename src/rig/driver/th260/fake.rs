@@ -14,7 +14,7 @@ pub struct State {
     pub model: &'static str,
     /// All commands received, in order.
     pub reported: Vec<Order>,
-    /// Prefix of a call's `Debug` text, and the error code that such calls return.
+    /// Prefix of the `Debug` text of calls that fail, and the error code that these calls return.
     pub fails: Option<(&'static str, i32)>,
     pub flags: i32,
     /// Laser pulses per second.

@@ -1,7 +1,7 @@
 //! Binding to PicoQuant's library, loaded at run time. All unsafe code of the driver is in this module.
 //!
-//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes is longer than `th260defin.h`
-//! requires and outlives its call.
+//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes to is longer than
+//! `th260defin.h` requires, and outlives the call.
 
 use super::code::LONGEST_HISTOGRAM;
 use libloading::Library;
@@ -68,7 +68,6 @@ pub(super) struct Hardware {
 
 /// The functions of the library. Errors are the library's codes, all negative.
 pub(super) trait Th260: Send {
-    /// Returns the version of the library.
     fn version(&mut self) -> Result<String, i32>;
     /// Returns the library's text for an error code.
     fn explain(&mut self, code: i32) -> String;
@@ -207,8 +206,8 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
-/// Calls a function that writes `N` texts and returns these. Each buffer has 256 characters, more than any of
-/// these functions writes (at most 40, by `th260defin.h`).
+/// Calls a function that writes `N` texts, and returns these texts. Each buffer has 256 characters, more
+/// than any of these functions writes (at most 40, by `th260defin.h`).
 fn texts<const N: usize>(call: impl FnOnce([*mut c_char; N]) -> c_int) -> Result<[String; N], i32> {
     let mut buffers = [[0_u8; 256]; N];
     good(call(buffers.each_mut().map(|b| b.as_mut_ptr().cast())))?;
@@ -217,18 +216,18 @@ fn texts<const N: usize>(call: impl FnOnce([*mut c_char; N]) -> c_int) -> Result
 
 impl Th260 for Loaded {
     fn version(&mut self) -> Result<String, i32> {
-        // SAFETY: writes at most 8 characters.
+        // SAFETY: the function writes at most 8 characters.
         texts(|[version]| unsafe { (self.get_version)(version) }).map(|[version]| version)
     }
 
     fn explain(&mut self, code: i32) -> String {
-        // SAFETY: writes at most 40 characters.
+        // SAFETY: the function writes at most 40 characters.
         let found = texts(|[words]| unsafe { (self.get_error)(words, code) });
         found.map_or_else(|_| "no description".into(), |[words]| words)
     }
 
     fn open(&mut self, device: i32) -> Result<String, i32> {
-        // SAFETY: writes at most 8 characters.
+        // SAFETY: the function writes at most 8 characters.
         texts(|[serial]| unsafe { (self.open_device)(device, serial) }).map(|[serial]| serial)
     }
 
@@ -270,7 +269,7 @@ impl Th260 for Loaded {
     }
 
     fn hardware(&mut self, device: i32) -> Result<Hardware, i32> {
-        // SAFETY: writes at most 16 characters into each buffer.
+        // SAFETY: the function writes at most 16 characters into each buffer.
         let found =
             texts(|[model, part, version]| unsafe { (self.get_hardware)(device, model, part, version) })?;
         let [model, part, version] = found;
@@ -279,22 +278,22 @@ impl Th260 for Loaded {
 
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32> {
         let (mut resolution, mut steps): (c_double, c_int) = (0.0, 0);
-        // SAFETY: writes one `double` and one `int`, to locals that outlive the call.
+        // SAFETY: the function writes one `double` and one `int`, to locals that outlive the call.
         good(unsafe { (self.get_base)(device, &raw mut resolution, &raw mut steps) })?;
         Ok((resolution, steps))
     }
 
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32> {
         let mut elapsed: c_double = 0.0;
-        // SAFETY: writes one `double`, to a local that outlives the call.
+        // SAFETY: the function writes one `double`, to a local that outlives the call.
         good(unsafe { (self.get_elapsed)(device, &raw mut elapsed) })?;
         Ok(elapsed)
     }
 
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32> {
         let mut counts: Vec<c_uint> = vec![0; LONGEST_HISTOGRAM];
-        // SAFETY: writes at most MAXHISTLEN counts, the vector's length; 0 leaves the board's memory
-        // unchanged.
+        // SAFETY: the function writes at most MAXHISTLEN counts, the vector's length. The argument 0
+        // leaves the board's memory unchanged.
         good(unsafe { (self.get_histogram)(device, counts.as_mut_ptr(), channel, 0) })?;
         Ok(counts)
     }

@@ -1,9 +1,7 @@
-//! Driver for PicoQuant's TimeHarp 260 in histogramming mode, through PicoQuant's own library
-//! (TH260Lib 3).
+//! Driver for PicoQuant's TimeHarp 260 in histogramming mode, through PicoQuant's own library (TH260Lib 3).
 //!
-//! The driver loads the library at run time. The library is not distributed with this program.
-//! Functions, constants and codes follow the library's manual and headers. All unsafe code is in
-//! `library`.
+//! The driver loads the library at run time. The library is not distributed with this program. Functions,
+//! constants and codes follow the library's manual and headers. All unsafe code is in `library`.
 
 pub mod code;
 pub mod counter;

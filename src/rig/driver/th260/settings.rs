@@ -4,7 +4,7 @@ use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOG
 use crate::instrument::CounterSettings;
 use serde::Deserialize;
 
-/// Slope of a pulse that triggers (TimeHarp 260 N), with the library's number.
+/// Slope of a pulse that triggers (TimeHarp 260 N), with the number that the library uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
@@ -21,7 +21,7 @@ pub struct Th260Settings {
     pub serial: Option<String>,
     /// Input channel of the detector, counted from 0.
     pub channel: i32,
-    /// Divider of the sync input: one of every 1, 2, 4 or 8 pulses counts.
+    /// Divider of the sync input, 1, 2, 4 or 8: only every `sync_divider`-th pulse is timed.
     pub sync_divider: i32,
     /// Trigger level of the sync input.
     pub sync_mv: i32,
@@ -59,7 +59,7 @@ impl Th260Settings {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
             return Err(
-                "`sync_mv` and `input_mv` must be -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into()
+                "`sync_mv` or `input_mv` is out of range; set -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into()
             );
         }
         if !(-40..=0).contains(&self.zero_cross_mv) {
@@ -122,7 +122,8 @@ impl Measurement {
                 "the dwell time is {ms} ms; expected a whole number of milliseconds from 1 to {LONGEST_MS}"
             ));
         }
-        // The board subtracts whole nanoseconds from the time difference; the remainder delays the sync.
+        // The board subtracts whole nanoseconds from the time difference. The remainder is set as a delay
+        // of the sync input.
         let ps = settings.offset_ps;
         let offset_ns = (ps / 1e3).floor().clamp(0.0, f64::from(GREATEST_OFFSET_NS));
         let rest = ps - offset_ns * 1e3;

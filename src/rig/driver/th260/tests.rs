@@ -121,8 +121,8 @@ fn measurement_settings_are_converted_for_the_board() {
     }
 }
 
-/// Codes of each group in `errorcodes.h` map to the right fault from any call; messages contain the library's
-/// text and advice.
+/// Codes of each group in `errorcodes.h` map to the correct fault for any call. Messages contain the
+/// library's text and a fix.
 #[test]
 fn error_codes_map_to_faults() {
     for (number, fault) in [
@@ -241,7 +241,8 @@ fn boards_are_selected_by_serial_number() {
     }
 }
 
-/// Errors of loading list the files tried, the library's purpose and where to get it.
+/// If the library cannot be loaded, the error lists the files that were tried, the library's purpose, and
+/// its source.
 #[test]
 fn a_missing_library_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -265,7 +266,6 @@ fn a_missing_library_is_reported() {
     }
 }
 
-/// Compiles a library from source text.
 fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
     let (from, to) = (folder.join(format!("{name}.rs")), folder.join(format!("{name}.so")));
     std::fs::write(&from, source).expect("writes");
@@ -293,11 +293,11 @@ fn a_loaded_library_conforms() {
     let histogram = board.finish(WITHIN).expect("counts");
     assert_eq!(histogram.counts, (1000..1400).collect::<Vec<u32>>());
     assert_eq!(histogram.pulses, 40_000);
-    // The board is open: a second program is refused with the library's text.
+    // The board is open, so a second program is refused with the library's text.
     let second = Th260Counter::load("counter", Some(&file), Th260Settings::default());
     let failure = second.err().expect("it is locked");
     assert!(failure.fault == Fault::Refused && failure.what.contains("fake text of -11"), "{failure}");
-    // The first program still holds the board.
+    // The first program can still use the board.
     board.begin().expect("begins");
     board.finish(WITHIN).expect("counts");
     drop(board);

@@ -76,9 +76,9 @@ pub(super) struct ScanFile {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Maximum number of retries of a step.
+    /// Maximum number of retries per step.
     pub retries: u32,
-    /// First wait before a retry in seconds. The wait doubles at each retry, up to 30 s.
+    /// Wait before the first retry, in seconds. The wait doubles at each retry, up to 30 s.
     pub backoff_s: f64,
     /// Maximum time in seconds that a call to an instrument may take beyond the duration of its operation.
     pub deadline_s: f64,

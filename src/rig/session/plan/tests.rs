@@ -1,5 +1,4 @@
-//! Tests that valid plans are accepted, that invalid plans are rejected, and that no text causes a
-//! panic.
+//! Tests that valid plans are accepted, that invalid plans are rejected, and that no text causes a panic.
 
 use super::*;
 use proptest::prelude::*;

@@ -18,8 +18,8 @@ fn readings(camera: &Cmos, radiance: f64, key: u32) -> Moments {
     Moments::of((0..100_000).map(|_| f64::from(camera.sample(radiance, NM, 1.0, &mut stream).dn)))
 }
 
-/// Readings have the expected mean and variance for 0 to 9100 of 10 700 e⁻ and two gains. The
-/// fourth cumulant κ₄ of the readings is that of the Poisson number.
+/// Readings have the expected mean and variance for 0 to 9100 of 10 700 e⁻ and two gains. The fourth
+/// cumulant κ₄ of the readings is that of a Poisson distribution.
 #[test]
 fn readings_have_the_expected_mean_and_variance() {
     for gain in [None, Some(1.3)] {
@@ -35,9 +35,9 @@ fn readings_have_the_expected_mean_and_variance() {
     }
 }
 
-/// The slope of variance over mean (photon transfer) is 1/K. Uses least squares over 8 levels of
-/// 100 000 readings. The relative error of each variance is √(2/n), and the error of the slope
-/// follows from it.
+/// The slope of variance over mean (photon transfer) is 1/K. The test fits the slope by least squares
+/// over 8 levels of 100 000 readings. The relative error of each variance is √(2/n), and the error of the
+/// slope follows from it.
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
@@ -51,7 +51,6 @@ fn photon_transfer_has_the_gain_as_slope() {
     assert!(off.abs() < 5.0, "{slope}: {off} sigma");
 }
 
-/// Without shot noise the signal is exact and only the read noise remains.
 #[test]
 fn without_shot_noise_only_read_noise_remains() {
     let camera = Cmos { shot_noise: false, read_noise_e: 6.0, ..camera() };
@@ -62,9 +61,9 @@ fn without_shot_noise_only_read_noise_remains() {
     seen.assert_variance(variance, 0.0);
 }
 
-/// Estimates are unbiased, and the mean of the stated variances is the true variance. Both are linear in the
-/// reading above the dark level. Uses 100 000 readings; the scatter of the stated variance is that of the
-/// shot noise.
+/// Estimates are unbiased, and the mean of the stated variances is the true variance. Both the estimate
+/// and its variance are linear in the reading above the dark level. The test uses 100 000 readings. The
+/// scatter of the stated variance is due to shot noise.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     let camera = camera();
@@ -103,7 +102,7 @@ fn too_much_light_saturates() {
 }
 
 /// Exposure brackets are unbiased from read-noise to shot-noise levels, and with saturated long
-/// exposures. Uses 40 000 captures each.
+/// exposures. The test uses 40 000 captures for each level.
 #[test]
 fn bracketing_is_unbiased_with_its_stated_variance() {
     let camera = Cmos { bracket: vec![0.125, 1.0, 8.0], read_noise_e: 5.0, ..camera() };
@@ -119,7 +118,7 @@ fn bracketing_is_unbiased_with_its_stated_variance() {
         let want = 1.0 / camera.bracket.iter().filter_map(|f| single(*f)).sum::<f64>();
         let seen = Moments::of(out.radiance.iter().copied());
         seen.assert_mean(radiance, want);
-        // κ₄ ≤ σ⁴: at least one electron per exposure.
+        // κ₄ ≤ σ⁴ holds because each exposure has at least one electron.
         seen.assert_variance(want, want * want);
         // The lower bound 0 of the pooled radiance makes the variances of dark pixels slightly too high.
         let floor = if radiance < 0.1 { 0.1 } else { 0.01 };
@@ -128,7 +127,8 @@ fn bracketing_is_unbiased_with_its_stated_variance() {
     }
 }
 
-/// Weights by the variances of the single readings would cause a bias of more than a tenth of a sigma.
+/// Weights from the variances of the single readings would cause a bias of more than a tenth of a
+/// standard deviation.
 #[test]
 fn weights_by_measured_variances_would_be_biased() {
     let camera = Cmos { bracket: vec![1.0; 4], ..camera() };
@@ -158,7 +158,7 @@ fn combining_ignores_saturated_estimates() {
     assert!(camera.combine(&[], NM).radiance.is_nan());
 }
 
-/// 2×2 binning quarters the variance and drops odd last rows and columns. Uses 10 000 binned pixels.
+/// 2×2 binning quarters the variance and drops odd last rows and columns. The test uses 10 000 binned pixels.
 #[test]
 fn binning_quarters_the_variance() {
     let camera = Cmos { binning: 2, ..camera() };

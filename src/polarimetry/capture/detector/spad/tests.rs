@@ -47,7 +47,7 @@ fn rates_add_up_to_light_and_dark_counts() {
     let rates = diode(Mode::Synchronous).rates(&light(), NM).expect("is checked");
     let want = 0.3 * 0.5 * light().iter().sum::<f64>() + 2e8 * 2000e-12;
     assert!((rates.iter().sum::<f64>() - want).abs() < 1e-12);
-    // Light in the next period is equivalent to light in this one.
+    // Light in the next period is equivalent to light in the current period.
     let mut late = vec![0.0; 80];
     late.extend(light());
     let again = diode(Mode::Synchronous).rates(&late, NM).expect("is checked");
@@ -58,9 +58,9 @@ fn rates_add_up_to_light_and_dark_counts() {
     assert!(rates.iter().zip(light()).all(|(rate, light)| (rate - 0.15 * light).abs() < 1e-15));
 }
 
-/// Estimates are unbiased after conversion from radiance to counts and back in both modes: 500
-/// captures of 20 000 pulses with 0.2 light and 0.4 dark detections. Estimates match the light
-/// blurred by the instrument to 5 stated standard errors.
+/// Estimates are unbiased after conversion from radiance to counts and back in both modes: 500 captures
+/// of 20 000 pulses with 0.2 light and 0.4 dark detections per pulse. Estimates match the light convolved
+/// with the response within 5 stated standard errors.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     for (mode, pixel) in [(Mode::Synchronous, 0), (Mode::FreeRunning, 1)] {
@@ -104,7 +104,8 @@ fn endless_simulations_are_refused() {
     for setting in ["`pulses`", "`photons_per_unit`", "`dark_counts_per_s`", "`dead_time_ps`"] {
         assert!(endless.to_string().contains(setting), "{endless}");
     }
-    // The limit applies to single detections: dead time or few photons keep a long capture short.
+    // The limit applies to single detections: a long dead time or few photons keep their number low in a
+    // long capture.
     for (rate, dead_time_ps) in [(1e3, 1e9), (1e-12, 1e-3)] {
         let diode = Spad { dead_time_ps, ..diode.clone() };
         assert!(diode.count(&[rate; 80], &mut stream).is_ok());
