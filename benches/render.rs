@@ -20,7 +20,7 @@ fn whole(c: &mut Criterion) {
     group.bench_function("all slices", |b| {
         b.iter(|| render(&scene, &target, &Unwatched).is_ok());
     });
-    scene.slices.retain(|s| s.name == "conventional");
+    scene.change_slices(|all| all.retain(|s| s.name == "conventional"));
     group.bench_function("conventional alone", |b| {
         b.iter(|| render(&scene, &target, &Unwatched).is_ok());
     });

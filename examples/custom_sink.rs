@@ -46,7 +46,7 @@ impl Sink for Light {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut room = scene::load("scenes/mirror_room/scene.toml".as_ref())?;
-    room.settings.spp = 4;
+    room.change_settings(|s| s.spp = 4);
     let mut light = Light::default();
     Render::new(&room).into_sink(&mut light)?;
     for (name, sum) in light.names.iter().zip(light.sums) {

@@ -8,8 +8,8 @@ use sunstone::{Field, Pattern, Probe, Render, Store, scene};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut room = scene::load("scenes/mirror_room/scene.toml".as_ref())?;
-    room.slices.retain(|s| ["ss", "polarimetric"].contains(&s.name.as_str()));
-    room.settings.spp = 4;
+    room.change_slices(|all| all.retain(|s| ["ss", "polarimetric"].contains(&s.name.as_str())));
+    room.change_settings(|s| s.spp = 4);
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("room.zarr");
     let summary = Render::new(&room).to_store(&path)?;

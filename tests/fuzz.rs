@@ -164,7 +164,7 @@ fn render_if_small(mut scene: Scene) -> bool {
     {
         return false;
     }
-    scene.settings.spp = 1;
+    scene.change_settings(|s| s.spp = 1);
     let folder = folder();
     let store = rendered(&scene, folder.path().join("out.zarr"));
     for name in store.slice_names() {

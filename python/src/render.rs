@@ -31,8 +31,8 @@ impl<'a> Changed<'a> {
 
 impl Drop for Changed<'_> {
     fn drop(&mut self) {
-        self.scene.settings = self.settings;
-        self.scene.slices = std::mem::take(&mut self.slices);
+        self.scene.change_settings(|s| *s = self.settings);
+        self.scene.change_slices(|s| *s = std::mem::take(&mut self.slices));
     }
 }
 

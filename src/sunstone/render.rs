@@ -182,12 +182,13 @@ impl Choices {
                     known.join(", ")
                 ));
             }
-            scene.slices.retain(|s| names.contains(&s.name));
+            scene.change_slices(|all| all.retain(|s| names.contains(&s.name)));
         }
-        let settings = &mut scene.settings;
-        settings.spp = self.spp.unwrap_or(settings.spp);
-        settings.replicates = self.replicates.unwrap_or(settings.replicates);
-        settings.seed = self.seed.unwrap_or(settings.seed);
+        scene.change_settings(|s| {
+            s.spp = self.spp.unwrap_or(s.spp);
+            s.replicates = self.replicates.unwrap_or(s.replicates);
+            s.seed = self.seed.unwrap_or(s.seed);
+        });
         Ok(())
     }
 }

@@ -268,8 +268,8 @@ impl ToError<'_> {
         target: &Target,
     ) -> Result<Summary, RoundsError> {
         let settings = scene.settings;
-        scene.settings.seed = seed_of(settings.seed, round);
-        scene.settings.spp = counts.iter().copied().max().unwrap_or(0);
+        let spp = counts.iter().copied().max().unwrap_or(0);
+        scene.change_settings(|s| (s.seed, s.spp) = (seed_of(settings.seed, round), spp));
         let attribute = round_attribute(&self.goal, round);
         let mut render = Render::new(scene)
             .watch(self.watch)
@@ -286,7 +286,7 @@ impl ToError<'_> {
             }
         }
         let summary = render.to_target(target);
-        scene.settings = settings;
+        scene.change_settings(|s| *s = settings);
         Ok(summary?)
     }
 

@@ -126,9 +126,10 @@ impl<'a> Studio<'a> {
             Some(number) => scene::from_variant(&self.path, &self.text, &sized, number)?,
             None => scene::from_file(&self.path, &self.text, &sized.file)?,
         };
-        scene.settings.seed = drawn_from(number, seed);
-        scene.settings.spp = size.spp.max(1);
-        scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
+        scene.change_settings(|s| {
+            (s.seed, s.spp) = (drawn_from(number, seed), size.spp.max(1));
+            s.replicates = s.replicates.min(REPLICATES);
+        });
         let path = self.renders.join(file_name(&scene, number, seed));
         let begun = Instant::now();
         let mut message = false;

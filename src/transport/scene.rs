@@ -6,8 +6,9 @@ use crate::light::tree::LightTree;
 use crate::material::{Lanes, Materials};
 pub use crate::tables::{Integrator, SceneTables, Settings, Variant};
 use glam::{DVec2, Vec3A};
-use std::ops::{Deref, DerefMut};
+use std::ops::Deref;
 use tensor::axes::Extents;
+use tensor::slice::Slice;
 
 /// A scene ready to render: the tables and the quantities derived from them.
 pub struct Scene {
@@ -36,13 +37,6 @@ impl Deref for Scene {
     }
 }
 
-impl DerefMut for Scene {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut SceneTables {
-        &mut self.tables
-    }
-}
-
 impl Scene {
     /// Derives all quantities from the tables and chooses the integrator.
     pub fn new(tables: SceneTables) -> Self {
@@ -57,18 +51,34 @@ impl Scene {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {
             self.why = Some(why);
-            self.settings.integrator = integrator;
+            self.tables.settings.integrator = integrator;
             // Paths from the camera alone need no manifold connections.
-            self.settings.manifold &= integrator != Integrator::Path;
+            self.tables.settings.manifold &= integrator != Integrator::Path;
         }
     }
 
     /// Sets the integrator. [`Integrator::Auto`] selects the integrator that the scene needs.
     pub fn set_integrator(&mut self, integrator: Integrator) {
-        self.settings.manifold = integrator != Integrator::Path;
-        self.settings.integrator = integrator;
         self.why = None;
+        self.change_settings(|s| (s.manifold, s.integrator) = (integrator != Integrator::Path, integrator));
+    }
+
+    /// Changes the settings, and replaces the integrator if the scene needs another one.
+    pub fn change_settings(&mut self, change: impl FnOnce(&mut Settings)) {
+        change(&mut self.tables.settings);
         self.choose_integrator();
+    }
+
+    pub fn change_slices(&mut self, change: impl FnOnce(&mut Vec<Slice>)) {
+        change(&mut self.tables.slices);
+    }
+
+    pub fn add_notes(&mut self, notes: impl IntoIterator<Item = String>) {
+        self.tables.notes.extend(notes);
+    }
+
+    pub fn set_variant(&mut self, variant: Variant) {
+        self.tables.variant = Some(variant);
     }
 
     /// Returns the reason for the choice of [`Settings::integrator`]; `None` if the scene file chose it.
@@ -78,7 +88,7 @@ impl Scene {
 
     /// Replaces all materials. The material numbers of surfaces and boundaries remain valid.
     pub fn set_materials(&mut self, materials: Materials) {
-        self.materials = materials;
+        self.tables.materials = materials;
         self.derive();
         if self.why.is_some() {
             self.set_integrator(Integrator::Auto);
@@ -87,18 +97,18 @@ impl Scene {
 
     /// Computes texture coordinates even if no texture needs them, until the materials are replaced.
     pub fn keep_texture_coordinates(&mut self) {
-        self.geometry.textured = true;
+        self.tables.geometry.textured = true;
     }
 
     /// Computes all quantities that depend on the tables.
     fn derive(&mut self) {
         self.sheets = self.materials.any_straight();
         self.filled = self.has_fillings();
-        self.geometry.derivatives = self.materials.any_heights();
+        self.tables.geometry.derivatives = self.materials.any_heights();
         let textures = &self.materials.textures;
         let plain = textures.images.is_empty() && textures.corners.is_empty();
-        self.geometry.textured = !plain;
         let tables = &mut self.tables;
+        tables.geometry.textured = !plain;
         tables.lights.prepare(&tables.geometry, &tables.materials.textures);
         self.point_tree = if self.points.len() > MOST_POINTS {
             let bounds: Vec<_> = self.points.iter().map(PointEmitter::bounds).collect();

@@ -156,7 +156,7 @@ fn shared_light_subpaths_give_the_same_bytes() {
         // again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));
-        other.settings.seed += 1;
+        other.change_settings(|s| s.seed += 1);
         let foreign = name("foreign");
         let render = Render::new(&other).part(share(1, of)).shared_light(&foreign);
         render.to_store(&name("other")).expect("a part");
@@ -258,11 +258,10 @@ fn wrong_sets_are_refused() {
     part(&scene, Part::Tiles { first: 0, last: 3 }, &at("first"));
     part(&scene, Part::Tiles { first: 6, last: 35 }, &at("last"));
     whole(&scene, &at("whole"));
-    scene.settings.seed += 1;
+    scene.change_settings(|s| s.seed += 1);
     part(&scene, SHARES[1], &at("seed"));
     whole(&scene, &at("other"));
-    scene.settings.seed -= 1;
-    scene.settings.spp = 8;
+    scene.change_settings(|s| (s.seed, s.spp) = (s.seed - 1, 8));
     part(&scene, SHARES[1], &at("spp"));
     let refused = |names: &[&str], words: &[&str]| {
         let paths: Vec<PathBuf> = names.iter().map(|name| at(name)).collect();
@@ -287,7 +286,7 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is a whole render"]);
     refused(&["other", "p1"], &["is a whole render"]);
     // The same part twice counts once if both are equal.
-    scene.settings.spp = 4;
+    scene.change_settings(|s| s.spp = 4);
     part(&scene, SHARES[1], &at("twin"));
     merge(&["p1", "twin", "p2", "p3"].map(at), &at("joined"), Options::default()).expect("all parts");
     assert_same_store(&at("whole"), &at("joined"));

@@ -51,12 +51,11 @@ fn target(path: &Path, resume: bool) -> Target {
 fn a_tile_equals_that_of_a_plain_render_with_its_samples() {
     for integrator in ["path", "caustics", "bidirectional"] {
         let mut scene = room(integrator);
-        scene.settings.replicates = 2;
-        scene.settings.spp = 24;
+        scene.change_settings(|s| (s.replicates, s.spp) = (2, 24));
         let counts: Vec<u32> = (0..36).map(|tile| [0, 4, 16, 24][tile % 4]).collect();
         let own = Render::new(&scene).samples(&counts).to_arrays().expect("a render");
         for n in [4, 16, 24] {
-            scene.settings.spp = n;
+            scene.change_settings(|s| s.spp = n);
             let plain = Render::new(&scene).to_arrays().expect("a render");
             for field in [Field::Mean, Field::StdError, Field::TotalStdError] {
                 let [own, plain] = [&own, &plain].map(|a| a.get("sum", field).expect("the slice"));
@@ -101,9 +100,9 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         assert!(counts.iter().max() > counts.iter().min());
 
         // It merges with a plain render of another seed; the result does not state the goal.
-        scene.settings.seed = 77;
+        scene.change_settings(|s| s.seed = 77);
         Render::new(&scene).to_store(&at("plain")).expect("a render");
-        scene.settings.seed = 0;
+        scene.change_settings(|s| s.seed = 0);
         merge(&[at("whole"), at("plain")], &at("both"), Options::default()).unwrap_or_else(|e| panic!("{e}"));
         let both = TensorStore::open(&at("both")).expect("a store");
         let sum = both.read_samples([0, 0], [24, 24]).expect("counts");
@@ -245,7 +244,7 @@ fn stated_errors_match_actual_errors() {
     let mut counts: Vec<Vec<u32>> = vec![];
     let renders: Vec<Image> = (0..SEEDS)
         .map(|seed| {
-            scene.settings.seed = 1000 + seed;
+            scene.change_settings(|s| s.seed = 1000 + seed);
             let path = folder.path().join(seed.to_string());
             let run = to_error(goal(0.05, 0.7), &Unwatched);
             run.render(&mut scene, &target(&path, false)).expect("a render");
@@ -266,10 +265,10 @@ fn stated_errors_match_actual_errors() {
             [Field::Mean, Field::TotalStdError].map(|f| arrays.get("sum", f).expect("it").data);
         Image::of(&mean, &error)
     };
-    scene.settings.spp = 32;
+    scene.change_settings(|s| s.spp = 32);
     let plain: Vec<Image> = (0..SEEDS * ROUNDS)
         .map(|seed| {
-            scene.settings.seed = 100_000 + seed;
+            scene.change_settings(|s| s.seed = 100_000 + seed);
             image(&Render::new(&scene).to_arrays().expect("a render"))
         })
         .collect();
@@ -283,8 +282,7 @@ fn stated_errors_match_actual_errors() {
         .iter()
         .zip(50_000..)
         .map(|(counts, seed)| {
-            scene.settings.seed = seed;
-            scene.settings.spp = counts.iter().copied().max().unwrap_or(0);
+            scene.change_settings(|s| (s.seed, s.spp) = (seed, counts.iter().copied().max().unwrap_or(0)));
             image(&Render::new(&scene).samples(counts).to_arrays().expect("a render"))
         })
         .collect();

@@ -38,7 +38,6 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
-    scene.settings.manifold = integrator != Integrator::Path;
     let mut arrays = Arrays::default();
     let summary =
         render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");

@@ -39,8 +39,8 @@ pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> R
     // Manifold connections only for tests that request them.
     let manifold = scene.settings.manifold && text.contains("manifold = true");
     scene.set_integrator(integrator);
-    scene.settings.manifold = manifold || integrator == Integrator::Caustics;
-    scene.settings.strategy = strategy;
+    let manifold = manifold || integrator == Integrator::Caustics;
+    scene.change_settings(|s| (s.manifold, s.strategy) = (manifold, strategy));
     render_scene(&scene)
 }
 
@@ -330,7 +330,7 @@ fn exchanged_devices_give_the_same_light() {
         // Connections to the camera through the interface, from the light's side, weighted against camera
         // subpaths.
         let mut scene = scene_of(&text(&behind, &beside));
-        (scene.settings.integrator, scene.settings.manifold) = (Integrator::Bidirectional, true);
+        scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));
         let weighed = render_scene(&scene);
         for lane in 0..3 {
             let at = [(AxisKind::Wavelength, lane)];

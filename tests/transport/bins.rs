@@ -37,7 +37,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
     // Manifold connections only for scenes that request them.
-    scene.settings.manifold = text.contains("manifold = true");
+    scene.change_settings(|s| s.manifold = text.contains("manifold = true"));
     let mut arrays = Arrays::default();
     render(&scene, &[], schedule::Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     ["t", "p"].map(|slice| {

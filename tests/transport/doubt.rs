@@ -24,13 +24,13 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let size = format!("resolution = [{SIZE}, {SIZE}]");
     let text = edit(&text, "resolution = [128, 128]", &size) + "[[slices]]\nname = \"i\"\n";
     let mut scene = sunstone::scene::from_text(&path, &text).expect("the scene");
-    (scene.settings.spp, scene.settings.tile) = (SPP, 8);
+    scene.change_settings(|s| (s.spp, s.tile) = (SPP, 8));
     // Without connections through the stone's surface, whose errors are reliable.
-    scene.settings.strategies = Strategies::ALL.without(&[Strategy::RoughInterface]);
+    scene.change_settings(|s| s.strategies = Strategies::ALL.without(&[Strategy::RoughInterface]));
     let seeds = 1..=SEEDS as u64;
     seeds
         .map(|seed| {
-            scene.settings.seed = seed;
+            scene.change_settings(|s| s.seed = seed);
             let mut arrays = Arrays::default();
             render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
             let mut take = |field| arrays.take("i", field).expect("the field");

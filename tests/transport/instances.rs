@@ -166,8 +166,7 @@ fn instances_equal_copies_in_bidirectional_renders() {
     let head = HEAD.replace("SPP", "24");
     let [one, two] = [instanced(&head), copied(&head)].map(|t| {
         let mut scene = scene(folder.path(), &t);
-        scene.settings.integrator = Integrator::Bidirectional;
-        scene.settings.manifold = true;
+        scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));
         scene
     });
     compare(&render_scene(&one), &render_scene(&two), 0.1);

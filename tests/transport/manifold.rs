@@ -64,8 +64,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
            [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 0.5, bins = 30000 }\n\
            [[slices]]\nname = \"p\"\nprojector = \"all\"\nbounces = true\n";
     let mut scene = scene_of(&text);
-    scene.set_integrator(Integrator::Path);
-    scene.settings.manifold = true;
+    scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Path, true));
     let r = render_scene(&scene);
     let (radiance, polarized, optical, theta) = expected(trace, point.x.hypot(point.y));
     let out = DVec3::new(
@@ -155,8 +154,7 @@ fn light_through_a_pane_arrives_at_the_correct_time() {
                 "[[slices]]\nname = \"t\"\nbounces = true\ntime = {{ start_ps = {start}, bin_ps = {bin}, bins = {bins} }}\n"
             );
         let mut scene = scene_of(&text);
-        scene.set_integrator(Integrator::Path);
-        scene.settings.manifold = true;
+        scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Path, true));
         let t = render_scene(&scene).mean("t").select(Bounces, 3);
         let lit: Vec<usize> = (0..bins).filter(|i| t.at(&[(T, *i)]) > 0.0).collect();
         let tolerance = 0.01;
@@ -213,8 +211,7 @@ fn refraction_by_a_ball_matches_traced_rays() {
 fn walks_agree(text: &str, least: usize) {
     let of = |manifold| {
         let mut scene = scene_of(text);
-        scene.settings.integrator = Integrator::Bidirectional;
-        scene.settings.manifold = manifold;
+        scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, manifold));
         render_scene(&scene)
     };
     let mut sharp = 0;
@@ -285,7 +282,7 @@ fn wall_behind_glass_is_seen_and_lit_through_it() {
     };
     let value = |text: &str| {
         let mut scene = scene_of(text);
-        scene.settings.manifold = true;
+        scene.change_settings(|s| s.manifold = true);
         let r = render_scene(&scene);
         let (m, e) = (r.mean("b"), r.std_error("b"));
         move |k: usize| (f64::from(m.at(&[(Bounces, k)])), f64::from(e.at(&[(Bounces, k)])))

@@ -17,8 +17,7 @@ pub fn image((n, d): Plane, p: DVec3) -> DVec3 {
 
 fn render(text: &str) -> Rendered {
     let mut scene = scene_of(text);
-    scene.settings.integrator = Integrator::Bidirectional;
-    scene.settings.manifold = true;
+    scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));
     render_scene(&scene)
 }
 
@@ -117,8 +116,7 @@ fn one_mirror_is_an_image() {
         assert_eq!(lit, [v as usize * 64 + u as usize]);
         // No strategy finds it without manifold connections.
         let mut scene = scene_of(&text);
-        scene.settings.integrator = Integrator::Bidirectional;
-        scene.settings.manifold = false;
+        scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, false));
         assert_eq!(mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]), M::zeros());
     }
 }

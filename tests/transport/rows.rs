@@ -37,8 +37,7 @@ fn scene(camera: &Device, lamp: &Device, spp: u32, depth: u32, objects: &str) ->
 
 fn render(text: &str) -> Rendered {
     let mut scene = scene_of(text);
-    scene.settings.integrator = Integrator::Bidirectional;
-    scene.settings.manifold = true;
+    scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));
     render_scene(&scene)
 }
 
@@ -230,8 +229,7 @@ fn a_mirror_under_a_normal_map() {
                 ),
             );
         let mut scene = scene_of(&text);
-        scene.set_integrator(integrator);
-        scene.settings.manifold = true;
+        scene.change_settings(|s| (s.integrator, s.manifold) = (integrator, true));
         // One more if the camera sees the wall in a mirror.
         m00(
             &render_scene(&scene),

@@ -44,7 +44,7 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
 /// between.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
-    scene.settings.manifold |= front == "pane";
+    scene.change_settings(|s| s.manifold |= front == "pane");
     let bounces = if front == "pane" { 5 } else { 3 };
     let image = render_scene(scene).mean("m").select(Bounces, bounces);
     image.data.iter().map(|v| f64::from(*v)).sum()

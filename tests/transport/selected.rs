@@ -70,7 +70,7 @@ fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
 fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
-    (scene.settings.seed, scene.settings.replicates) = (seed, spp);
+    scene.change_settings(|s| (s.seed, s.replicates) = (seed, spp));
     let mut arrays = Arrays::default();
     let summary =
         render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");

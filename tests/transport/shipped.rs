@@ -29,8 +29,7 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     text += "[[slices]]\nname = \"i\"\n";
     let mut scene = sunstone::scene::from_text(&path, &text).expect("the scene");
     scene.set_integrator(integrator);
-    scene.settings.manifold = false;
-    (scene.settings.spp, scene.settings.seed, scene.settings.tile) = (spp, seed, 4);
+    scene.change_settings(|s| (s.manifold, s.spp, s.seed, s.tile) = (false, spp, seed, 4));
     let mut arrays = Arrays::default();
     let summary =
         render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");

@@ -61,7 +61,7 @@ fn deviations_of_added_passes_are_as_stated() {
 fn deviations_of_drawn_s_primes_are_as_stated() {
     let band = "[[slices]]\nname = \"band\"\nprojector = { epipolar = { half_width_px = 0.5 } }\nsplit_first_bounce = true\n";
     let mut scene = scene_of(&mirror_room(16, 256, 256, 16, band));
-    scene.settings.replicates = 256;
+    scene.change_settings(|s| s.replicates = 256);
     scene.set_integrator(Integrator::Path);
     honest("drawn s'", &mut scene, 1.0);
 }
@@ -69,7 +69,7 @@ fn deviations_of_drawn_s_primes_are_as_stated() {
 /// Most of these elements are hit at random: the number of excluded ones is irrelevant.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
-    scene.settings.replicates = replicates;
+    scene.change_settings(|s| s.replicates = replicates);
     scene.set_integrator(integrator);
     honest(&format!("mirror room, {integrator:?}, {replicates}"), &mut scene, 1.0);
 }
@@ -149,7 +149,7 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];
     let seeds = std::env::var("SEEDS").map_or(SEEDS, |n| n.parse().expect("a number of seeds"));
     for seed in 0..seeds {
-        scene.settings.seed = 1000 + seed;
+        scene.change_settings(|s| s.seed = 1000 + seed);
         let mut arrays = Arrays::default();
         let summary =
             render(scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");

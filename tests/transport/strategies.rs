@@ -13,9 +13,9 @@ fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     let mut scene = scene_of(text);
     let manifold = scene.settings.manifold;
     scene.set_integrator(integrator);
-    scene.settings.manifold = manifold && integrator != Integrator::Path;
+    scene.change_settings(|s| s.manifold = manifold && integrator != Integrator::Path);
     assert!(list.iter().all(|s| strategies(&scene).has(*s)));
-    scene.settings.strategies = Strategies::ALL.without(list);
+    scene.change_settings(|s| s.strategies = Strategies::ALL.without(list));
     assert!(!list.iter().any(|s| strategies(&scene).has(*s)));
     render_scene(&scene)
 }

@@ -64,7 +64,7 @@ pub fn from_variant(
     number: u64,
 ) -> Result<Scene, InputError> {
     let mut scene = from_file(path, text, &variant.file)?;
-    scene.variant = Some(Variant {
+    scene.set_variant(Variant {
         number,
         values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect(),
     });
@@ -84,7 +84,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     match with_gaps(ctx, file)? {
         (_, Some(fault)) if file.render.gaps == GapsFile::Refuse => Err(fault),
         (mut scene, Some(fault)) => {
-            scene.notes.push(fault.message);
+            scene.add_notes([fault.message]);
             Ok(scene)
         }
         (scene, None) => Ok(scene),
@@ -127,7 +127,7 @@ pub(crate) fn with_gaps(
         (ctx.hash, ctx.notes) = (hash.clone(), notes.clone());
         scene = tables(ctx, &file)?;
     }
-    scene.notes.extend(moved);
+    scene.add_notes(moved);
     let fault = narrow(&scene).first().map(|gap| too_narrow(ctx, &file, gap));
     Ok((scene, fault))
 }

@@ -28,7 +28,12 @@ use tensor::memory::Arrays;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 /// Returns a scene with an open box, a specular and a rough conducting sphere, and every kind of light.
-pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
+fn scene(integrator: Integrator, plain: bool) -> Scene {
+    Scene::new(tables(integrator, plain))
+}
+
+/// Returns the tables of [`scene`].
+pub(super) fn tables(integrator: Integrator, plain: bool) -> SceneTables {
     let (n, k) = (Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::new([2.5, 1.9, 3.4, 2.0]));
     let reflectance = Spectrum::uniform(Spectral::ONE);
     let roughness = Roughness {
@@ -72,7 +77,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
         let origin = Vec3A::new(x, 0.1, 4.0);
         Pinhole::new([24, 24], focal, middle, Distortion::default(), origin, axes).expect("no distortion")
     };
-    Scene::new(SceneTables {
+    SceneTables {
         name: "test".to_owned(),
         text: String::new(),
         wavelengths: Wavelengths::default(),
@@ -118,7 +123,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
         variant: None,
         notes: vec![],
         files: vec![],
-    })
+    }
 }
 
 /// Returns the bits of all means and errors, and the number of non-zero values.

@@ -249,12 +249,11 @@ mod tests {
     use super::*;
     use crate::geometry::ray::Ray;
     use crate::material::filling::Filling;
-    use crate::medium::Media;
     use crate::medium::bulk::{Bulk, Optics, PhaseOptics};
     use crate::medium::henyey_greenstein::HenyeyGreenstein;
     use crate::medium::nesting::{Boundary, Nest};
     use crate::render::subpath::vertex::End;
-    use crate::render::tests::scene;
+    use crate::render::tests::tables;
     use crate::scene::Integrator;
     use glam::Vec3A;
     use optics::polarization::chain::Chain;
@@ -267,15 +266,15 @@ mod tests {
     /// Returns an unbounded milky medium, with guided turns and with leaning toward a target off the
     /// initial direction.
     fn milk() -> (Scene, Guide, End) {
-        let mut scene = scene(Integrator::Bidirectional, true);
-        scene.media = Media::default();
+        let mut tables = tables(Integrator::Bidirectional, true);
         let bulk = Bulk { scattering: 1e6, index: 1.0, asymmetry: f64::from(G), ..Bulk::default() };
-        scene.media.push(&Optics {
+        tables.media.push(&Optics {
             bulk: vec![bulk; 4],
             phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(G), 0.0, 0.0)),
         });
-        scene.boundaries[0] = Boundary { medium: 0, priority: 0, object: 0 };
-        scene.settings.rr_depth = u32::MAX;
+        tables.boundaries[0] = Boundary { medium: 0, priority: 0, object: 0 };
+        tables.settings.rr_depth = u32::MAX;
+        let scene = Scene::new(tables);
         let mut guide = Guide::none(&scene.media);
         guide.add(0, From::Camera, Vec3A::new(0.8, 0.0, -0.6));
         let mut nest = Nest::default();
