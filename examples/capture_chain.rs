@@ -1,4 +1,4 @@
-//! Tests a capture scheme on custom matrices: scheme, noisy capture, reconstruction, comparison with the truth.
+//! Tests a capture scheme on custom matrices: scheme, noisy capture, reconstruction, error against the truth.
 //!
 //! `cargo run --release --example capture_chain`
 

@@ -58,8 +58,8 @@ fn two_seeds_pool_exactly() {
                 "{slice}: {} not {want}",
                 m[i]
             );
-            // Σ(x - m)² over all groups is the sum of the halves' squared deviations from their own means, and of
-            // the squared deviations of both means from the common mean.
+            // Σ(x - m)² over all groups is the sum of each half's squared deviations from its mean and of the
+            // squared deviations of both means from the common mean.
             let squares = (ea * ea + eb * eb) * GROUPS * (GROUPS - 1.0)
                 + GROUPS * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {

@@ -152,7 +152,7 @@ fn shared_light_subpaths_give_the_same_bytes() {
         assert_eq!(made.len(), of as usize, "{made:?}");
         let share_of = |n: u32| made.iter().find(|name| name.ends_with(&format!("-{n}of{of}.light")));
         let file = |n: u32| light.join(share_of(n).expect("a share"));
-        // Negative control: a share with another seed changes the result. This shows that the light is read and
+        // Negative control: a share with another seed changes the result. The light is therefore read and
         // not traced again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));

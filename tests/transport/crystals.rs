@@ -28,7 +28,7 @@ fn transmission(cos_i: f64, eta: f64) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
-/// Returns the matrix of a retarder of `length` along `k` in a crystal of optic axis `c`, and its frame, k × c.
+/// Returns the matrix and frame (k × c) of a retarder of `length` along `k` in a crystal of optic axis `c`.
 pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
@@ -182,7 +182,7 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Tests two inner reflections: the light passes the slab three times, each time as in a retarder.
+/// Tests two inner reflections: light crosses the slab three times, each time as through another retarder.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -319,7 +319,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
             want = [want[0] + w * delta.cos(), want[1] + w * delta.sin()];
             weight += w;
         }
-        // The model assumes that δ is linear in λ. The tolerance grows with the curvature of δ across the line.
+        // The model assumes δ linear in λ. The tolerance grows with the curvature of δ across the line.
         let tolerance = 1e-5 + 0.5 * (TAU * length * 0.01 / 550e-9) * (sigma / 550.0).powi(2) * 2.0;
         for (got, want) in [m[2][2], m[2][3]].into_iter().zip(want) {
             assert!(

@@ -77,7 +77,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
         );
         let times: Vec<f64> =
             closed_grid(x, y).map(|(px, py)| see(camera, projector, normal, px, py).time_ps).collect();
-        // The grid can miss extremes inside the pixel by a few fs. f32 rounding changes distances by about 10 fs.
+        // The grid can miss extremes inside the pixel by a few fs; f32 rounding adds about 10 fs.
         let first = ((times.iter().copied().fold(f64::MAX, f64::min) - 0.05) / BIN_PS) as usize;
         let last = ((times.iter().copied().fold(0.0, f64::max) + 0.05) / BIN_PS) as usize;
         let mut total = 0.0;

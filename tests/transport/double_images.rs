@@ -147,7 +147,7 @@ fn faces_of_a_splitting_crystal() {
             continue;
         }
         entered += 1;
-        // The same ray, incident from inside on its way out: one of the two candidates leads back to the start.
+        // The same ray, incident from inside on its way out: one of two candidates leads back to the start.
         for _ in 0..8 {
             let Some(out) = set.materials.sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
             else {

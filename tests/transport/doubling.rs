@@ -205,8 +205,8 @@ impl Slab {
         at.expect("a direction of interest")
     }
 
-    /// Returns Σ_m of the series at an azimuth of the outgoing light, over 2π: radiance per unit irradiance of
-    /// a plane perpendicular to the incoming light.
+    /// Returns Σ_m of the series at an azimuth of the outgoing light, over 2π: the radiance per unit
+    /// irradiance of a plane perpendicular to the incoming light.
     fn series(&self, kernel: impl Fn(&Mode) -> &Square, mu: f64, mu_in: f64, phi: f64) -> M {
         let (i, j) = (4 * self.node(mu), 4 * self.node(mu_in));
         let mut sum = M::zeros();
@@ -233,14 +233,14 @@ impl Slab {
         self.series(|m| &m.reflect, mu, mu_in, phi)
     }
 
-    /// Returns the downward radiance of the diffuse light, in the same unit as [`Self::up`].
+    /// Returns the downward radiance of the diffuse light, in the same unit as the upward radiance.
     pub fn transmitted(&self, mu: f64, mu_in: f64, phi: f64) -> M {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
-    /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from either
-    /// side. Downward light is not computed. Uses adding, with a layer that keeps directions: between slab and
-    /// pane, the upward light U and the light D = P U that the pane returns satisfy U = R (1 + w D).
+    /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from
+    /// either side. Downward light is not computed. Between slab and pane, the upward light U and the light
+    /// D = P U that the pane returns satisfy U = R (1 + w D) (adding, with a layer that keeps directions).
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
         let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
         let along = |which: usize, weighted: bool| {

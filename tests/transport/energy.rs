@@ -89,7 +89,7 @@ fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) ->
     sum
 }
 
-/// Tests rough gold and a lossless rough metal, each at three angles and three roughnesses.
+/// Tests rough gold and a lossless rough conductor at three angles and three roughnesses.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn rough_conductor_returns_its_directional_albedo() {

@@ -119,8 +119,8 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Tests a wall and a projector inside a medium with a plane face: the radiance of light that leaves the medium
-/// decreases by n², and travel times inside are n times longer.
+/// Tests a wall and a projector inside a medium with a plane face: the radiance of light that leaves the
+/// medium decreases by n², and travel times inside are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;

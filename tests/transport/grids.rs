@@ -28,8 +28,8 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     )
 }
 
-/// Tests the transmittance exp(-∫): a ramp along z from 1 to 3 that is constant for a quarter at both ends; the
-/// same ramp in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
+/// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
+/// ramp in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
 #[test]
 fn transmittance_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -163,7 +163,7 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// Tests that the image of a spot covers the square around the spot's cone; the image's up is the emitter's +y.
+/// Tests that the image of a spot covers the square around its cone. Up in the image is the emitter's +y.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();
