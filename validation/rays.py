@@ -188,7 +188,7 @@ class Sunstone:
 
 
 def bench_program():
-    """Build benches/rays.rs and return its path. Of all packages, so that no crate is compiled again with other features."""
+    """Build benches/rays.rs and return its path. Builds with the features of all packages, so that no crate is compiled again."""
     packages = ["--workspace", "--exclude", "sunstone-python"]
     command = ["cargo", "bench", *packages, "--bench", "rays", "--no-run", "--message-format=json"]
     out = subprocess.run(command, cwd=environment.ROOT, check=True, capture_output=True, text=True).stdout

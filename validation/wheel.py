@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Measure the overhead of Python over the command: the same render by both, and the reconstruction of a megapixel's 36 captures.
 
-For renders it is the processor time of the whole process, including Python's start and imports, because other programs affect it
-least. Rounds are interleaved. For reconstructions it is the time of a call, against the whole command with its files, which are
-in memory. Also measured: the seconds of `import pysunstone`, and the bytes of the wheel in target/wheels.
+For renders, the overhead is measured in processor time of the whole process, including Python's start and imports, because other
+programs affect this time least. Rounds are interleaved. For reconstructions, the time of a call is compared with the time of the
+whole command with its files, which are in memory. Also measured: the seconds of `import pysunstone`, and the bytes of the wheel
+in target/wheels.
 
     python3 validation/wheel.py [--rounds 9] [--record]
 

@@ -27,7 +27,7 @@ def load(store, group):
 
 
 def check(data, group):
-    """Assert that a group's arrays are labelled."""
+    """Assert that a group has means and errors, units, named dimensions, and increasing coordinates."""
     for name in ("mean", "std_error"):
         assert name in data, f"{group} has no {name}"
     for name, array in data.data_vars.items():

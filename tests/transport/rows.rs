@@ -115,7 +115,7 @@ fn every_path_through_a_ball_is_found() {
     }
 }
 
-/// Tests that a mirror sphere reflects light to a flat mirror and then to a wall, as to the image of the wall.
+/// Tests that a mirror sphere reflects light to a flat mirror and then to a wall, as to the wall's image.
 #[test]
 fn a_ball_and_a_flat_mirror_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
