@@ -64,7 +64,7 @@ def interpolate(points, x):
     for (x0, y0), (x1, y1) in zip(points, points[1:]):
         if x0 <= x <= x1:
             return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
-    raise ValueError(f"{x} nm is outside the table")
+    raise ValueError(f"{x} nm is outside the table of {points[0][0]} to {points[-1][0]} nm")
 
 
 def table(model):

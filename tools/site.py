@@ -33,9 +33,9 @@ def leaves(source, link):
         return None
     target = (source.parent / link).resolve()
     if not target.is_relative_to(ROOT):
-        raise PluginError(f"{source.relative_to(ROOT)}: {link} leaves the repository")
+        raise PluginError(f"{source.relative_to(ROOT)}: the link {link} leaves the repository; link to its URL")
     if not target.exists():
-        raise PluginError(f"{source.relative_to(ROOT)}: there is no {link}")
+        raise PluginError(f"{source.relative_to(ROOT)}: the link {link} leads to no file; correct the link")
     return target.relative_to(ROOT)
 
 

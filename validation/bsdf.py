@@ -329,7 +329,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         cases = [c for c in materials.cases(Path(folder)) if not options.only or options.only in c.name]
         if not cases:
-            sys.exit("no row to check")
+            sys.exit(f"no row has a name that contains {options.only!r}")
         if options.power:
             return power(cases, options)
         print(f"{'material':44} | {'elements':20} | {'pairs':>6} | {'max |dM|/M00':>12} | {'bound':>8} |")

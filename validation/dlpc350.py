@@ -2,9 +2,8 @@
 """Compare reports to the DLPC350 with those of the package pycrafter4500, byte for byte.
 
 The package writes to a device that only stores the data; Sunstone prints what its driver writes for the same values. The package
-writes the number of images as given, whereas TI's own program writes this number minus one, as for the other two counts.
-Therefore this script passes the number minus one. Exits with 1 if a report differs. `--power` changes one bit in every message;
-each change must be detected.
+writes the number of images as given. TI's own program writes this number minus one, so this script passes the number minus one.
+Exits with 1 if a report differs. `--power` changes one bit in every message; each change must be detected.
 """
 
 import argparse

@@ -255,7 +255,7 @@ def peak(command):
         most = max(most, high_water(running.pid))
         time.sleep(0.001)
     if running.returncode:
-        sys.exit("sunstone failed")
+        sys.exit(f"{' '.join(map(str, command))} failed with exit code {running.returncode}")
     return most * 1.048576
 
 

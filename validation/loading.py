@@ -90,7 +90,7 @@ def ours(folder):
     _, status, used = os.wait4(process.pid, 0)
     took = time.perf_counter() - begun
     if status:
-        sys.exit("the render failed")
+        sys.exit(f"sunstone render failed with exit status {status}")
     return took, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 

@@ -323,7 +323,7 @@ def main():
     print(f"miepython {miepython.__version__}, Mitsuba {mi.__version__}")
     wanted = [case for case in cases() if not options.only or options.only in case.name]
     if not wanted:
-        sys.exit("no row to check")
+        sys.exit(f"no row has a name that contains {options.only!r}")
     failed = 0
     for planted in [False, True] if options.both else [options.power]:
         if not planted:

@@ -14,7 +14,7 @@ those of rendering alone, after a warm-up. Two sample counts are measured: Sunst
 samples, so the complete tensor costs more per sample if there are few samples.
 
 Then the mirror room is rendered: all its slices against its conventional image alone, and two threads against one. For
-comparison, the script also measures two programs in parallel, because the second core of a shared machine is not always available.
+comparison, the script also measures two programs in parallel, because the second core of a shared machine is not always free.
 
 With --record the numbers go to results/speed.json (result_file.py). Requires LLVM.
 """
@@ -59,7 +59,7 @@ def sunstone(stores, scene, spp, seed, threads=None):
         peak = max(peak, high_water(running.pid))
         time.sleep(0.005)
     if running.returncode:
-        sys.exit("sunstone failed")
+        sys.exit(f"sunstone render failed with exit code {running.returncode}")
     return time.perf_counter() - begun, peak
 
 

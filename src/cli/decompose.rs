@@ -114,7 +114,7 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         bail!(
-            "{}: expected shape {shape:?} before the 4 x 4 axes, as of the matrices, got {other:?}; pass one error per element",
+            "{}: expected errors of leading shape {shape:?}, like the matrices, got {other:?}; pass one error per element",
             path.display()
         );
     }
