@@ -116,7 +116,7 @@ fn report_error(e: &InputError) {
     // A span of several lines (a whole table) is marked in its first line only.
     let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
     let length = text.find('\n').unwrap_or(text.len());
-    // Lines longer than a screen line are not printed.
+    // Source lines with more than LONGEST characters in total are not printed.
     let start = span.start.min(e.text.len());
     let around = e.text[..start].rsplit('\n').take(2).map(str::len).sum::<usize>()
         + e.text[start..].split('\n').take(2).map(str::len).sum::<usize>();
