@@ -1,4 +1,4 @@
-//! A custom sink: it stores no image, only the total light of each slice, tile by tile.
+//! Defines a custom sink that stores no image, only the total light of each slice, tile by tile.
 //!
 //! `cargo run --release --example custom_sink`
 

@@ -1,5 +1,5 @@
-//! Renders two slices of the mirror room into a store, then probes it: light of one projector column, and a
-//! Stokes image.
+//! Renders two slices of the mirror room into a store, then probes the store for the light of one projector
+//! column and for a Stokes image.
 //!
 //! `cargo run --release --example probe_store`
 

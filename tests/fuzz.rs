@@ -33,7 +33,7 @@ thread_local! {
 unsafe impl GlobalAlloc for Watched {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
-        // A thread that ends has no more cells.
+        // The cells of a thread that is ending no longer exist.
         let _ = LARGEST_OF_THREAD.try_with(|l| l.set(l.get().max(layout.size())));
         unsafe { System.alloc(layout) }
     }
@@ -45,17 +45,17 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Tests of this file run one by one, so that measured memory and time belong to a single test.
+/// Lock that runs the tests of this file one by one, so that measured memory and time belong to one test.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Largest allowed allocation in bytes: an epipolar table of 2^24 pixels, whose size doubles while it grows.
+/// Largest allowed allocation in bytes: an epipolar table of 2^24 pixels, whose capacity doubles as it grows.
 const MEMORY: usize = 1 << 30;
 
-/// Time limit for all mutations together; a slow machine tests fewer mutations.
+/// Time limit for all mutations together. A slow machine tests fewer mutations.
 const BUDGET: Duration = Duration::from_secs(30);
 
 /// Time limit for one text.
@@ -177,7 +177,7 @@ fn render_if_small(mut scene: Scene) -> bool {
     true
 }
 
-/// One change to a text. Fractions select among all numbers, lines, words or characters.
+/// One change to a text. Positions are fractions of the number of all numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
     /// Replaces a number by a text.
@@ -223,7 +223,7 @@ fn change() -> impl Strategy<Value = Change> {
 }
 
 /// Returns the byte ranges of the longest runs of characters that satisfy `inside` and begin with
-/// one that satisfies `first`.
+/// a character that satisfies `first`.
 fn runs(text: &str, inside: impl Fn(char) -> bool, first: impl Fn(char) -> bool) -> Vec<Range<usize>> {
     let mut start = 0;
     let mut out = vec![];
@@ -308,8 +308,8 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 fn mutated_scenes_render_finite_values_or_give_an_error() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
-    // Milk takes three times as long as all the rest: hundreds of kinds of droplets. Spheres of many sizes,
-    // all of about a hundred wavelengths, take up to a minute.
+    // Milk takes three times as long as all other media: its droplets have hundreds of sizes. Spheres of many
+    // sizes around a hundred wavelengths take up to a minute.
     let slow = ["milk.milk", "beads.polystyrene", "grains.particles"];
     let lines = EVERYTHING.lines().filter(|line| !slow.iter().any(|s| line.starts_with(s)));
     let base: String =
@@ -392,7 +392,7 @@ fn mutated_figure_files_are_read_or_give_an_error() {
     });
 }
 
-/// Tests that sizes that are valid individually do not together request more memory than a machine has.
+/// Tests that sizes that are valid individually do not together request more memory than the machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();

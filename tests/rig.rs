@@ -1,5 +1,5 @@
-//! Tests interrupted sessions. Runs of the simulated rig are killed at random times or disturbed on
-//! purpose. After a resume, they are byte-identical to an undisturbed run.
+//! Tests interrupted sessions. Runs of the simulated rig are killed at random times or deliberately
+//! disturbed. After they are resumed, their stores are byte-identical to that of an undisturbed run.
 //!
 //! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24), `SUNSTONE_DAMAGE=10000` the number of damaged runs
 //! (CI: 400); `-- --nocapture` prints the table of faults.
@@ -64,7 +64,7 @@ bin_ps = 25
 laser_power = 0.9
 ";
 
-/// Returns the same scan with time tags.
+/// Returns the same scan, recorded as time tags instead of histograms.
 fn tagged() -> String {
     SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
 }
@@ -157,7 +157,7 @@ fn noted(store: &Path) -> Vec<u32> {
     frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
 }
 
-/// Kills a run at random times and resumes it. Tests that no frame is lost and that no frame is in the store
+/// Kills a run at random times and resumes the run. Tests that no frame is lost and that no frame is stored
 /// twice.
 #[test]
 fn killed_runs_lose_no_frames() {
@@ -186,7 +186,7 @@ fn killed_runs_lose_no_frames() {
                     .stderr(Stdio::null())
                     .spawn()
                     .expect("starts");
-                // Times within a run, in steps of the golden ratio.
+                // Times within a run, spaced by the golden ratio.
                 let share = (f64::from(round) * 0.618_034).fract();
                 std::thread::sleep(whole_takes.mul_f64(share * if resumed > 3 { 2.0 } else { 1.1 }));
                 let _ = child.kill();
@@ -205,7 +205,7 @@ fn killed_runs_lose_no_frames() {
                 };
                 left[state] += 1;
                 if state == 1 && !path.join("frames/raw").exists() {
-                    // Nothing was begun that could be resumed.
+                    // The run had not begun, so there is nothing to resume.
                     let _ = std::fs::remove_dir_all(&path);
                 }
                 if state == 2 {
@@ -225,7 +225,7 @@ fn killed_runs_lose_no_frames() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// Fault, instrument, time, and a part of the message if the session must end.
+/// Fault, instrument, time of the fault, and a part of the message if the fault must end the session.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -263,7 +263,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
 ];
 
 /// Tests that after every fault the session recovers, or ends with one error without data loss.
-/// After a resume on an intact rig, the bytes are equal.
+/// Also tests that after a resume on an intact rig, the bytes are equal to those of an undisturbed run.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn faults_lose_no_frames() {
@@ -343,7 +343,7 @@ fn time_tags_give_the_same_histograms() {
         }
     }
     assert!(photons > 1000, "{photons} photons show nothing");
-    // A damaged row of tags is detected, as is a lost one.
+    // A damaged row of tags is detected, as is a missing row.
     output_of(&["verify"], &[&bench.path("tags.zarr")]);
     let file = bench.path("tags.zarr/time_tags/000003.ptu");
     let mut bytes = std::fs::read(&file).expect("reads");
@@ -358,7 +358,7 @@ fn time_tags_give_the_same_histograms() {
     verify("000003.ptu");
     std::fs::remove_file(&file).expect("removes");
     verify("000003.ptu");
-    // More bins than a record can express.
+    // The requested number of bins exceeds the number that a record can express.
     let long = tagged().replace("bins = 64", "bins = 40000");
     bench.write("long.toml", long);
     let output = bench.run("long.toml", "long.zarr", &[]);
@@ -432,7 +432,7 @@ fn an_analog_galvo_takes_the_same_frames() {
         let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
         assert_eq!(journal.contains("\"event\":\"retry\""), !fault.is_empty(), "{fault}");
     }
-    // A card of four bits points elsewhere, which the frames show.
+    // A card of four bits sets other mirror angles, which the frames show.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
     let bench = Bench::new("");
     bench.write("rig.toml", coarse);
@@ -508,7 +508,7 @@ fn stated(message: &str, name: &str) -> [f64; 2] {
 #[test]
 fn a_scanned_plane_calibrates_the_counter() {
     let bench = Bench::new("");
-    // Light returns in the middle of a bin.
+    // The light returns in the middle of a bin.
     let metres = 266.5 * 25.0 * 299_792_458e-12 / 2.0;
     let scene = format!(
         "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 1\n\
@@ -544,9 +544,9 @@ fn a_scanned_plane_calibrates_the_counter() {
     let temporal: sunstone::rig::calibrate::temporal::zero::Temporal =
         found["temporal"].clone().try_into().expect("what the library writes");
     let z2: f64 = (0..16).map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2)).sum();
-    // For 16 squares, five standard deviations of their sum.
+    // Tolerance of the sum over 16 squares: five standard deviations.
     assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
-    // For a plane that is 3 mm nearer, time zeros are 20 ps late, which must be detected.
+    // For a plane that is 3 mm nearer, time zeros are 20 ps late. The test must detect this error.
     let wrong = format!("--distance={}", metres - 3e-3);
     let message =
         output_of(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
@@ -615,8 +615,8 @@ fn still_frames_calibrate_the_sensor() {
         let [value, sigma] = stated(&plain, name);
         assert!((value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth, "{name}: {value} ± {sigma}");
     }
-    // With 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the
-    // current 8 e/s.
+    // For 120 pixels, 32 frames and 16 exposures each, the standard error of the mean black level is
+    // 0.006 DN, and that of the dark current is 8 e/s.
     assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
     assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
@@ -649,7 +649,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert_eq!(all["radiometric"], before["radiometric"]);
     assert_eq!(all["detector"], before["detector"]);
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
-    // Schemes. Without a sample every reading is saturated.
+    // Schemes. A run without a sample has only saturated readings.
     output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();

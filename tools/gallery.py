@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Render the pictures of scenes/README.md again: every shipped scene at 512 × 512 pixels; print the time of each.
+"""Render the images of scenes/README.md: every shipped scene at 512 × 512 pixels; print the render time of each scene.
 
-Two seeds are rendered and denoised with each other's errors (`sunstone denoise`), which the pictures' titles state. The slices
-are those that the pictures show.
+Two seeds are rendered, and each is denoised with the other's errors (`sunstone denoise`), as the titles of the images state.
+Only the slices that the images show are rendered.
 
     python3 tools/gallery.py [SCENE ...] [--scale 1.0]
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = 512
-# Samples per seed, and the pictures to keep.
+# Samples per seed, and the images to keep.
 FOUR = ["photo", "epipolar", "nonepipolar", "mueller"]
 SCENES = {
     "mirror_room": (128, ["photo", "mueller_nonepipolar"]),
@@ -39,7 +39,7 @@ def blocks(text):
 
 
 def wanted(text, pictures):
-    """Return the scene at another size, with only the named pictures and their slices."""
+    """Return the scene at another size, with only the named images and their slices."""
     named = lambda block: re.search(r'(?m)^name = "([^"]+)"', block)
     figures = [b for b in blocks(text) if b.startswith("[[figures]]") and named(b)[1] in pictures]
     shown = {m for b in figures for m in re.findall(r'slice = "([^"]+)"', b)}
@@ -65,7 +65,7 @@ def main():
         samples, pictures = SCENES[name]
         samples = max(8, round(samples * options.scale))
         folder = ROOT / "scenes" / name
-        # In the folder of the original, because its mesh paths are relative.
+        # The file is in the folder of the original, because its mesh paths are relative to that folder.
         file = folder / ".gallery.toml"
         file.write_text(wanted((folder / "scene.toml").read_text(), pictures))
         with tempfile.TemporaryDirectory() as temporary:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Print the lines of Rust of every crate: code, tests and doc comments separately, without blank lines.
+"""Print the number of lines of Rust in every crate: code, tests and doc comments separately, without blank lines.
 
 Tests are files in `tests/` folders, files declared by `#[cfg(test)] mod NAME;`, and `#[cfg(test)] mod` blocks, which must end
 their files. With --write, the columns in ARCHITECTURE.md are replaced.

@@ -78,7 +78,7 @@ def knot():
         tangent = knot_tangent(t)
         frame = unit(add(frame, tangent, -dot(frame, tangent)))
         frames.append((frame, cross(tangent, frame)))
-    # The twist that closes the frame is distributed along the knot.
+    # The twist that closes the frame is distributed evenly along the knot.
     (n0, b0), (n1, _) = frames[0], frames[-1]
     gap = math.atan2(dot(n1, b0), dot(n1, n0))
     points, normals, triangles = [], [], []

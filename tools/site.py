@@ -1,9 +1,9 @@
 """Hooks of mkdocs.yml: the site includes files outside docs/ that pages link to.
 
-Links that leave docs/ (`../CONVENTIONS.md`, `../../scenes/fruits/variants.toml`) are followed. Markdown becomes a page of the
-site, a picture or data file is copied, source code and scene files become pages that show them, and a folder becomes a page that
-lists its files. These pages are under repository/, by their paths there. The pages of the Rust library come from `cargo doc`,
-under rust/.
+Links that leave docs/ (`../CONVENTIONS.md`, `../../scenes/fruits/variants.toml`) are followed. A Markdown file becomes a page of
+the site. An image or a data file is copied. Source code and scene files become pages that show them, and a folder becomes a page
+that lists its files. All these pages are under repository/, by their paths in the repository. The pages of the Rust library come
+from `cargo doc`, under rust/.
 """
 
 import os
@@ -33,9 +33,9 @@ def leaves(source, link):
         return None
     target = (source.parent / link).resolve()
     if not target.is_relative_to(ROOT):
-        raise PluginError(f"{source.relative_to(ROOT)}: {link} leaves the repository")
+        raise PluginError(f"{source.relative_to(ROOT)}: the link {link} leaves the repository; link to its URL")
     if not target.exists():
-        raise PluginError(f"{source.relative_to(ROOT)}: there is no {link}")
+        raise PluginError(f"{source.relative_to(ROOT)}: the link {link} leads to no file; correct the link")
     return target.relative_to(ROOT)
 
 
@@ -51,7 +51,7 @@ def uri(path):
 
 
 def blocks(text):
-    """Yield the parts of a page in order, and whether each is outside fenced code. (Link texts may span lines.)"""
+    """Yield the parts of a page in order, each with a flag: outside fenced code or not. (Link texts may span lines.)"""
     inside, block = False, ""
     for line in text.splitlines(keepends=True):
         if not FENCE.match(line.lstrip()):
@@ -77,7 +77,7 @@ def shown(path):
         names = sorted(p.name for p in full.iterdir() if p.is_file() and not p.name.startswith("."))
         return f"# {path}/\n\n" + "".join(f"- [{name}]({name})\n" for name in names)
     if full.suffix in LANGUAGES:
-        # Longer than any fence in the file.
+        # This fence is longer than any fence in the file.
         return f"# {path}\n\n`````{LANGUAGES[full.suffix]}\n{full.read_text()}\n`````\n"
     return None
 
@@ -121,7 +121,7 @@ def on_page_markdown(markdown, page, config, files):
         if place.endswith("/folder.md"):
             source = source.parent / "folder.md"
         elif not source.exists():
-            # Source text has no links.
+            # Source text contains no links.
             return markdown
     else:
         source = ROOT / "docs" / place

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Refuses words that the project does not use: pictures, and phrases that only work by their word order. Exits with 1 if it finds one.
+"""Refuse words that the project does not use: metaphors, and phrases that depend on word order. Exit with 1 if one is found.
 
 Each pattern is followed by the word to use instead. Patterns match whole words in all tracked sources and pages, in any case.
 """

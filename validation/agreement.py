@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Compare camera paths with bidirectional paths on every shipped scene that both can sample: totals and pixels.
+"""Compare camera paths with bidirectional paths on every shipped scene that both can sample: image totals and pixels.
 
 Two integrators render each scene at 32 x 32 pixels in rounds of independent seeds, until the combined relative error of the
 image's totals (M00, each wavelength) is below --goal, or until --seconds have passed for that scene. The next round goes to the
 integrator that reduces the combined variance more per second. If projectors illuminate mirrors or glass, plain paths miss light;
 `caustics` replaces them.
 
-The errors of totals come from the spread over seeds and do not use the errors that renders report. The reported errors are tested
-with pixels: z² of the pixels that both integrators know to 20 %, with one additional seed.
+The errors of totals come from the spread over seeds, not from the errors that renders report. The reported errors are tested with
+pixels: z² of the pixels whose error is below 20 % in both integrators, with one additional seed.
 
     python3 validation/agreement.py [--scenes sss_statue/scene.toml] [--goal 0.003] [--seconds 120] [--planted]
 
 A scene fails if M00 of a wavelength, or another element, deviates by 5 errors (Student's t for the number of seeds, mapped to a
-Gaussian). It is *unsure* if the goal was not reached. --planted dims one side's projector by 2 %; each scene that reaches its
-goal must detect this.
+Gaussian). A scene is *unsure* if the goal was not reached. --planted reduces one integrator's projector power by 2 %. Each scene
+that reaches the goal must detect this error.
 """
 
 import argparse
@@ -72,11 +72,11 @@ def edited(scene, integrator, dim):
 
 
 class Side:
-    """Renders of a scene by one integrator."""
+    """Renders of a scene with one integrator."""
 
     def __init__(self, scene, integrator, dim, folder, first_seed):
         self.integrator, self.folder, self.seed = integrator, folder, first_seed
-        # In the folder of the original, because its mesh paths are relative.
+        # The file is in the folder of the original, because its mesh paths are relative to that folder.
         self.file = scene.with_name(f".agreement-{scene.stem}-{integrator}-{os.getpid()}.toml")
         self.text = edited(scene, integrator, dim)
         self.means, self.variances, self.seconds = [], 0.0, 0.0
@@ -111,7 +111,7 @@ class Side:
         return np.mean(self.means, axis=0), np.sqrt(self.variances) / len(self.means)
 
     def totals(self):
-        """Return the totals of elements and wavelengths, and their errors from the spread over seeds."""
+        """Return the totals of elements and wavelengths, and the errors of these totals from the spread over seeds."""
         return comparison.mean_and_error([m.sum(axis=0) for m in self.means])
 
 
@@ -129,7 +129,7 @@ def compare(scene, integrators, goal, seconds, dim):
             error = np.hypot(error_a[0], error_b[0]) / m00
             if error.max() <= goal or time.monotonic() - begun > seconds:
                 break
-            # Reduction of the combined variance per second of each side.
+            # Reduction of the combined variance per second of render time, for each integrator.
             gain = [((side_error[0] / m00) ** 2).max() / s.seconds for s, side_error in ((a, error_a), (b, error_b))]
             [a, b][int(gain[1] > gain[0])].round()
         sure = error.max() <= goal

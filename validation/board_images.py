@@ -3,10 +3,10 @@
 
 Six poses of a board are drawn and written as PNG with 8 and 16 bits and with alpha, and as JPEG: grey, colour with subsampling,
 progressive, CMYK, and each EXIF orientation. `sunstone calibrate board` finds corners in the files, as does OpenCV
-(`findChessboardCornersSB` on the result of `cv2.imread`, which rotates by EXIF). Rows: the root mean square distance of
-Sunstone's corners from OpenCV's and from the truth, the error of the focal lengths over their standard error, and the calibrated
-resolution, which must be that of OpenCV's image. Then files that must be refused: a JPEG truncated at ten places, one of another
-orientation among the others, a JPEG named .png. Exits with 1 if a row is above its bound or an invalid file is accepted.
+(`findChessboardCornersSB` on the result of `cv2.imread`, which rotates by EXIF). The table lists the root mean square distance of
+Sunstone's corners from OpenCV's and from the truth, the error of the focal lengths over their standard error, and whether the
+calibrated resolution is that of OpenCV's image. Files that must be refused are a JPEG truncated at ten places, one of another
+orientation among the others, and a JPEG named .png. Exits with 1 if a row is above its bound or an invalid file is accepted.
 """
 
 import argparse
@@ -33,7 +33,7 @@ FINE = 4
 
 
 def board(pose):
-    """Return an image of the board, 0 to 1, with FINE by FINE samples per pixel."""
+    """Return an image of the board, with values from 0 to 1 and FINE by FINE samples per pixel."""
     turn, at = cv2.Rodrigues(np.array(pose[:3]))[0], np.array(pose[3:])
     v, u = np.mgrid[0 : SIZE[1] * FINE, 0 : SIZE[0] * FINE]
     rays = np.stack([((u + 0.5) / FINE - SIZE[0] / 2) / FOCAL, ((v + 0.5) / FINE - SIZE[1] / 2) / FOCAL, np.ones(u.shape)], axis=-1)
@@ -64,7 +64,7 @@ def stored(image, orientation):
 
 
 def write(kind, image, path):
-    """Write one image, 0 to 1, as a file of a kind."""
+    """Write one image, with values from 0 to 1, as a file of a kind."""
     grey = (image * 255).round().astype(np.uint8)
     colour = np.stack([grey, (grey * 0.9).astype(np.uint8), (grey * 0.8).astype(np.uint8)], axis=-1)
     if kind == "png, 16 bits":
@@ -83,7 +83,7 @@ def write(kind, image, path):
 
 
 def run(folder, names):
-    """Return Sunstone's calibration, its corners in OpenCV's pixels by image, and the output; None if refused."""
+    """Return Sunstone's calibration, its corners by image in OpenCV's pixel coordinates, and the output; None if refused."""
     words = ["calibrate", "board", *names, "--columns", COLUMNS, "--rows", ROWS, "--square", "25mm", "--lens", "none", "-o", "c.toml",
              "--corners", "corners.csv"]
     (folder / "c.toml").unlink(missing_ok=True)

@@ -7,12 +7,12 @@ precision and from differences between the models, named in the last column. The
 Mitsuba's BSDF is not polarized (rough and thin dielectrics), its other elements come from Mitsuba's own Fresnel matrices,
 `mi.mueller`.
 
-`--record` writes results/bsdf_coverage.json: for each material what is compared, at which incidences, and what is not. Every full
-run must compare what that file says.
+`--record` writes results/bsdf_coverage.json: for each material what is compared, at which incidences, and what is not compared.
+Every full run must compare what that file lists.
 
-`--power` applies errors to Sunstone's matrices, one at a time: each element off by twice the bound, all brighter by 1 %, the
-light's or the camera's frame rotated by 0.5°, two wavelengths exchanged. Every row must detect every error that changes Mitsuba's
-own matrices by more than the bound. FLOORS gives the number of rows that must be able to detect each error.
+`--power` applies errors to Sunstone's matrices, one at a time: each element off by twice the bound, all elements brighter by 1 %,
+the light's or the camera's frame rotated by 0.5°, two wavelengths exchanged. Every row must detect every error that changes
+Mitsuba's own matrices by more than the bound. FLOORS gives the number of rows that must be able to detect each error.
 """
 
 import argparse
@@ -124,7 +124,7 @@ def fresnel(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
 
 
 def gray(matrix):
-    """Return a matrix of Mitsuba at its first wavelength, [4, 4]."""
+    """Return a Mueller matrix from Mitsuba at its first wavelength, [4, 4]."""
     m = np.array(matrix, dtype=float)
     return m.reshape(4, 4, -1)[..., 0]
 
@@ -146,7 +146,7 @@ def plate(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
 
 
 def unpolarized_plate(ours, refracts):
-    """Return M00 alone of a plate, recomputed with Mitsuba's formula, [n, wavelength, 1, 1].
+    """Return M00 of a plate, recomputed with Mitsuba's formula, [n, wavelength, 1, 1].
 
     Sunstone's matrices give the powers of s and p that one face reflects. Mitsuba's formula is applied to their mean.
     """
@@ -164,7 +164,7 @@ def theirs(case, light, eye, frame_in, frame_out):
     values = mitsuba(case, light, eye)
     if case.completed == "facet":
         whole = fresnel(light, eye, frame_in, frame_out, refracts)
-        # Without a valid facet there is nothing to complete.
+        # Without a valid facet, no matrix needs to be completed.
         whole = np.where(whole[..., :1, :1] > 0, whole, np.diag([1.0, 0, 0, 0]))
         return values[..., :1, :1] * whole / whole[..., :1, :1]
     if case.completed == "unpolarized plate":
@@ -202,7 +202,7 @@ def raw(case, description, toward_light, toward_eye):
         if case.lobe == "brdf":
             m = wavelength_matrices(bsdf.eval(context, si, mi.Vector3f(*light))) / abs(light[2])
         else:
-            # A small or a large random number selects the lobe; use the one in the direction `light`.
+            # A small or a large random number selects the lobe; use the lobe in the direction `light`.
             for pick in (0.0, 0.999999):
                 bs, weight = bsdf.sample(context, si, pick, mi.Point2f(0.5, 0.5))
                 out = np.array(bs.wo).ravel()
@@ -212,7 +212,7 @@ def raw(case, description, toward_light, toward_eye):
                 sys.exit(f"{case.name}: Mitsuba has no lobe from {light} to {eye}")
             m = wavelength_matrices(weight) * float(bs.pdf)
             if eye[2] * light[2] < 0 and float(bs.eta) != 1:
-                # Convert radiance to power: Mitsuba's weights include the squared ratio of the indices.
+                # Convert radiance to power: Mitsuba's weights include the squared ratio of the refractive indices.
                 m = m * float(bs.eta) ** 2
         result.append(m)
     return np.array(result)
@@ -244,7 +244,7 @@ class Answers:
         random = np.random.default_rng(seed)
         if case.least_facet_cos:
             pairs *= 2
-        # Uniform in the cosine.
+        # Directions are uniform in the cosine of the angle to the normal.
         near, far = np.cos(np.radians(np.array([case.theta, case.theta_out]).T))
         theta = np.degrees(np.arccos(random.uniform(far, near, (pairs, 2))))
         phi = random.uniform(-180, 180, (pairs, 2))
@@ -253,7 +253,7 @@ class Answers:
             lines = lines[:, :2]
         with tempfile.TemporaryDirectory() as folder:
             answers = sunstone(case, Path(folder), lines)
-        # Refracted directions are given per wavelength; here they are equal.
+        # Refracted directions are given per wavelength; in these cases they are equal for all wavelengths.
         out = [a["out"][0] if isinstance(a["out"], list) else a["out"] for a in answers]
         ours = np.array([a["mueller"] for a in answers])
         light, frame_in = (np.array([a["in"][k] for a in answers]) for k in ("direction", "frame"))
@@ -263,12 +263,12 @@ class Answers:
             light, frame_in, eye, frame_out, ours = (x[keep] for x in (light, frame_in, eye, frame_out, ours))
         self.case, self.ours, self.refracts = case, ours, eye[0, 2] * light[0, 2] < 0
         self.theirs = theirs(case, light, eye, frame_in, frame_out)
-        # All elements, to compute the effect of an error on them.
+        # All elements, from which the effect of each error on the compared elements is computed.
         whole = case.completed == "unpolarized plate"
         self.whole = plate(light, eye, frame_in, frame_out, self.refracts) if whole else self.theirs
 
     def off(self, ours, theirs):
-        """Return the largest difference of matrices over M00, over all pairs, wavelengths and compared elements."""
+        """Return the largest difference of the matrices divided by M00, over all pairs, wavelengths and compared elements."""
         a, b = (compared(self.case, m, self.refracts) for m in (ours, theirs))
         # Mitsuba sets facet distributions below 1e-20 to zero. Values that are zero for Mitsuba and tiny for Sunstone count as
         # equal.
@@ -329,7 +329,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         cases = [c for c in materials.cases(Path(folder)) if not options.only or options.only in c.name]
         if not cases:
-            sys.exit("no row to check")
+            sys.exit(f"no row has a name that contains {options.only!r}")
         if options.power:
             return power(cases, options)
         print(f"{'material':44} | {'elements':20} | {'pairs':>6} | {'max |dM|/M00':>12} | {'bound':>8} |")

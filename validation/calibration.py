@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
 """Check calibrations of cameras and projectors on rendered boards, against the truth and against OpenCV.
 
-A chessboard is in random poses in front of a camera, with a lens of 5 coefficients (Brown–Conrady) and with one of 8 (rational).
-`sunstone calibrate board` calibrates from the images. OpenCV calibrates from its own corners in the same images
-(`findChessboardCorners` with `cornerSubPix`, and `findChessboardCornersSB`), and from Sunstone's corners. Then a projector shows
-its Gray codes on the board, with all patterns as masks of one render, and `sunstone calibrate projector` finds both devices.
-Rows:
+A chessboard is in random poses in front of a camera with a lens of 5 coefficients (Brown–Conrady) or of 8 (rational). `sunstone
+calibrate board` calibrates from the images. OpenCV calibrates from its own corners in the same images (`findChessboardCorners`
+with `cornerSubPix`, and `findChessboardCornersSB`), and from Sunstone's corners. Then a projector shows its Gray codes on the
+board, with all patterns as masks of one render, and `sunstone calibrate projector` calibrates both devices. The table has these
+rows:
 
 - corners: root mean square distance from the result of `cv2.projectPoints`
-- RMS: Sunstone's over OpenCV's on the same images, with the better of OpenCV's corners: at most 1
+- RMS: Sunstone's RMS error divided by OpenCV's on the same images, with the better of OpenCV's corners: at most 1
 - same corners: largest difference of focal lengths, centre and RMS from OpenCV's result with Sunstone's corners, in Sunstone's
   sigma
-- truth: largest z-score of focal lengths and centre, of the lens (where it moves what it sees), of all poses of the board; and
-  mean squares of those of the poses
+- truth: largest z-score of focal lengths and centre, of the lens (where the lens moves image points), and of all poses of the
+  board; also the mean square of the poses' z-scores
 
 Exits with 1 if a row is above its bound. `--power` applies errors one at a time (centre off by half a pixel, its x and y
-exchanged, another size of squares, k3 and p1 exchanged, rotations transposed, errors stated three times too small, worse
-corners), and checks that each is detected. `--both` does both on the same images.
+exchanged, another size of squares, k3 and p1 exchanged, rotations transposed, errors stated three times too small, less accurate
+corners), and checks that each error is detected. `--both` does both on the same images.
 """
 
 import argparse
@@ -149,7 +149,7 @@ def photographs(device, all_poses, folder):
 
 
 def calibrated(folder, images, count, square=SQUARE):
-    """Return Sunstone's calibration and its corners in OpenCV's pixels by image."""
+    """Return Sunstone's calibration and its corners by image in OpenCV's pixel coordinates."""
     run("calibrate", "board", *images, "--columns", COLUMNS, "--rows", ROWS, "--square", f"{square * 1000:.6f}mm", "--lens", count,
         "-o", "ours.toml", "--corners", "corners.csv", folder=folder)
     ours = tomllib.loads((folder / "ours.toml").read_text())
@@ -160,7 +160,7 @@ def calibrated(folder, images, count, square=SQUARE):
 
 
 def theirs(folder, images):
-    """Return OpenCV's corners by image, if found: with its older and its newer method."""
+    """Return OpenCV's corners by image, if found: with the older and with the newer method."""
     older, newer = {}, {}
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     for name in images:
@@ -341,7 +341,7 @@ def with_projector(seed, folder, checked, planted):
         (folder / f"view{i}").mkdir()
         for n in names:
             run("probe", f"{i}.zarr", f"p{n[:3]}", "--sum", "wavelength", "-o", f"view{i}/{n[:3]}.npy", "--force", folder=folder)
-        # Files with the same prefix: coordinates and errors.
+        # Other files with the same prefix contain coordinates and standard errors.
         for other in (folder / f"view{i}").iterdir():
             if len(other.name) > len("000.npy"):
                 other.unlink()

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Measure the cost of renders with Dask: the scheduler's time per unit, and two workers against one process of two threads.
+"""Measure the cost of renders with Dask: the scheduler's time per unit, and two workers against one process with two threads.
 
-Rounds are interleaved. Every render is complete: a process or call from its start to a finished store in memory. Workers start
-before. Processor time is also printed: that of all commands, including those of the workers. It is independent of other load on
-the machine, but does not measure waiting times.
+Rounds are interleaved. Every timed render is complete: a process or call from its start to a finished store in memory. Workers
+start before the measurement. The processor time of all commands, including those of the workers, is also printed. Processor time
+is independent of other load on the machine, but does not include waiting times.
 
     python3 validation/clusters.py [--rounds 3] [--record]
 
@@ -26,7 +26,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 UNITS = 10_000
 PARTS = 8
-# Half a minute to a minute each on two cores of 2020; renders on clusters take longer.
+# Renders of half a minute to a minute on two cores of 2020; renders on clusters take longer.
 RENDERS = {"path": 768, "caustics": 512, "bidirectional": 96}
 SCENE = environment.ROOT / "scenes/mirror_room/scene.toml"
 
@@ -63,7 +63,7 @@ def used():
 
 
 def pair(client, integrator, spp, folder):
-    """Return seconds of one process with two threads and of two workers with one thread each; then the same in processor time."""
+    """Return the seconds of one process with two threads and of two single-threaded workers; then the processor seconds."""
     from pysunstone import distributed
 
     def everywhere():

@@ -1,11 +1,11 @@
-"""Test whether two noisy images show the same, with three tests of known false-alarm probability.
+"""Test whether two noisy images have the same expected value, with three tests of known false-alarm probability.
 
-Both sides have means and standard errors per pixel. Mitsuba's are estimated from `batches` renders with separate seeds, so that a
-difference over its error follows Student's t, which `gaussian_from_t` maps to a unit Gaussian.
+Both sides have means and standard errors per pixel. Those of Mitsuba are estimated from `batches` renders with separate seeds, so
+that a difference divided by its error follows Student's t, which `gaussian_from_t` maps to a unit Gaussian.
 
 1. chi2: the sum of all z^2; detects differences anywhere.
 2. max: the largest |z| among n pixels; detects single wrong pixels.
-3. gain: (ours / theirs) - 1 fitted to the whole image; detects wrong factors and signs far below a pixel's noise.
+3. gain: (ours / theirs) - 1 fitted to the whole image; detects wrong factors and signs far below the noise of a pixel.
 
 The p-value of a comparison is three times the smallest of the three (Bonferroni). The cross-check as a whole fails if any of its
 m comparisons has p < SIGNIFICANCE / m. (planted.py fits named errors to all elements of a pair together; the same total
@@ -50,7 +50,7 @@ def z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches
     floor = (ROUNDING * scale) ** 2
     variance = np.maximum(var_a + var_b + floor, 1e-300)
     # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, Sunstone's mostly from
-    # thousands of samples. Pixels without noise (only rounding) count as Gaussian.
+    # thousands of samples. Pixels without noise (rounding errors only) count as Gaussian.
     spread = (var_b / variance) ** 2 / (batches - 1)
     if our_batches:
         spread += (var_a / variance) ** 2 / (our_batches - 1)

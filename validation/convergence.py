@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Measure how long each integrator takes until the median lit pixel of a scene is known to 5 %.
+"""Measure how long each integrator takes until the relative error of a scene's median lit pixel is 5 %.
 
 Every scene of scenes/ that is meant for bidirectional paths is rendered by each integrator, only its conventional image. The
-relative standard error of a pixel falls with the square root of time, so a short render predicts the time of a longer one. A
-pixel is lit if the bidirectional render finds at least 1 % of the image's bright light there (99th percentile). An integrator
-that misses light never reaches the goal, however small its errors. Its light over all lit pixels must therefore agree with the
-bidirectional image within 2 % (and five standard errors), and that of the median pixel within 10 %; otherwise "never" is printed.
+relative standard error of a pixel decreases with the square root of time, so a short render predicts the time of a longer one. A
+pixel is lit if its value in the bidirectional render is at least 1 % of the 99th percentile. An integrator that misses light
+never reaches the goal, however small its errors. Its light over all lit pixels must therefore agree with the bidirectional image
+within 2 % (and five standard errors), and that of the median pixel within 10 %; otherwise "never" is printed.
 
-A render's own errors do not include light that it has not sampled yet. So each scene is also rendered as shipped (integrator
-"auto") with several seeds, and the error comes from their deviations: the squared deviations of a pixel from the mean of all
-seeds, over the squared mean, averaged over seeds (their number less one), wavelengths and 2 × 2 pixels; then the median over the
-lit blocks.
+The errors that a render reports do not include light that has not been sampled yet. Therefore each scene is also rendered as
+shipped (integrator "auto") with several seeds, and the error comes from their deviations: the squared deviations of a pixel from
+the mean of all seeds, over the squared mean, averaged over seeds (their number less one), wavelengths and 2 × 2 pixels; then the
+median over the lit blocks.
 
     python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60] [--seeds 4] [--only-seeds] [--record]
 
@@ -43,7 +43,7 @@ def render(scene, integrator, spp, folder, seed=1):
     text = re.sub(r"(?m)^integrator *=.*\n", "", text)
     text = re.sub(r"(?m)^manifold *=.*\n", "", text)
     text = text.replace("[render]", f'[render]\nintegrator = "{integrator}"', 1)
-    # In the folder of the original, because its mesh paths are relative.
+    # The file is in the folder of the original, because its mesh paths are relative to that folder.
     file = scene.with_name(f".convergence-{integrator}.toml")
     file.write_text(text)
     try:
@@ -76,7 +76,7 @@ def spread(images):
 
 
 def by_seeds(scene, seconds, seeds, folder):
-    """Return the seconds to the goal as shipped, from the deviations of seeds."""
+    """Return the seconds to the goal of the scene as shipped, from the deviations of seeds."""
     *_, spp = measure(scene, "auto", seconds, folder)
     renders = [render(scene, "auto", spp, folder, seed) for seed in range(1, seeds + 1)]
     took = float(np.mean([r[2] for r in renders]))
@@ -167,7 +167,7 @@ def main():
 
 
 def plain(value):
-    """Return a number for JSON; null for none."""
+    """Return a number for JSON; null if the goal was not reached."""
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and not np.isfinite(value) else value
 

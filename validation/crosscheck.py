@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Cross-check Sunstone against Mitsuba 3 and mitransient: the same scenes in both, compared pixel by pixel.
 
-The first run creates a virtual environment (.venv at the project root) and builds Sunstone if necessary. Exit code 0: they agree.
-1: they do not. 3: the check could not run (the last line gives the reason).
+The first run creates a virtual environment (.venv at the project root) and builds Sunstone if necessary. Exit code 0: both
+programs agree. 1: they do not agree. 3: the check could not run (the last line gives the reason).
 
 The comparisons cover Stokes images of scenes written by hand for both programs (scenes.py), of scene files that `sunstone export`
 writes for Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time (transient.py).
@@ -11,7 +11,7 @@ All 16 elements of the matrix are compared with a custom integrator on top of Mi
 Mitsuba's llvm variants are required for 16 elements and for time; on Debian 12 install them with `apt-get install libllvm19`.
 Without LLVM the check fails; --scalar skips those comparisons and reports this.
 
-For significance and the meaning of the columns see comparison.py. Pictures go to target/crosscheck (images.py).
+For significance and the meaning of the columns see comparison.py. Images go to target/crosscheck (images.py).
 """
 
 import argparse
@@ -51,12 +51,12 @@ FLOORS = {
     "wrong wavelength": 15,
     "wrong column": 4,
 }
-# Pictures kept by --record.
+# Images kept by --record.
 KEPT = ["mirror_room_550_nm", "Cornell_box_over_time", "polarized_lamp_right_circular"]
 
 
 def run_all(seed, llvm, full):
-    """Render everything with both programs into the cache."""
+    """Render all scenes with both programs into the cache."""
     import exported
     import handwritten
     import polarized
@@ -148,7 +148,7 @@ def numbers(table, seconds):
 
 
 def record(rows, seconds):
-    """Write numbers with their provenance, and a few of the pictures, to the repository."""
+    """Write the numbers with their provenance, and some of the images, to the repository."""
     import shutil
 
     packages = ["mitsuba", "mitransient", "drjit", "numpy"]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does light from inside a crystal with rough faces appear in -(3,3)?
+"""Test whether light from inside a crystal with rough faces contributes to -(3,3).
 
 Renders the quartz of scenes/crystals/faces.toml and glass of its mean index (the same crystal with n_o = n_e = 1.5505) with
 several seeds. For the pixels that show only the crystal, prints -(3,3) minus the contribution of a single surface reflection,

@@ -91,7 +91,7 @@ def theirs(m):
 
 
 def difference(name, a, b, m):
-    """Return the largest difference of two arrays of one name, over M00 if they scale with the matrices m."""
+    """Return the largest difference of two arrays of one name, divided by M00 if the arrays scale with the matrices m."""
     scale = np.abs(m[:, 0, 0]) if name in ("m_d", "product") else np.ones(len(m))
     return (np.abs(a - b).reshape(len(m), -1).max(axis=1) / scale).max()
 
@@ -154,7 +154,7 @@ def power(m, got, want, folder):
     for name, value in want.items():
         bound = BOUNDS.get(name, BOUND)
         m00 = m[:, 0, 0] if name in ("m_d", "product") else np.ones(len(m))
-        # One number of one matrix, each in turn.
+        # One number of one matrix, for each number in turn.
         off = []
         for k in range(got[name][0].size):
             array = got[name].copy()

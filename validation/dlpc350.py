@@ -2,8 +2,8 @@
 """Compare reports to the DLPC350 with those of the package pycrafter4500, byte for byte.
 
 The package writes to a device that only stores the data; Sunstone prints what its driver writes for the same values. The package
-writes the number of images as given, while TI's own program writes one less, as for the other two counts; so this script passes
-one less. Exits with 1 if a report differs. `--power` changes one bit in every message, which must be detected.
+writes the number of images as given. TI's own program writes this number minus one, so this script passes the number minus one.
+Exits with 1 if a report differs. `--power` changes one bit in every message; each change must be detected.
 """
 
 import argparse
@@ -36,7 +36,7 @@ class Kept:
 
 
 def theirs():
-    """Return what the package writes, by Sunstone's names of the messages."""
+    """Return the bytes that the package writes, by Sunstone's names of the messages."""
     plain = {"trig_type": 0, "pat_num": 0, "bit_depth": 1, "led_select": 2}
     flags = {"trig_type": 3, "pat_num": 23, "bit_depth": 1, "led_select": 7, "do_invert_pat": True,
              "do_insert_black": True, "do_buf_swap": True, "do_trig_out_prev": True}
@@ -49,7 +49,7 @@ def theirs():
         "trigger vsync": lambda d: d.set_pattern_trigger_mode("vsync"),
         "trigger internal": lambda d: d.set_pattern_trigger_mode(1),
         "trigger from outside": lambda d: d.set_pattern_trigger_mode(2),
-        # The package does not support these; its generic command builds reports from codes and data like TI's program.
+        # The package does not support these messages; its generic command builds reports from codes and data like TI's program.
         "trigger output 1": lambda d: d.command("w", 0, 0x1A, 0x1D, [1, 0xBB, 0xD5]),
         "trigger output 2": lambda d: d.command("w", 0, 0x1A, 0x1E, [0, 0x7F]),
         "trigger input 1": lambda d: d.command("w", 0, 0x1A, 0x35, [0x03, 0x02, 0x07, 0x00]),

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """Compare captures and their least-squares reconstruction with PyPI `polanalyser`, and time both in one run.
 
-Both use the same signs, so that nothing is transformed: `polanalyser.retarder(δ, θ)` is R(-θ) M R(θ) with M[2][3] = +sin δ,
+Both programs use the same signs, so no value is transformed: `polanalyser.retarder(δ, θ)` is R(-θ) M R(θ) with M[2][3] = +sin δ,
 M[3][2] = -sin δ and a middle block [[cos 2θ, sin 2θ], [-sin 2θ, cos 2θ]] of R(θ), as in CONVENTIONS.md.
 
 The script compares design matrices (bound 1e-12) of built-in schemes and of random angles and retardances. Then it compares
 reconstructions of mixtures of Jones matrices from noisy intensities (bound 1e-9 of a pixel's largest element; 1e-4 for float32
 and uint16 files).
 
-Then it times 36 float32 images: the whole command, with its files in memory if there is a tmpfs, and the computation time that
-the command reports. The computation is judged against `polanalyser.calcMueller` on the array in memory, the whole command against
-it from file to file. Passes of NumPy over the array and the files are also timed. The command's memory must stay below 200 MB,
-also for four times as many pixels.
+Then it times the reconstruction of 36 float32 images: the whole command, with its files in memory if there is a tmpfs, and the
+computation time that the command reports. The computation time is compared with `polanalyser.calcMueller` on the array in memory,
+the time of the whole command with calcMueller from file to file. Passes of NumPy over the array and the files are also timed. The
+command's memory must stay below 200 MB, also for four times as many pixels.
 
 Exits with 1 if a value is above its bound. `--power` applies errors to Sunstone's inputs or outputs, the smallest 0.1° of frame
 and 0.1 % of intensity, and checks that all rows detect all of them. With --record the times and the memory go to
@@ -255,7 +255,7 @@ def peak(command):
         most = max(most, high_water(running.pid))
         time.sleep(0.001)
     if running.returncode:
-        sys.exit("sunstone failed")
+        sys.exit(f"{' '.join(map(str, command))} failed with exit code {running.returncode}")
     return most * 1.048576
 
 
@@ -296,7 +296,7 @@ def speed(folder, pixels, record):
         "numpy, copy of the input": lambda: np.copyto(copy, image),
     }
     outputs = folder / "m.npy", folder / "theirs.npy"
-    # Rounds are interleaved, because the machine's speed drifts; the best of each counts.
+    # Rounds are interleaved, because the machine's speed drifts; the best time of each program counts.
     rounds = [{name: timed(action, *outputs) for name, action in actions.items()} for _ in range(5)]
     best = {name: min(r[name] for r in rounds) for name in actions}
     best["sunstone, computation"] = min(reported)
@@ -361,7 +361,7 @@ def numbers(seconds, used):
 
 
 def store(pixels):
-    """Return a folder for files of that many pixels: in memory if there is enough."""
+    """Return a folder for files of this number of pixels: in memory if there is enough memory."""
     memory = environment.in_memory()
     need = 5 * pixels * 4 * (CAPTURES + 16) * 1.2
     return memory if memory and shutil.disk_usage(memory).free > need else None

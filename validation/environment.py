@@ -1,4 +1,4 @@
-"""Environment of the checks: their virtual environment (.venv at the project root) and the Sunstone program."""
+"""Environment of the validation scripts: their virtual environment (.venv at the project root) and the Sunstone program."""
 
 import os
 import subprocess

@@ -1,6 +1,6 @@
 """Compare imported environment maps with Mitsuba, pixel by pixel: peak, values and flux.
 
-Maps of several sizes, of noise and with one lit texel, rotated and mirrored, are seen directly and illuminate a diffuse plane.
+Maps of several sizes, with noise or with one lit texel, rotated and mirrored, are seen directly and illuminate a diffuse plane.
 Requires the package pysunstone in the environment. Exits with 1 if a pixel or the irradiance differs.
 """
 
@@ -75,7 +75,7 @@ def main():
                     loaded = mi.load_dict(seen)
                     renders = np.array([np.array(mi.render(loaded, seed=seed))[..., 0] for seed in range(4)])
                     theirs = renders.mean(axis=0)
-                    # Four renders give a poor estimate of a pixel's variance, so the largest of the image is used for all pixels.
+                    # Four renders give a poor estimate of a pixel's variance, so all pixels use the largest of the image.
                     slack = 5 * np.sqrt(error**2 + renders.var(axis=0, ddof=1).max() / 4) + 1e-4 * theirs.max()
                     off = (abs(ours - theirs) / slack).max()
                     lit = scene(file, turn, to, 0.01, 5, True)

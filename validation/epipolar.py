@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Time to the same error of the epipolar Mueller image: one render of Sunstone against mitransient, one pattern at a time.
+"""Compare the time to an equal error of the epipolar Mueller image: one render of Sunstone, mitransient one pattern at a time.
 
-The epipolar image keeps, for every camera pixel, the light of the projector pixels on its epipolar line. Sunstone fills it in one
-render: a slice with all 16 elements at three wavelengths. A renderer without projector pixels illuminates one epipolar line,
-renders, keeps the camera pixels of the same plane, and repeats this for the next line. The scene is a rectified pair of 256 x 256
-pixels (speed/epipolar.toml), so lines are rows, and an image takes
+The epipolar image keeps, for every camera pixel, the light of the projector pixels on its epipolar line. Sunstone renders this
+image at once, as a slice with all 16 elements at three wavelengths. A renderer without projector pixels illuminates one epipolar
+line, renders, keeps the camera pixels of the same plane, and repeats this for the next line. The scene is a rectified pair of
+256 x 256 pixels (speed/epipolar.toml), so lines are rows, and an image requires
 
     256 patterns x 4 input states x 3 wavelengths = 3072 renders.
 
@@ -12,7 +12,7 @@ Measurements and assumptions:
 
 - mitransient (`transient_path` over one time bin, monochromatic and polarized, so that it returns the Stokes vector of one
   wavelength) renders --patterns of the 256 rows, each twice with different seeds, after a warm-up. Its time per pattern is the
-  median. Patterns are switched in place without recompiling or reloading. The other patterns are assumed to cost the same.
+  median. Patterns are exchanged in place without recompiling or reloading. The other patterns are assumed to take the same time.
 - It cannot illuminate a scene with polarized light: a polarizer in front of its projector is black (Mitsuba 3's issue 1462). The
   renders of the other three input states are counted with the time of unpolarized ones (--states 1 leaves them out).
 - Three wavelengths are three renders, because a monochromatic variant has one wavelength (--wavelengths 1 leaves them out).
@@ -20,8 +20,8 @@ Measurements and assumptions:
   b)²/2). Both programs are unbiased, so time to equal error is t (RMSE/target)².
 - Sunstone's time is that of the whole process with all files written.
 
-The means of both over the measured rows must agree; otherwise the script fails. A user who lets mitransient render only the lit
-row (a film cropped to 256 x 1) saves most of the samples: that is also measured and printed.
+The means of both programs over the measured rows must agree; otherwise the script fails. A user who renders only the lit row with
+mitransient (a film cropped to 256 x 1) saves most of the samples: this case is also measured and printed.
 """
 
 import argparse

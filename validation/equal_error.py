@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compare the cost of equal errors: stratified with independent samples, and Sunstone with Mitsuba.
+"""Compare the cost of equal errors: stratified and independent samples, and Sunstone and Mitsuba.
 
 The mean squared error of a render is that of its pixels against a long render of the same program (`--reference` samples per
 pixel with another seed), over all pixels and `--seeds` seeds, relative to the squared mean of the image.
@@ -91,7 +91,7 @@ def stratified(folder, seeds, reference_spp):
     ]
     out = {}
     for name, scene, slices, slice_name, counts in cases:
-        # In the folder of the original, because its mesh paths are relative.
+        # The file is in the folder of the original, because its mesh paths are relative to that folder.
         file = scene.with_name(f".equal-error-{name}.toml")
         file.write_text(only(scene, slices))
         try:
@@ -121,11 +121,11 @@ def mitsuba(scene, sampler, spp, seed):
 
 
 def scenes_of_mitsuba(folder, reference_spp):
-    """Return by wavelength the Cornell box for Mitsuba and a long render of it."""
+    """Return, for each wavelength, Mitsuba's scene of the Cornell box and a long render of this scene."""
     out = {}
     for wavelength in WAVELENGTHS:
         scene = mi.load_file(speed.export(folder / f"mono-{wavelength}", "--wavelength", str(wavelength)))
-        # In parts, because a wavefront of all samples would exceed the memory.
+        # Rendered in parts, because a wavefront of all samples would exceed the memory.
         parts = [mitsuba(scene, "independent", 64, 1000 + k)[0] for k in range(max(1, reference_spp // 64))]
         out[wavelength] = scene, np.mean(parts, axis=0)
     return out
@@ -161,7 +161,7 @@ def against_mitsuba(folder, seeds, reference_spp):
                       f"{t:.2f} s (ours {took:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
                 best = min(best or (cost, sampler), (cost, sampler))
             each = [mitsuba_cost(*scenes[w], best[1], spp, seeds) for w in WAVELENGTHS]
-            # Its time is divided among the wavelengths so that all three errors equal Sunstone's.
+            # Mitsuba's time is divided among the wavelengths so that all three errors equal Sunstone's.
             all_three = sum(e * t / m for (e, t, _), m in zip(each, mine)) / took
             print(f"{spp:4} samples: Mitsuba's best sampler, {best[1]}, takes {best[0]:.2f} times as long for an equal error of one "
                   f"wavelength, {all_three:.2f} times for equal errors of three")

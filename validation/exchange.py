@@ -3,8 +3,8 @@
 
 Exports the scenes of `scenes_exchange/`, loads each with `mi.load_file`, renders its Stokes images with both programs, and
 compares them pixel by pixel (comparison.py). Imports the hand-written scene `by_hand.xml` and compares it in the same way.
-Exports, imports and exports again, which must give the same XML. Every exported scene must also load, and render without a NaN,
-in the spectral variant (one with images of light in that of one wavelength).
+Exports, imports and exports again; both exports must give the same XML. Every exported scene must also load, and render without a
+NaN, in the spectral variant (a scene with images of light: in the variant of one wavelength).
 
 `--power` applies errors to Sunstone's images of the last run and checks that each is detected (planted.py). Without LLVM the
 script fails; with --without-llvm it checks nothing and reports this.
@@ -67,7 +67,7 @@ def theirs(xml, seed):
 
 
 def run_all(seed):
-    """Render everything with both programs into the cache."""
+    """Render all scenes with both programs into the cache."""
     elements, names = [f"s{i}" for i in range(4)], []
     for name, mean, error, (images, angle) in rendered(seed):
         pair = pairs.Pair(name, "", elements, mean, error, images, angle)
@@ -91,7 +91,7 @@ def check_loading():
     """Check that every exported scene loads and renders at all its wavelengths, and that the XML survives a round trip."""
     good = True
     for toml in SCENES:
-        # Images of light contain plain numbers, which spectral variants refuse.
+        # Images of light contain plain numbers, which Mitsuba's spectral variants refuse.
         variant = MONO if toml.stem == "parallel" else SPECTRAL
         environment.need_llvm(variant, "--without-llvm checks nothing.")
         name = toml.parent.name if toml.stem == "scene" else toml.stem
@@ -107,7 +107,7 @@ def check_loading():
 
 
 def plain(folder):
-    """Return the XML without comments and ids, numbers with six digits."""
+    """Return the XML without comments and ids, with numbers rounded to six digits."""
     text = re.sub(r"<!--.*?-->|id=\"[^\"]*\"|<float name=\"fov\"[^>]*>", "", (folder / "scene.xml").read_text())
     text = re.sub(r"[A-Za-z0-9_-]+\.(png|ply|exr)", "file", text)
     round6 = lambda m: f"{float(m[0]):.5g}".replace("-0", "0") if abs(float(m[0])) > 1e-6 else "0"

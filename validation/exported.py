@@ -45,7 +45,7 @@ SCENES = [
     Exported("mirror room", environment.ROOT / "scenes/mirror_room/scene.toml", True, (12000, 500, 32)),
     Exported("Cornell box", environment.HERE / "speed/cornell.toml", True, (20000, 500, 32)),
     Exported("glass ball", HERE / "glass.toml"),
-    # Mitsuba takes minutes to compile its kernel for tables, for each wavelength again.
+    # For tables, Mitsuba takes minutes to compile its kernel, and compiles it again for each wavelength.
     Exported("measured balls", HERE / "measured.toml", share=0.25, all_wavelengths=False),
     Exported("glTF knot", HERE / "knot.toml", all_elements=True),
     Exported("lamps", HERE / "lamps.toml"),
@@ -95,8 +95,8 @@ def tables(folder):
 
     An entry with light or viewer below the horizon is NaN. Next to such an entry, Mitsuba returns zero, while Sunstone
     interpolates from the valid entries. This affects 8 of 256 squares of two pixels, all at the rim or the terminator of the
-    balls: 0.002875 against Mitsuba's 0.002656, while the tabulated material gives 0.002866. Both programs treat zeros in the same
-    way.
+    spheres: 0.002875 against Mitsuba's 0.002656, while the tabulated material gives 0.002866. Both programs treat zeros in the
+    same way.
     """
     from mitsuba.python import tensor_io
 

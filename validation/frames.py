@@ -34,7 +34,7 @@ def angles(sensor):
 
 
 def scalar():
-    """Return true for the variants without arrays."""
+    """Return true for Mitsuba's variants without arrays."""
     return mi.variant().startswith("scalar")
 
 

@@ -4,14 +4,14 @@
 Runs the program (or another one, `--program`) on
 
 - every shipped scene file: a block of tiles in the middle of its image;
-- every material under every integrator, on a ball lit by a projector, a point light and a sky;
+- every material under every integrator, on a sphere lit by a projector, a point light and a sky;
 - capture, reconstruct, decompose, learn, trial, denoise, probe, layers, merge, shard, export, and figures;
 - `apply NAME --preview --seeds 1` for every application (with `--applications`, minutes each);
 - `--help` of every command;
 
 and compares the SHA-256 of the output with `frozen.json`. `--power` checks that a change is detected. `--record` rewrites that
-file: then state in the commit what changed, and why. The hash excludes paths, times and versions; chunk files, arrays, tables and
-pictures are hashed completely.
+file; then state in the commit what changed, and why. The hash excludes paths, times and versions. Chunk files, arrays, tables and
+images are hashed completely.
 """
 
 import argparse
@@ -96,7 +96,7 @@ camera = {{ rows = [4] }}
 
 
 class Runner:
-    """One program, in a separate folder."""
+    """A runner of one program in a separate folder."""
 
     def __init__(self, program, folder):
         self.program, self.folder = program, folder
@@ -209,7 +209,7 @@ def helps(run, _):
 
 
 def power(program):
-    """Apply a small change; exit code 1 if a result does not show it."""
+    """Apply a small change. Return exit code 1 if a result does not show the change."""
     known = json.loads(TABLE.read_text())
     with tempfile.TemporaryDirectory(dir=environment.in_memory()) as temporary:
         found = dict(materials(Runner(program, Path(temporary)), Path(temporary), ".001"))

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Compare twelve scenes written for Mitsuba 3 after its documentation, imported unchanged and rendered by both programs.
 
-`sunstone import` and `mi.load_file` read each file of `scenes_gallery/`; the Stokes images of both are compared pixel by pixel
-(comparison.py). The script generates the meshes, images and the included file that they name. If Sunstone reports that a model of
-Mitsuba becomes its nearest polarized model (roughplastic), only brightness is compared. Exits with 1 if a scene differs.
+`sunstone import` and `mi.load_file` read each file of `scenes_gallery/`; the Stokes images of both programs are compared pixel by
+pixel (comparison.py). The script generates the meshes, the images and the included file that the scenes name. If Sunstone reports
+that a model of Mitsuba becomes its nearest polarized model (roughplastic), only s0 is compared. Exits with 1 if a scene differs.
 
 `--power` applies errors to Sunstone's images of the last run and checks that each is detected (planted.py). Requires LLVM.
 """
@@ -66,7 +66,7 @@ def assets(folder):
 
 
 def run_all(seed):
-    """Import and render everything with both programs into the cache."""
+    """Import all scenes, and render them with both programs into the cache."""
     exchange.OUT = OUT
     assets(OUT)
     names = []

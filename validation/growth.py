@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Measure how cost grows: processor time per sample, and memory, of bidirectional renders at several sizes and sample counts.
 
-Every row is one render of a shipped scene with all its slices but another resolution (a slice's rows and blocks are scaled
-accordingly). Seconds are user plus system time of the whole process; memory is its largest resident size. Requirements: the
-longest time per sample of a scene is within 1.15 of its shortest, and memory is at most 600 MB.
+Every row is one render of a shipped scene with all its slices but another resolution (the rows and blocks of slices are scaled
+accordingly). Seconds are user plus system time of the whole process. Memory is the process's largest resident size. Requirements:
+the longest time per sample of a scene is within 1.15 of its shortest, and memory is at most 600 MB.
 
     python3 validation/growth.py [--most 40] [--judge]
 
---most skips renders of more million samples; --judge fails if a requirement is not met.
+--most skips renders of more than this number of million samples; --judge fails if a requirement is not met.
 """
 
 import argparse

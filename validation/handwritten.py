@@ -1,4 +1,4 @@
-"""The scenes of scenes.py, written by hand for both programs, rendered by both."""
+"""The scenes of scenes.py, written by hand for both programs and rendered by both."""
 
 import mitsuba as mi
 import numpy as np

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: Sunstone, the reference, the difference in units of its error, and the p-value of each pixel.
+"""Draw images of a comparison: Sunstone, the reference, the difference in units of its error, and the p-value of each pixel.
 
 One sheet per pair; every Stokes or Mueller element is a row. s0 and T00 are grey; all others range from blue (negative) over
 white to red. Time-resolved light is shown as an x-t slice through the middle row, time upward. Differences and p-values are those
@@ -43,7 +43,7 @@ def panel(colours):
 
 
 def sheet(pair):
-    """Return the picture of one pair."""
+    """Return the image of one pair."""
     ours, ours_error, theirs, theirs_error = pair.images()
     scale = np.abs(theirs).max()
     z = comparison.z_scores(ours, ours_error, theirs, theirs_error, len(pair.theirs), scale, pair.our_batches)[0]

@@ -2,7 +2,7 @@
 
 A plane under uniform illumination of 1 is seen at sixteen angles; a pixel shows the directional albedo at its angle. Mitsuba
 renders its own materials; those of glTF and MTL are integrated here from their specifications. A difference above 2 % at angles
-up to 60° fails unless the table below states it. With --power the planted errors must be detected. Prints the table of
+up to 60° fails unless STATED states it. With --power, the planted errors must be detected. Prints the table of
 docs/import.md.
 """
 

@@ -30,7 +30,7 @@ WIDTH, SPP, BATCHES = 24, 64, 4
 # Notes that do not imply a difference in brightness.
 NEUTRAL = re.compile("pixels are means|paths without end|the scene has several|the scene has no integrator|the file is of Mitsuba 0|"
                      ".* is not used|mitransient counts|hdrfilm|.*traces paths its own way|.*polarized in sunstone")
-# Plugins with another meaning without polarization.
+# Plugins whose meaning differs without polarization.
 POLARIZED = re.compile(r"type=[\"'](stokes|polarizer|retarder|circular|measured_polarized|pplastic)[\"']")
 MESH_SCENE = """[camera]
 resolution = [4, 4]
@@ -130,7 +130,7 @@ def ours(toml, folder):
 
 
 def theirs(path):
-    """Return the same for Mitsuba."""
+    """Return the mean and standard error of each channel for Mitsuba."""
     import mitsuba as mi
     import numpy as np
 
@@ -156,7 +156,7 @@ def theirs(path):
 
 
 def compare(row, toml, folder):
-    """Add the result of the two renders to the row."""
+    """Add the comparison of the two renders to the row."""
     import numpy as np
 
     try:
@@ -205,7 +205,7 @@ def main():
     options = parser.parse_args()
     files = sorted({f for folder in options.folders for f in folder.resolve().rglob("*") if f.is_file()})
     scenes = {f for f in files if f.suffix.lower() == ".xml" and "<scene" in f.read_text(errors="replace")}
-    # A scene file without a shape or a sensor renders nothing: it is a part for others, whose names may come from parameters.
+    # A scene file without a shape or a sensor renders nothing: it is included by others, whose names may come from parameters.
     fragments = {f for f in scenes if not re.search("<(shape|sensor|include)[ >]", f.read_text(errors="replace"))}
     for scene in scenes:
         for name in re.findall(r"<include\s+filename=[\"']([^\"']*)", scene.read_text(errors="replace")):

@@ -34,7 +34,7 @@ def ours(*hexes):
 
 
 def sent():
-    """Return what the package sends for the same values."""
+    """Return the bytes that the package sends for the same values."""
     to = {"dest": CONTROLLER, "source": HOST}
     on = to | {"chan_ident": 1}
     return {

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Measure the time of `sunstone learn` for 16 captures, and the distance from the lowest error that 16 captures allow.
+"""Measure the time of `sunstone learn` for 16 captures, and the difference of its error from the lowest possible error.
 
 The bound is σ²·1600/K for K captures of a sensor that is insensitive to polarization, summed over the 16 elements. The learned
-scheme is compared with it on the unseen materials of the cross-validation. Exits with 1 if the error is more than 1 % above the
-bound. With --record the numbers go to results/learning.json (result_file.py). Standard library only.
+scheme's error on the unseen materials of the cross-validation is compared with this bound. Exits with 1 if the error is more than
+1 % above the bound. With --record the numbers go to results/learning.json (result_file.py). Standard library only.
 """
 
 import argparse

@@ -2,10 +2,10 @@
 """Measure time and memory from a mesh file to the first ray: binary PLY files of 1 and 10 million triangles, in Sunstone and
 Mitsuba.
 
-Sunstone renders 8 x 8 pixels with one sample, a whole process with its files written. Mitsuba (llvm, whose tree is Embree's)
-loads the same file into a scene and traces one ray; its seconds exclude its import. Processor time (user and system, all threads)
-is reported too, because it does not depend on other load. Rounds are interleaved. Each runs in a separate process, whose largest
-resident memory comes from the system (for Mitsuba minus that of the same process with a mesh of two triangles).
+Sunstone renders 8 x 8 pixels with one sample: a whole process with its files written. Mitsuba (llvm, whose tree is Embree's)
+loads the same file into a scene and traces one ray; its seconds exclude its import. The processor time (user and system, all
+threads) is also printed, because it does not depend on other load. Rounds are interleaved. Each program runs in a separate
+process, whose largest resident memory comes from the system (for Mitsuba minus that of the process with two triangles).
 
     python3 validation/loading.py [--rounds 5] [--record]
 
@@ -83,19 +83,19 @@ def hills(triangles):
 
 
 def ours(folder):
-    """Return seconds, seconds of processor time and bytes of one render."""
+    """Return the seconds, the seconds of processor time and the bytes of memory of one render."""
     program = [environment.sunstone(), "render", folder / "scene.toml", "-o", folder / "out.zarr", "--force", "--no-figures"]
     begun = time.perf_counter()
     process = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     took = time.perf_counter() - begun
     if status:
-        sys.exit("the render failed")
+        sys.exit(f"sunstone render failed with exit status {status}")
     return took, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
 def theirs(file):
-    """Return seconds, seconds of processor time and bytes of Mitsuba."""
+    """Return the seconds, the seconds of processor time and the bytes of memory of Mitsuba."""
     text = subprocess.run([sys.executable, "-c", MITSUBA, str(file)], check=True, capture_output=True, text=True).stdout
     took, spent, used = text.split()
     return float(took), float(spent), int(used) * 1024

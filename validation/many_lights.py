@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Check scenes with many lights, noise and time, against closed forms and Mitsuba.
+"""Check noise, bias and time of scenes with many lights, against closed forms and Mitsuba.
 
-Each row prints a number and its upper bound; exit code 1 if a row is above its bound.
+Each row prints a number and its upper bound. The exit code is 1 if a row is above its bound.
 
 - Noise: relative variance of a pixel over renders with different seeds, for Sunstone and for Mitsuba's `path` at the same samples
   per pixel. Sunstone's must be at most 1.5 times Mitsuba's, and in the first scene at most 0.005. There a wall receives equal
@@ -84,7 +84,7 @@ def shining(lamps):
 
 
 def toml(lamps, spp, depth=2, size=SIZE):
-    """Return the scene for Sunstone."""
+    """Return the scene of Sunstone."""
     origin, target, fov = CAMERA
     corner, u, v = WALL
     lines = ["wavelengths_nm = [550]", "[render]", 'integrator = "path"', f"spp = {spp}", f"max_depth = {depth}", "tile = 8",
@@ -96,7 +96,7 @@ def toml(lamps, spp, depth=2, size=SIZE):
 
 
 def mitsuba(lamps, depth=2):
-    """Return the scene for Mitsuba."""
+    """Return the scene of Mitsuba."""
     origin, target, fov = CAMERA
     scene = {
         "type": "scene",
@@ -157,7 +157,7 @@ class Noise:
         return (images.var(axis=0, ddof=1) / images.mean(axis=0) ** 2).mean()
 
     def rows(self, ours):
-        """Yield name, number and bound of each row."""
+        """Yield the name, the number and the bound of each row."""
         mine, their = self.relative_variance(ours), self.relative_variance(self.theirs)
         bound = min(self.bound, VARIANCE_RATIO_BOUND * their)
         yield f"{self.name}: relative variance (Mitsuba {their:.2g})", mine, bound
@@ -200,7 +200,7 @@ class Times:
             self.ours = np.array([[run(text) for text in texts] for _ in range(ROUNDS)])
 
     def rows(self, ours):
-        """Yield name, number and bound of the row."""
+        """Yield the name, the number and the bound of the row."""
         yield f"{self.name}: time of 1000 over one", np.median(ours[:, 0] / ours[:, 1]), self.bound
 
     def planted(self):

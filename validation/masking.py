@@ -9,7 +9,7 @@ import mitsuba as mi
 
 
 class HeightCorrelated(mi.BSDF):
-    """The nested GGX `roughconductor`, times the ratio of both forms."""
+    """The nested GGX `roughconductor`, times the ratio of the height-correlated to the separable form."""
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)

@@ -1,4 +1,4 @@
-"""The materials that bsdf.py compares, each in both formats, and their known differences."""
+"""The materials that bsdf.py compares, each in both programs' formats, and the known differences between them."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ GOLD = {"n": [1.3831, 0.4242, 0.1540], "k": [1.9155, 2.4721, 3.5893]}
 
 @dataclass
 class Case:
-    """One material in both formats."""
+    """One material in both programs' formats."""
 
     name: str
     toml: str
     bsdf: dict
-    # "brdf": any two directions. "mirror", "refract": a delta lobe.
+    # "brdf": any two directions. "mirror", "refract": the direction of a delta lobe.
     lobe: str = "brdf"
     bound: float = BOUND
     note: str = ""
@@ -78,7 +78,7 @@ def cases(folder):
     yield Case("diffuse", "diffuse.albedo = [0.2, 0.5, 0.8]", {"type": "diffuse", "reflectance": spectrum([0.2, 0.5, 0.8])})
     yield Case("conductor", f"conductor = {{ {gold} }}", {"type": "conductor", **gold_mi}, "mirror")
     glass_toml = "dielectric = { ior = 1.5 }"
-    # Nearer to the critical angle, only the single precision of the refracted direction would be visible.
+    # Closer to the critical angle, the comparison would only show the single precision of the refracted direction.
     into, out_of = (0, 85), (139, 180)
     yield Case("dielectric, reflection", glass_toml, glass, "mirror")
     yield Case("dielectric, reflection inside, total too", glass_toml, glass, "mirror", theta=(91, 180))
@@ -126,7 +126,7 @@ def cases(folder):
                 note=unpolarized + ("; " + masking if masking else ""),
                 completed="facet",
                 microfacet=rough_glass if exact else None,
-                # Near a facet's critical angle, the single-precision error of Mitsuba reaches its whole value.
+                # Near a facet's critical angle, the single-precision error of Mitsuba is as large as its value.
                 least_facet_cos=0.1 if "refraction" in what else 0.0,
             )
     table = folder / "table.pbsdf"

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Compare participating media with Mitsuba 3's `volpath` (intensity) and mitransient's `transient_prbvolpath` (over time).
 
-Both render the same clouds, compared pixel by pixel and bin by bin as in crosscheck.py. Exit code 0: they agree. 1: they do not.
-3: the check could not run. `--power` applies errors to Sunstone's results of the last run; every error must be detected
-(planted.py).
+Both programs render the same clouds, which are compared pixel by pixel and bin by bin as in crosscheck.py. Exit code 0: they
+agree. 1: they do not agree. 3: the check could not run. `--power` applies errors to Sunstone's results of the last run; every
+error must be detected (planted.py).
 
-Mitsuba's phase functions are scalars: scattering does not polarize. So depolarizing phase functions are compared at any depth,
-and Rayleigh's after one scattering of unpolarized light, where polarization is irrelevant. Behind a refracting boundary,
+Mitsuba's phase functions are scalars: scattering does not polarize. Therefore depolarizing phase functions are compared at any
+depth, and Rayleigh's after one scattering of unpolarized light, where polarization is irrelevant. Behind a refracting boundary,
 Sunstone's light is polarized between interfaces; the cloud there is so dense that very little light meets two interfaces in a
 row. Without LLVM the script fails; with --without-llvm it checks nothing and reports this.
 """
@@ -43,13 +43,13 @@ def make_scenes():
     """
 
     class Cloudy(scenes.Scene):
-        """Adds clouds to the two scene formats of scenes.py."""
+        """A pair of scenes in the two formats of scenes.py, to which clouds can be added."""
 
         def null(self, name):
             self._material(name, "null = {}", {"type": "null"})
 
         def cloud(self, shape, material, scattering, absorption, phase, index=1.0):
-            """Add a ball (center, radius) or a box (min, max) of a medium; phase: "isotropic", "rayleigh" or a number g."""
+            """Add a sphere (center, radius) or a box (min, max) of a medium; phase: "isotropic", "rayleigh" or a number g."""
             keys = {"isotropic": 'phase = "isotropic"', "rayleigh": "phase.rayleigh = {}"}
             toml = keys.get(phase, f"phase.henyey_greenstein.g = {phase}")
             theirs = {"type": phase} if phase in keys else {"type": "hg", "g": phase}
@@ -144,8 +144,8 @@ def theirs(scene, spp, seed):
 
 
 def run_all(seed):
-    """Render everything with both programs into the cache."""
-    # Registers its integrators and films with the current variant, so it must follow the choice of the variant.
+    """Render all scenes with both programs into the cache."""
+    # mitransient registers its integrators and films with the current variant, so its import must follow that choice.
     import mitransient  # noqa: F401
 
     names, begun = [], time.monotonic()

@@ -3,9 +3,9 @@
 
 `particles` and `polystyrene` are compared with PyPI `miepython`, with sizes averaged here by other quadratures. A large gold
 sphere is compared with Mitsuba's reflection by gold, which relates every sign to the program whose conventions Sunstone follows.
-Prints a table and exits with 1 if a row is above its bound. The bounds are 1e-6 of the coefficients, 1e-6 of the mean cosine and
-1e-4 of S11 at the same angle for the elements, 3e-4 for the largest spheres (`sunstone phase eval` prints the renderer's table,
-interpolated, in single precision).
+Prints a table and exits with 1 if a row is above its bound. The relative bounds are 1e-6 for the coefficients, 1e-6 for the mean
+cosine, and 1e-4 of S11 at the same angle for the elements (3e-4 for the largest spheres). `sunstone phase eval` prints the
+renderer's table, interpolated, in single precision.
 
 `miepython` uses n - i k and fields exp(+i w t), so its amplitudes are the conjugates of Sunstone's: S34 = M23 = Im S1* S2 of
 Bohren & Huffman's amplitudes is Im S1 S2* of its amplitudes. (Its own `phase_matrix` has S34 with the opposite sign.)
@@ -104,7 +104,7 @@ def cases():
         ("absorbing, 2 um", 2000, [1.4, 1.5, 1.6], [0.1, 0.01, 0.001], MATRIX_BOUND),
         ("bubbles, 3 um", 3000, [1.0] * 3, [0.0] * 3, MATRIX_BOUND),
         ("drops, 12 um", 12000, [1.33961, 1.33468, 1.33142], [1e-9] * 3, MATRIX_BOUND),
-        # Dark fringes between bright ones, a third of a degree apart, show the single precision of directions.
+        # Dark fringes between bright fringes, a third of a degree apart, show the single precision of directions.
         ("x = 500", 35810, [1.59] * 3, [0.0] * 3, 3e-4),
     ):
         host = water if "bubbles" in name else vacuum
@@ -123,7 +123,7 @@ def cases():
         water,
         [Spheres([1.47, 1.463, 1.459], [1e-5, 5e-6, 5e-6], scaled(log_normal(150e-9, 0.5), 0.03))],
     )
-    # A little absorption damps resonances that no quadrature of reasonable length resolves.
+    # Weak absorption damps resonances that no quadrature of reasonable length resolves.
     yield Case(
         "gamma",
         "particles = { kinds = [{ index = 1.33, k = 0.01, amount.mass = { grams_per_litre = 0.001, density = 1000 },"
@@ -161,7 +161,7 @@ def theirs(case, lane, mu):
             cosine += area * sca * g
             s1, s2 = miepython.S1_S2(m, x, mu, norm="wiscombe")
             i1, i2, cross = abs(s1) ** 2, abs(s2) ** 2, s1 * np.conj(s2)
-            # The perpendicular is Sunstone's first axis: S12 is positive where S1 is stronger.
+            # The direction perpendicular to the scattering plane is Sunstone's first axis: S12 is positive where S1 is stronger.
             both = np.array([(i1 + i2) / 2, (i1 - i2) / 2, (i1 + i2) / 2, cross.real, cross.imag, cross.real])
             elements += number / wave_number**2 * both
     return scattering, absorption + case.host_absorption[lane], cosine / scattering, elements / scattering
@@ -178,7 +178,7 @@ def sunstone(toml, angles):
     if run.returncode:
         sys.exit(run.stderr)
     lines = run.stdout.splitlines()
-    # The first line with # names the columns of the others.
+    # The first line with # names the columns of the other lines with #.
     head = np.array([line[1:].split(",") for line in lines if line.startswith("# ")][1:], dtype=float)
     rows = np.array([line.split(",") for line in lines if line[0].isdigit()], dtype=float)
     elements = rows[:, 2:].reshape(len(WAVELENGTHS), len(angles), len(ELEMENTS))
@@ -186,7 +186,7 @@ def sunstone(toml, angles):
 
 
 def angles(case):
-    """Return degrees: as many near the ends as between, not on nodes of the table."""
+    """Return scattering angles in degrees: as many near the ends as between them, and none at nodes of the table."""
     s = np.linspace(0, 1, 41 if any(len(k.sizes) > 100 for k in case.kinds) else 301)
     return 180 * s**2 * (3 - 2 * s)
 
@@ -207,14 +207,14 @@ class Answers:
     def worst(self, coefficients, elements):
         """Return the largest differences: of coefficients, of the cosine, of elements."""
         ours, wanted = coefficients.T, self.their_coefficients.T
-        # miepython computes absorption as a difference of similar numbers: errors are relative to what it subtracts.
+        # miepython computes absorption as a difference of similar numbers: errors are relative to the numbers that it subtracts.
         scale = [wanted[0], np.maximum(wanted[1], 1e-6 * wanted[0])]
         off = max((np.abs(ours[i] - wanted[i]) / scale[i]).max() for i in range(2))
         least = (np.abs(elements - self.their_elements) / self.their_elements[:, :1]).max()
         return [off, np.abs(ours[2] - wanted[2]).max(), least]
 
     def bounds(self):
-        """Return the bounds of `worst`."""
+        """Return the bounds of the differences that `worst` returns."""
         return [COEFFICIENT_BOUND, COEFFICIENT_BOUND, self.case.bound]
 
 
@@ -226,13 +226,13 @@ def answers_of(case, known={}):
 
 
 def check(case):
-    """Print the row of a case; return false if it fails."""
+    """Print the row of a case. Return false if the row fails."""
     answers = answers_of(case)
     return report(case.name, answers.worst(answers.coefficients, answers.elements), answers.bounds())
 
 
 def report(name, worst, bounds):
-    """Print a row; return false if a number is above its bound."""
+    """Print a row. Return false if a number is above its bound."""
     good = all(w <= b for w, b in zip(worst, bounds))
     numbers = " | ".join([f"{'':10}"] * (3 - len(worst)) + [f"{w:10.1e}" for w in worst])
     print(f"{name:24} | {numbers} | {bounds[-1]:6.0e} |{'' if good else '  FAILED'}", flush=True)
@@ -263,7 +263,7 @@ def planted(answers):
 
 
 def power(case):
-    """Apply every error to a case; return false if one is not detected. One row cannot detect the sign of S34."""
+    """Apply every error to a case. Return false if an error is not detected. One row cannot detect the sign of S34."""
     answers = answers_of(case)
     missed, tried, signs = [], 0, False
     for name, coefficients, elements, i in planted(answers):
@@ -323,7 +323,7 @@ def main():
     print(f"miepython {miepython.__version__}, Mitsuba {mi.__version__}")
     wanted = [case for case in cases() if not options.only or options.only in case.name]
     if not wanted:
-        sys.exit("no row to check")
+        sys.exit(f"no row has a name that contains {options.only!r}")
     failed = 0
     for planted in [False, True] if options.both else [options.power]:
         if not planted:

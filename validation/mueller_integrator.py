@@ -1,8 +1,8 @@
-"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without time).
+"""Render all 16 elements of T over travel time with Mitsuba 3 (which itself renders only the first column, without time).
 
-A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an llvm variant.
-It uses Sunstone's frames: camera right, and the light's horizontal axis, projected perpendicular to rays. A light consists of its
-position, its radiant intensity (a number, or a function of the direction to it), and its horizontal axis.
+A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit, requires an llvm variant.
+Frames are Sunstone's: camera right, and the light's horizontal axis, projected perpendicular to rays. A light consists of its
+position, its radiant intensity (a number, or a function of the direction to the light), and its horizontal axis.
 """
 
 import drjit as dr

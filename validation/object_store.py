@@ -66,12 +66,12 @@ class Proxy(http.server.ThreadingHTTPServer):
     def __init__(self, behind):
         super().__init__(("127.0.0.1", 0), Handler)
         self.behind, self.lock = behind, threading.Lock()
-        # Whether conditions of PUT requests are removed.
+        # Whether the proxy removes the conditions of PUT requests.
         self.deaf = False
         self.reset()
 
     def handle_error(self, request, client_address):
-        """Clients that are killed close connections."""
+        """Ignore errors of connections that killed clients close."""
 
     def reset(self, share=0.0, seed=0):
         with self.lock:
@@ -278,7 +278,7 @@ def reads(server, work):
 
 
 def refusals(server):
-    """Stores that cannot be read give a message of one line, with the fix."""
+    """Check that stores that cannot be read give a message of one line, with the fix."""
     for address, changed, words in (
         (f"s3://{BUCKET}/stores/nothing.zarr", {}, ["does not exist"]),
         ("s3://no-such-bucket/a.zarr", {}, ["bucket not found", "AWS_ENDPOINT"]),
@@ -352,7 +352,7 @@ def beside(server, *arguments):
 
 
 def wait_for_tiles(server, prefix, process, tiles):
-    """Wait until the given number of tiles is recorded."""
+    """Wait until the given number of tiles is recorded in the store."""
     while process.poll() is None and len(server.keys(f"{prefix}/.sunstone-progress")) < tiles:
         time.sleep(0.02)
 
@@ -449,7 +449,7 @@ def kills(server, expected, root):
 
 
 def power(server, work):
-    """Reading and verify must detect damage."""
+    """Check that reading and verify detect damage."""
     address, prefix = f"s3://{BUCKET}/stores/a.zarr", "stores/a.zarr"
     question = QUESTIONS[0][1]
     server.proxy.reset()

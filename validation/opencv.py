@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Compare cameras and projectors with OpenCV's lenses with cv2.projectPoints and cv2.fisheye.projectPoints.
+"""Compare the projection of cameras and projectors with OpenCV's lenses with cv2.projectPoints and cv2.fisheye.projectPoints.
 
 For each distortion model, a scene is written whose camera and projector have separate random coefficients in OpenCV's order: the
 camera as `opencv_matrix`, `opencv` (or `fisheye`) and R, t; the projector with fx, fy, cx, cy shifted by half a pixel and rvec,
 tvec. `sunstone project` then gives the pixels of 1,000 random visible points each, which must be within 1e-3 pixels of OpenCV's.
-The camera is also written by cv2.FileStorage, read by `sunstone import`, and must give the same pixels. Last, small disks are
-rendered with the strongest lenses: the centroid of each in the image, and of the projector pixels that illuminate it (its first
-moments over s'), must be within 0.15 pixels of OpenCV's position of its centre. Exits with 1 if a row is above its bound.
+The camera is also written by cv2.FileStorage and read by `sunstone import`, and must give the same pixels. Last, small disks are
+rendered with the strongest lenses. The centroid of each disk in the image, and of the projector pixels that illuminate it (first
+moments over s'), must be within 0.15 pixels of OpenCV's position of the centre. Exits with 1 if a row is above its bound.
 
 `--power` applies errors to Sunstone's input, one at a time (cx off by half a pixel, p1 and p2 exchanged, k3 in third place, R
 transposed, a reflection of y), and checks that every row affected detects them.
@@ -89,7 +89,7 @@ class Device:
                 f"pose.extrinsics = {{ rvec = {listed(self.rvec)}, tvec = {listed(self.tvec)} }}\n")
 
     def calibration(self, path):
-        """Write a file like OpenCV's calibration programs."""
+        """Write a file in the format of OpenCV's calibration programs."""
         file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
         for name, value in zip(("image_width", "image_height"), self.size):
             file.write(name, value)

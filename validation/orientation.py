@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Check the import of shapes that a mirroring scale or `flip_normals` turns inside out, against Mitsuba.
 
-Covers every Mitsuba shape that Sunstone supports, and meshes with normals, without and with `face_normals`; each with no scale, x
-= -1, z = -1 and all three -1, with and without `flip_normals`. One scene shows the shape as a one-sided diffuse surface, as glass
-and as an area light, next to each other under a uniform sky. The mean of each third of the image must agree within 3 % (Mitsuba's
-noise is below 1 %). Exits with 1 if one does not.
+Covers every Mitsuba shape that Sunstone supports, and meshes with normals, without normals and with `face_normals`; each with no
+scale, x = -1, z = -1 and all three -1, with and without `flip_normals`. One scene shows the shape as a one-sided diffuse surface,
+as glass and as an area light, next to each other under a uniform sky. The mean of each third of the image must agree within 3 %
+(Mitsuba's noise is below 1 %). Exits with 1 if a mean does not agree.
 """
 
 import argparse

@@ -10,8 +10,8 @@ where 1 is the error as planted. With d's variance v, the weights w = 1/(v + v's
 single noisy pixels; without the mean, pixels whose variance is underestimated at random would dominate. The variance comes from
 Mitsuba's seeds, so that noise common to pixels and elements counts; Sunstone's noise has no seeds and is assumed to be similar.
 So each pair determines what it can detect: an error is detected in all but a thousandth of runs if it exceeds the limit of
-significance by `MARGIN` standard errors. Then it must be detected. `check` also requires the number of such pairs that its floor
-gives, so that a weakened comparison fails too.
+significance by `MARGIN` standard errors. Then it must be detected. `check` also requires at least the number of such pairs that
+the error's floor gives, so that a weakened comparison fails too.
 
 The fits of `FITTED` also judge the comparison itself: they reveal a rotation of a frame that is too small to affect any single
 pixel.
@@ -36,7 +36,7 @@ FRAME = np.radians(FRAME_DEG)
 
 @dataclass
 class Fit:
-    """Amount of an error, 1 being as planted, and the probability of such an amount by noise."""
+    """Amount of an error (1 is the error as planted), and the probability that noise causes such an amount."""
 
     error: str
     amount: float
@@ -141,7 +141,7 @@ def share(a, b):
 
 
 class Detector:
-    """Ability of a pair to detect one error."""
+    """Smallest amount of one error that a pair can detect."""
 
     def __init__(self, pair, name, change):
         self.name, self.change = name, change
@@ -173,7 +173,7 @@ class Detector:
         return Fit(self.name, t * sigma if sigma < np.inf else 0.0, sigma, p)
 
     def detectable(self, limit):
-        """Return the amount that is detected in all but a thousandth of runs, where p must be below the limit. Infinite: none."""
+        """Return the amount that is detected in all but a thousandth of runs, where p must be below the limit, or infinity."""
         if self.signal <= 0:
             return np.inf
         return (least_t(self.seeds, limit) + MARGIN) * self.deviation / self.signal

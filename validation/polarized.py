@@ -6,8 +6,8 @@ et al. 2013), and transmits (1, -1, 0, 0)/2 in the frame whose horizontal is a. 
 image is (T0 - T1)/2, where T0 and T1 are columns of T. The `circular` polarizer transmits (1, 0, 0, ±1)/2 in every frame: (T0 ±
 T3)/2. Sunstone renders the same scene without the sheet.
 
-Errors of such sums cannot be combined from those of their terms, because each path contributes to all of them. They come from
-renders with many seeds.
+The standard errors of such sums cannot be computed from those of their terms, because each path contributes to all terms. They
+come from renders with many seeds.
 """
 
 import numpy as np

@@ -62,7 +62,7 @@ def ours(path):
     rows = []
     for kind, *numbers in list(csv.reader(io.StringIO(text)))[1:]:
         time, dtime, channel, markers = (int(n) if n else -1 for n in numbers)
-        # ptufile gives meaningless times for overflows, and uses channel 0 for sync pulses.
+        # ptufile gives meaningless times for overflows, and channel 0 for sync pulses.
         rows.append((-1 if kind in ("overflow", "unknown") else time, dtime, 0 if kind == "sync" else channel, max(markers, 0)))
     return np.array(rows, np.int64).reshape(-1, 4)
 
@@ -78,7 +78,7 @@ def theirs(path):
 
 
 def different(a, b, t3):
-    """Return the number of records that differ; those of T2 have no dtime."""
+    """Return the number of records that differ. Records of T2 have no dtime."""
     if a is None or len(a) != len(b):
         return max(len(b), 1)
     columns = [0, 1, 2, 3] if t3 else [0, 2, 3]
@@ -186,7 +186,7 @@ def ptufile_code(path):
 
 
 def compare(name, code, rng, folder):
-    """Yield rows of a type: what, how many, how many differ."""
+    """Yield the rows of a type: what is compared, the number of records, and the number that differ."""
     t3, path = code >> 8 & 3 == 3, folder / "f.ptu"
     path.write_bytes(whole(code, words(code, rng)))
     yield "words", COUNT, different(ours(path), theirs(path), t3)
@@ -244,7 +244,7 @@ def sweep(rng, width, height, pixel_time, back, percent, torn):
     ticks = np.arange(line)
     if percent:
         edges = 0.5 * line * (1 + np.arcsin(percent / 100 * (2 * np.arange(width + 1) / width - 1)) / np.arcsin(percent / 100))
-        # A pixel that begins on a whole count begins there or, by rounding, one count later.
+        # A pixel that begins on a whole count begins there or, due to rounding, one count later.
         exact = np.abs(edges - edges.round()) < 1e-6
         ticks = np.setdiff1d(ticks, edges[exact].round().astype(int))
     events, time = [], 2000
@@ -263,7 +263,7 @@ def sweep(rng, width, height, pixel_time, back, percent, torn):
 
 
 def sweeps(rng, folder):
-    """Yield images by lines, compared with ptufile's: what, how many counts, how many differ."""
+    """Yield images by lines, compared with ptufile's: what is compared, the number of counts, and the number that differ."""
     path = folder / "sweep.ptu"
     width, height, pixel_time, bins = 12, 9, 101, 50
     for back in (False, True):
@@ -298,12 +298,12 @@ def tags(folder):
 
 
 def power(rng, folder):
-    """Yield planted errors: what, number planted, number detected."""
+    """Yield planted errors: the error, the number planted, and the number detected."""
     good, bad = folder / "good.ptu", folder / "bad.ptu"
     for name, code in TYPES.items():
         t3 = code >> 8 & 3 == 3
         records = words(code, rng, 200)
-        # The record of a photon in the middle.
+        # The record of a photon in the middle of the file.
         good.write_bytes(whole(code, records))
         truth = theirs(good)
         at = np.flatnonzero((truth[:, 2] >= 0) & (truth[:, 3] == 0))[50]
@@ -319,7 +319,7 @@ def power(rng, folder):
         read = ours(bad)
         read = None if read is None else read[read[:, 0] >= 0]
         yield f"{name}: an overflow lost", 1, int(different(read, truth[truth[:, 0] >= 0], t3) > 0)
-    # The tag that defines the record type, with another type; its value with another code; bits that a record does not have.
+    # Errors in the tag of the record type: another type, another code as its value, bits that a record does not have.
     data = whole(0x00010305, words(0x00010305, rng, 200))
     good.write_bytes(data)
     truth = theirs(good)

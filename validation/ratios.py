@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Check the speed relative to other programs, at a small size, against recorded ratios.
 
-Every round times both programs one after the other on the same task. Its ratio is their time over Sunstone's, so that a slow
-machine affects both (but the number of cores matters: Sunstone uses all, some of the others one). The median over the rounds
-counts. A ratio fails if it is more than 20 % below that of results/ratios.json. Before that it is measured again with more
-rounds.
+Every round times both programs one after the other on the same task. The ratio is the other program's time over Sunstone's, so
+that a slow machine affects both (but the number of cores matters: Sunstone uses all, some of the others use one). The median over
+the rounds counts. A ratio fails if it is more than 20 % below that of results/ratios.json. Before it fails, the ratio is measured
+again with more rounds.
 
 Ratios depend on the processor: Mitsuba's compiler uses AVX-512 if available, Sunstone does not, and memory speeds differ. The
-file has the ratios of each processor on which they were recorded; on any other processor the smallest of them count.
+file contains the ratios of each processor on which they were recorded. On any other processor, the smallest recorded ratios count.
 
 - "Mitsuba, full-Mueller": the Cornell box of speed.py with the integrator of mueller_integrator.py, 16 elements over 256 time
   bins. Sunstone's time is that of the whole command with its files, which are in memory: they are flushed one by one, and a
@@ -103,7 +103,7 @@ class Mitransient(Cornell):
 
     def __init__(self, folder):
         super().__init__(folder)
-        # Registers its integrators and films with the current variant.
+        # mitransient registers its integrators and films with the current variant.
         import mitransient  # noqa: F401
 
         import transient
@@ -149,7 +149,7 @@ class Polanalyser:
 
 
 class Muellerkit:
-    """300,000 matrices for Sunstone, a tenth of them, counted tenfold, for muellerkit; computation only."""
+    """300,000 matrices for Sunstone, and a tenth of them, with tenfold time, for muellerkit; computation only."""
 
     def __init__(self, folder):
         import decompose
@@ -215,7 +215,7 @@ class Peer:
     def __init__(self, name, folder):
         self.name, self.rounds = name, []
         self.task = PEERS[name](folder)
-        # The first round is a warm-up.
+        # The first round is a warm-up and does not count.
         self.measure(1)
         self.rounds.clear()
 
@@ -229,7 +229,7 @@ class Peer:
             self.rounds.append((taken[pair[0]], taken[pair[1]]))
 
     def ratios(self, slowdown=1.0):
-        """Return their time over Sunstone's, for each round."""
+        """Return the other program's time over Sunstone's, for each round."""
         return [other / (own * slowdown) for own, other in self.rounds]
 
 
@@ -252,7 +252,7 @@ def written():
 
 
 def judge(name, peer, committed):
-    """Print a ratio against its floor; return true if it is not below."""
+    """Print a ratio and its floor. Return true if the ratio is not below the floor."""
     ratio, floor = statistics.median(peer.ratios()), FLOOR * committed["ratio_median"]
     if ratio < floor:
         peer.measure(MORE_ROUNDS)
@@ -264,7 +264,7 @@ def judge(name, peer, committed):
 
 
 def found(name, peer):
-    """Return whether a slowdown, planted in every second round, fails; measure more rounds if noise hides it."""
+    """Return whether the check fails for a slowdown planted in every second round. If noise hides it, measure more rounds."""
     for extra in (0, ROUNDS, MORE_ROUNDS):
         peer.measure(extra)
         # The order of the programs also alternates, so rounds are taken in pairs.
@@ -278,7 +278,7 @@ def found(name, peer):
 
 
 def origin():
-    """Return what a result was measured with: commit, machine, date."""
+    """Return the provenance of a result: commit, machine, date."""
     from result_file import machine
 
     git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
@@ -286,7 +286,7 @@ def origin():
 
 
 def write(peers):
-    """Return the record of this processor."""
+    """Return the record of this processor for the result file."""
     from importlib import metadata
 
     packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]

@@ -8,7 +8,7 @@
 validation/numbers.toml lists the numbers of each page: the text around them, with {} for a number, and their sources. A source is
 a result file (speed: results/speed.json), the name of the number, median | best | least | greatest | error, Python's format, and
 optionally a factor (`*100`, `/60`). `,` separates thousands, `e` prints 5.7·10⁻³. result_file.py describes the files. The source
-"given" marks a setting or a definition. --check fails if
+"given" marks a setting or a definition. --check fails if one of the following is true:
 
 - a printed number differs from the result, rounded as printed; or a result, or a number in it, is missing or has no value;
 - a text of the list is not in its page, or is there twice;
@@ -115,7 +115,7 @@ def printed(value, style, factor):
 
 
 def claimed(project, source, place):
-    """Return what a number of this source must be, or None if that is unknown, which is reported."""
+    """Return the value that a number of this source must have, or None (which is reported) if the value is unknown."""
     claim = SOURCE.fullmatch(source)
     if claim is None:
         return project.say(place, f"invalid source: {source!r}")
@@ -135,7 +135,7 @@ def claimed(project, source, place):
 
 
 def listed(project, page):
-    """Return the text of a page, and its listed numbers: where each begins and ends, and its source."""
+    """Return the text of a page, and its listed numbers: begin, end and source of each."""
     text, name, found = page.read_text(), project.name(page), []
     for around, sources in project.numbers.get(name, {}).items():
         sources = [sources] if isinstance(sources, str) else sources

@@ -68,7 +68,7 @@ def ratio(over, under, better="higher"):
 
 
 def once(value, unit, spread="one run"):
-    """Return a number of one run; None if it was not reached."""
+    """Return a number of one run; None if the goal was not reached."""
     value = None if value is None or not math.isfinite(value) else significant(value)
     return {"unit": unit, "spread": spread, "median": value, "best": value, "least": None, "greatest": None}
 
@@ -79,7 +79,7 @@ def estimate(value, error, unit):
 
 
 def significant(value, digits=6):
-    """Round to significant digits; whole numbers stay whole."""
+    """Round to significant digits; whole numbers remain whole numbers."""
     return value if isinstance(value, int) else float(f"{float(value):.{digits}g}")
 
 
@@ -130,7 +130,7 @@ def save(name, head, numbers, rows=None):
         text += ',\n "rows": [\n  ' + ",\n  ".join(map(line, rows)) + "\n ]"
     RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"
-    # The file appears complete or not at all.
+    # The file is replaced atomically.
     (part := path.with_suffix(".part")).write_text(text + "\n}\n")
     part.replace(path)
     print(f"wrote {path.relative_to(ROOT)}")

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Check the spatio-polarimetric rig end to end from the shell: plan, run, calibrate, reconstruct, error against the tensor.
 
-For each scheme the shipped rig (elements off by up to 2 degrees, backlash, noise, 12 bits) captures the mirror room, air, a
-mirror and a polarizer. The elements are calibrated from the three samples alone, and the room's Mueller images are reconstructed
-with the scheme as planned and as calibrated. The same session with perfect elements gives the error of noise alone. Errors are
-root mean squares of all 16 elements over the mean T00 of the tensor that the bench played. The room barely polarizes. So air,
-captured again in another session, is also reconstructed. Its biases are those of the mean over all pixels, where noise is smaller
-by the square root of their number. Exits with 1 if the calibrated error is above 1.2 times that of perfect elements, if the
+For each scheme, the shipped rig (elements off by up to 2 degrees, backlash, noise, 12 bits) captures the mirror room, air, a
+mirror and a polarizer. The elements are calibrated from the three samples alone. The room's Mueller images are reconstructed with
+the scheme as planned and as calibrated. The same session with perfect elements gives the error of noise alone. Errors are root
+mean squares of all 16 elements over the mean T00 of the tensor that the bench uses. The room barely polarizes, so air, captured
+again in another session, is also reconstructed. Its biases are those of the mean over all pixels, where noise is smaller by the
+square root of their number. Exits with 1 if the calibrated error is above 1.2 times that of perfect elements, if the
 calibrated bias is above 8 times the noise of such a mean, if an imperfection is off by more than 5 sigma, or if a rerun differs.
 
 `--power` applies errors to the calibrated schemes (a quarter of a degree, half a degree of retardance, two stages exchanged) that
@@ -82,7 +82,7 @@ def matrices(store, group):
 
 
 def truth():
-    """Return the sum over s' of the tensor that the bench played, at 550 nm."""
+    """Return the sum over s' of the tensor that the bench uses, at 550 nm."""
     stores = sorted((ROOT / "out/bench").glob("mirror_room-*.zarr"), key=lambda p: p.stat().st_mtime)
     spatial = np.array(zarr.open(str(stores[-1]))["spatial"]["mean"])[..., 1]
     return spatial.sum((2, 3))
@@ -161,7 +161,7 @@ def check_coaxial(folder):
     sunstone("rig", "calibrate", *(folder / f"{s}.zarr" for s in samples), "-o", folder / "calibrated.toml")
     night(folder, "perfect.zarr", "perfect.toml")
     night(folder, "check.zarr", "check.toml", "--sample", "air")
-    # The folder may also hold the tensor of the full session.
+    # The folder can also contain the tensor of the full session.
     stores = sorted((ROOT / "out/bench").glob("coaxial_temporal-*.zarr"), key=lambda p: p.stat().st_mtime)
     played = [s for s in (matrices(store, "spatial") for store in stores) if s.shape[:2] == (16, 16)]
     true = played[-1].sum(2)
@@ -170,7 +170,7 @@ def check_coaxial(folder):
         reconstruct(folder, run, out, *scheme)
         found = matrices(folder / out, "scan").sum(2)
         if want is None:
-            # All light of a sample is at time 0, and jitter moves a part before the first bin: only its normalized matrix counts.
+            # All light of a sample is at time 0, and jitter moves a part before the first bin: only the normalized matrix counts.
             found /= np.nanmean(found[..., 0, 0])
             want = np.broadcast_to(np.eye(4), found.shape)
         difference = (found - want) / want[..., 0, 0].mean()

@@ -61,8 +61,8 @@ time = {bins or '"sum"'}
         """Add a GGX conductor, for which the programs differ by design.
 
         Mitsuba masks with the separable G1(wi) G1(wo), Sunstone with the height-correlated G2 (Heitz 2014), which is about 0.5 %
-        brighter in these scenes at alpha = 0.3. With LLVM, masking.py gives Mitsuba the same G2. Without LLVM that would be too
-        slow; then a smaller alpha makes the difference, which scales as alpha^4, negligible.
+        brighter in these scenes at alpha = 0.3. With LLVM, masking.py gives Mitsuba the same G2. Without LLVM, this would be too
+        slow; a smaller alpha then makes the difference, which scales as alpha^4, negligible.
         """
         (n, k) = index
         alpha = 0.3 if self.llvm else 0.1

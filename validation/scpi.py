@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Compare SCPI with PyVISA, over TCP, in both directions.
+"""Compare Sunstone's SCPI with that of PyVISA, over TCP, in both directions.
 
 1. PyVISA (its backend PyVISA-py) queries Sunstone's emulated laser: identity, numbers, errors, a block of bytes.
 2. Sunstone's driver controls a laser simulated by PyVISA-sim, whose commands are defined below in PyVISA-sim's format. PyVISA-sim
    has no socket; a few lines here transfer data between a socket and PyVISA-sim.
 
-Exits with 1 if something differs. `--power` applies errors in both directions, which must be detected.
+Exits with 1 if a value differs. `--power` applies errors in both directions, which must be detected.
 """
 
 import argparse
@@ -163,7 +163,7 @@ def asked(wrong=False):
     return {f"emulator, {k}": found[k] for k in wanted if found[k] != wanted[k]}, len(wanted)
 
 
-# One error each, and the step that must detect it.
+# Planted errors by name: the step that must detect the error, and the change of an answer.
 PLANTED = {
     "another identity": ("driver, identify", lambda c, a: a.replace("77", "78") if c == "*IDN?" else a),
     "three fields of identity": ("driver, identify", lambda c, a: "Peer,Played,77" if c == "*IDN?" else a),

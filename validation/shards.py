@@ -1,13 +1,13 @@
 """Compare stores in shards with the same stores in chunks, in folders and at s3:// addresses, on a local server (moto).
 
-Renders a scene, copies it into shards at an address, and queries both through a proxy that counts requests and bytes, and fails a
-fifth of them on request. Answers of the program and of xarray must be byte-identical. A copy that is killed and repeated must
-equal that in a folder. Damage must be detected, with its location. Prints the requests of each query.
+Renders a scene, copies it into shards at an address, and queries both through a proxy that counts requests and bytes, and that
+fails a fifth of the requests on demand. Answers of the program and of xarray must be byte-identical. A copy that is killed and
+repeated must equal a copy in a folder. Damage must be detected, with its location. Prints the requests of each query.
 
     python validation/shards.py            # checks
     python validation/shards.py --power    # applies damage: all must be detected
 
-Has the requirements of object_store.py, and s3fs for xarray.
+Requires what object_store.py requires, and s3fs for xarray.
 """
 
 import argparse
@@ -100,7 +100,7 @@ def reads(server, work):
             here = ask(server, question, work / "sharded.zarr") if question else answers[0]
             held = answers[0][:2] == answers[1][:2] == here[:2] and answers[0][0] == (0 if question else 2)
             if name == "what there is":
-                # The output for one of them also states that it is in shards.
+                # For the store in shards, the output also states that it is in shards.
                 lines = [set(a[1].decode().splitlines()) for a in answers]
                 held = answers[0][0] == answers[1][0] == 0 and len(lines[0] ^ lines[1]) == 1
             check(f"{name}{', with failures' if share else ''}: the same", held, answers[1][2].strip()[:200])
@@ -148,7 +148,7 @@ assert (profile == a["flight/mean"].isel(y=50, x=30).values).all()
 
 
 def kills(server, work):
-    """Kill a copy repeatedly, and repeat it."""
+    """Kill a copy command repeatedly, and run it again."""
     expected, prefix = files(work / "sharded.zarr"), "killed/a.zarr"
     address, kills = f"s3://{BUCKET}/{prefix}", 0
     server.proxy.reset()

@@ -9,12 +9,12 @@ drifts; a row gives each program's best and median. The rows are
 - Mitsuba with the full-Mueller integrator of mueller_integrator.py: 1 wavelength, 16 elements, 256 time bins, one light;
 - Mitsuba's own `stokes` over `path`: spectral, no time, one column of the matrix.
 
-A sample is a path from the camera. Sunstone's times are those of the whole process with all files written; Mitsuba's are of
-rendering alone, after a warm-up. Two sample counts are measured: Sunstone's output has the same size for any number of samples,
-so the complete tensor costs more per sample if samples are few.
+A sample is a path from the camera. Sunstone's times are those of the whole process with all files written. Mitsuba's times are
+those of rendering alone, after a warm-up. Two sample counts are measured: Sunstone's output has the same size for any number of
+samples, so the complete tensor costs more per sample if there are few samples.
 
-Then the mirror room: all its slices against its conventional image alone, and two threads against one. For comparison, the script
-also measures two programs in parallel, because the second core of a shared machine is not always fully available.
+Then the mirror room is rendered: all its slices against its conventional image alone, and two threads against one. For
+comparison, the script also measures two programs in parallel, because the second core of a shared machine is not always free.
 
 With --record the numbers go to results/speed.json (result_file.py). Requires LLVM.
 """
@@ -53,13 +53,13 @@ def sunstone(stores, scene, spp, seed, threads=None):
     program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
     begun = time.perf_counter()
     running = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    # The system's own count of a child's memory starts with that of the parent it was forked from.
+    # The system's value for a child's memory starts with the memory of the parent from which the child was forked.
     peak = 0
     while running.poll() is None:
         peak = max(peak, high_water(running.pid))
         time.sleep(0.005)
     if running.returncode:
-        sys.exit("sunstone failed")
+        sys.exit(f"sunstone render failed with exit code {running.returncode}")
     return time.perf_counter() - begun, peak
 
 
@@ -169,7 +169,7 @@ def cornell(stores, counts, rounds):
 
 
 def mirror_room(stores, rounds):
-    """Return seconds of all slices and of one, on one thread and two."""
+    """Return the seconds of all slices and of one slice, on one thread and on two threads."""
     scene = environment.ROOT / "scenes/mirror_room/scene.toml"
     one = scene.with_name("conventional_alone.toml")
     one.write_text(slices_alone(scene, ["conventional"]))

@@ -1,7 +1,7 @@
 """Compare time-resolved light: mitransient's per-bin Stokes vectors with Sunstone's slices.
 
 Conversions: mitransient bins the optical path length in metres, Sunstone the travel time in picoseconds. mitransient counts the
-distance from the near clipping plane, Sunstone from the pinhole (the plane is moved as close to the pinhole as possible). Both
+distance from the near clipping plane, Sunstone from the pinhole (so the plane is as close to the pinhole as possible). Both
 multiply the distance inside a medium by its index, and both assign a path of time t to bin floor((t - start) / width).
 mitransient's Stokes frames are those of Mitsuba's `stokes`.
 
@@ -39,7 +39,7 @@ def translate(xml, time):
 
 def run(scene, toml, wavelength, ours, spp, seed):
     """Return the pair of a scene of exported.py; `ours` is mean and standard error of T, [y, x, t, out, in]."""
-    # Registers its integrators and films with the current variant, so it must follow the choice of the variant.
+    # mitransient registers its integrators and films with the current variant, so its import must follow that choice.
     import mitransient  # noqa: F401
 
     loaded = exported.export(toml, wavelength, lambda xml: translate(xml, scene.time))

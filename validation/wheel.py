@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Measure the overhead of Python over the command: the same render by both, and the reconstruction of a megapixel's 36 captures.
 
-For renders it is the processor time of the whole process, including Python's start and imports, because other programs affect it
-least. Rounds are interleaved. For reconstructions it is the time of a call, against the whole command with its files, which are
-in memory. Also measured: the seconds of `import pysunstone`, and the bytes of the wheel in target/wheels.
+For renders, the script measures the processor time of the whole process, including Python's start and imports, because other
+programs affect this time least. Rounds are interleaved. For reconstructions, it compares a call with the whole command with its
+files in memory. It also measures the seconds of `import pysunstone`, and the bytes of the wheel in target/wheels.
 
     python3 validation/wheel.py [--rounds 9] [--record]
 
@@ -72,7 +72,7 @@ def reconstructions(folder, rounds):
         subprocess.run(list(map(str, [environment.sunstone(), *words])), check=True, capture_output=True)
         pairs.append((one, time.perf_counter() - begun))
         if not np.array_equal(found, np.load(folder / f"{n}.npy")):
-            sys.exit("the command's matrices differ")
+            sys.exit("the matrices of the command and of Python differ")
         (folder / f"{n}.npy").unlink()
     return zip(*pairs, strict=True)
 

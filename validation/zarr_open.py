@@ -27,7 +27,7 @@ def load(store, group):
 
 
 def check(data, group):
-    """Assert that a group's arrays are labelled."""
+    """Assert that a group has means and errors, units, named dimensions, and increasing coordinates."""
     for name in ("mean", "std_error"):
         assert name in data, f"{group} has no {name}"
     for name, array in data.data_vars.items():
@@ -50,7 +50,7 @@ def check_tree(store, groups):
         with xarray.open_datatree(store, engine="zarr") as tree:
             found = sorted(tree.children)
     except ValueError as e:
-        raise AssertionError(f"it does not open as a tree: {e}") from e
+        raise AssertionError(f"the store does not open as one tree: {e}") from e
     assert found == groups, f"as a tree it has {found}, not {groups}"
     root = pathlib.Path(store)
     said = json.loads((root / "zarr.json").read_text())["consolidated_metadata"]["metadata"]
@@ -138,7 +138,7 @@ def power(store, groups):
         sys.exit(f"the tree: {fault}: NOT DETECTED")
     print(f"{tried} faults planted in {len(groups)} groups, all detected")
     if not tried:
-        sys.exit("nothing to damage")
+        sys.exit("the store contains no metadata to damage")
 
 
 def main(store, shown=None):

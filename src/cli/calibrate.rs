@@ -317,7 +317,7 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
     }
     if views.is_empty() {
         bail!(
-            "none of the {} images shows a complete board of {} × {} inner corners",
+            "none of the {} images shows a complete board of {} × {} inner corners; capture the whole board, or correct --columns and --rows",
             images.len(),
             board.columns,
             board.rows
@@ -373,8 +373,8 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
     places::files([], [Some(&a.target.output)])?;
     let board = a.target.board()?;
     let sequence = a.light.sequence()?;
-    if a.reach.is_some_and(|r| !(2.0..=1000.0).contains(&r)) {
-        bail!("--reach: expected 2 to 1000 pixels");
+    if let Some(r) = a.reach.filter(|r| !(2.0..=1000.0).contains(r)) {
+        bail!("--reach: expected 2 to 1000 pixels, got {r}");
     }
     let points = board.points();
     let (mut views, mut files, mut size) = (vec![], vec![], None);
@@ -419,7 +419,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        bail!("no folder contains images of the complete board in the light of the projector");
+        bail!("no folder shows the complete board lit by the projector; capture such images");
     };
     let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;

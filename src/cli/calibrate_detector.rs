@@ -71,8 +71,8 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     }
     let distances = a.distance.iter().map(|d| d.within(LONGEST_DISTANCE, "--distance"));
     let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
-    if distances.iter().any(|d| *d > 1e6) {
-        bail!("--distance: expected at most 1e6 m");
+    if let Some(d) = distances.iter().find(|d| **d > 1e6) {
+        bail!("--distance: expected at most 1e6 m, got {d} m");
     }
     let mut all = vec![];
     let mut start = Impulse::default();

@@ -68,7 +68,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if missing > 0 {
         eprintln!(
-            "note: {missing} of {all} matrices are not realizable (m00 <= 0, diattenuation above 1, or not finite) and became NaN"
+            "note: {missing} of {all} matrices are not realizable (m00 <= 0, diattenuation above 1, or not finite) and are NaN in the output"
         );
     }
     write_npz(&a.output, &out).map_err(Failure::at(&a.output))?;
@@ -114,7 +114,7 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         bail!(
-            "{}: expected the shape of the matrices before the 4 x 4, got {other:?} for matrices of {shape:?}; pass one error per element",
+            "{}: expected errors of leading shape {shape:?}, like the matrices, got {other:?}; pass one error per element",
             path.display()
         );
     }

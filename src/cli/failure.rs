@@ -116,14 +116,14 @@ fn report_error(e: &InputError) {
     // A span of several lines (a whole table) is marked in its first line only.
     let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
     let length = text.find('\n').unwrap_or(text.len());
-    // Lines longer than a screen are not printed.
+    // Source lines with more than LONGEST characters in total are not printed.
     let start = span.start.min(e.text.len());
     let around = e.text[..start].rsplit('\n').take(2).map(str::len).sum::<usize>()
         + e.text[start..].split('\n').take(2).map(str::len).sum::<usize>();
     if around > LONGEST {
         return;
     }
-    // The message is printed above; this prints the place only.
+    // The message was printed before: this prints only the location.
     let here = AnnotationKind::Primary.span(start..start + length).label("here");
     let place = Snippet::source(&*e.text).annotation(here);
     let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();

@@ -282,7 +282,7 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
         if k == ahead {
             ahead += slice.fetch_ahead(&[field], &chunks[k..]).map_err(Failure::input)?;
         }
-        // Of each matrix, only element M00 counts: skip chunks without it.
+        // Only element M00 of each matrix is summed: skip chunks that do not contain M00.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
         let stokes: Vec<usize> = stokes.iter().filter_map(|k| layout.find(*k)).collect();
         if stokes.iter().any(|&i| start[i] > 0) {

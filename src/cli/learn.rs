@@ -197,10 +197,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 fn check(a: &Arguments) -> Result<(), Failure> {
     if !(1e-9..=1e6).contains(&a.noise) {
-        bail!("--noise: expected a number from 1e-9 to 1e6");
+        bail!("--noise: expected a number from 1e-9 to 1e6, got {}", a.noise);
     }
     if !(0.0..=90.0).contains(&a.angle_error) {
-        bail!("--angle-error: expected 0 to 90 degrees");
+        bail!("--angle-error: expected 0 to 90 degrees, got {}", a.angle_error);
     }
     if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
         bail!("expected at most 100000 --starts and 10000000 --iterations or --adam-steps");

@@ -133,7 +133,7 @@ commands! {
     Schema(NoArguments) => schema,
 }
 
-// Without a doc comment, which would replace the help text of the command.
+// This struct has no doc comment, because a doc comment would replace the help text of the command.
 #[derive(clap::Args)]
 struct NoArguments {}
 
@@ -148,7 +148,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(words) {
         Ok(arguments) => arguments,
         Err(e) => {
-            // As in clap itself: if the text cannot be printed, the exit code is enough.
+            // As in clap itself, a failure to print the text is ignored.
             let _ = e.print();
             return u8::try_from(e.exit_code()).unwrap_or(2);
         }
@@ -170,7 +170,7 @@ fn start_logging(verbose: u8) {
         1 => Level::INFO,
         _ => Level::DEBUG,
     });
-    // If the process has a logger already, that one stays.
+    // If the process already has a logger, that logger is kept.
     let _ = tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)

@@ -42,7 +42,7 @@ impl MatrixSource {
 
     fn stored(&self, command: &str, slice: &str) -> Result<Matrices, Failure> {
         let (store, stored) = source::slice(&self.source, slice, self.partial)?;
-        // These commands use the matrices as ground truth.
+        // These commands use the matrices as ground truth, so denoised matrices are refused.
         if ["capture", "trial"].contains(&command) {
             denoised::refuse(&store).map_err(Failure::input)?;
         }

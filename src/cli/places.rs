@@ -83,7 +83,7 @@ pub fn extension<'a>(
     what: &str,
     known: &[&str],
 ) -> Result<(), Failure> {
-    // Case-sensitive, like the writers.
+    // The comparison is case-sensitive, as in the writers.
     let is_known = |path: &&PathBuf| path.extension().is_some_and(|e| known.iter().any(|k| e == *k));
     if let Some(path) = paths.into_iter().find(|path| !is_known(path)) {
         let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();

@@ -81,7 +81,7 @@ fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
         let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok()).collect();
         match numbers[..] {
             [x, y, z] if words.len() == 3 && numbers.iter().all(|v| v.abs() < 1e30) => points.push([x, y, z]),
-            // Names of columns.
+            // The first line may contain the names of the columns.
             [] if first => {}
             _ => {
                 let message = format!("expected x,y,z, got `{}`", line.trim());

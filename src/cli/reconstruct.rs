@@ -42,11 +42,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bail!("--mask and --superpixel apply only to runs, not to intensities");
     }
     let scheme = load(scheme)?;
-    if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
-        bail!("--noise: expected a number from 1e-18 to 1e18, in units of the intensities");
+    if let Some(n) = a.noise.filter(|n| !(1e-18..=1e18).contains(n)) {
+        bail!("--noise: expected a number from 1e-18 to 1e18, in the unit of the intensities, got {n}");
     }
-    if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
-        bail!("--saturation: expected a positive number, in units of the intensities");
+    if let Some(s) = a.saturation.filter(|s| !(*s > 0.0 && s.is_finite())) {
+        bail!("--saturation: expected a positive number, in the unit of the intensities, got {s}");
     }
     if a.prior.is_some() && a.noise.is_none() {
         bail!("--prior needs the standard deviation of the intensities; pass the value with --noise");
@@ -78,7 +78,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     let lanes = a.wavelengths.len();
     if lanes != 1 && pixels.last() != Some(&lanes) {
         bail!(
-            "{}: the last axis of shape {shape:?} must be as long as --wavelengths, {lanes}",
+            "{}: the last axis of shape {shape:?} must have length {lanes}, the number of --wavelengths",
             a.source.display()
         );
     }
@@ -129,7 +129,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         // A scheme or prior that does not allow a reconstruction fails here, before anything is written.
         estimates: Reconstruction::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?,
         options,
-        // All time bins of a place share its ray.
+        // All time bins of a pixel share the pixel's ray.
         times: if along_axis { 1 } else { pixels / rays.len().max(1) },
         rays: (!along_axis).then_some(&rays[..]),
         lanes,

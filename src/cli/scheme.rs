@@ -187,7 +187,7 @@ fn draw(a: &Plot) -> Result<(), Failure> {
 pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let motors = scheme.motors();
     if motors.is_empty() {
-        bail!("no setting of the scheme changes between captures");
+        bail!("no setting of the scheme changes between captures; list angles or retardances in the scheme");
     }
     let period = |quantity| match quantity {
         Quantity::Angle => 180.0,

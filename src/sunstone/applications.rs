@@ -1,8 +1,8 @@
 //! Runs applications from scene files: renders their variants and seeds into a folder and passes them to the
 //! methods of [`apply`].
 //!
-//! The name of a render contains variant, seed, size, samples and scene hash. A finished render is
-//! not repeated; an unfinished render is resumed. Delete the folder to render everything again.
+//! The name of a render contains its variant, seed, image size, samples per pixel and scene hash. A
+//! finished render is not repeated; an unfinished one is resumed. Delete the folder to repeat all renders.
 
 pub mod chain;
 pub mod curves;
@@ -78,7 +78,7 @@ pub struct Report {
     pub seeds: u64,
     /// Results of the methods on captured slices.
     pub through: Vec<Through>,
-    /// Number of renders that this run made, without finished renders that were reused.
+    /// Number of new renders that this run made, excluding reused finished renders.
     pub rendered: usize,
 }
 
@@ -133,9 +133,9 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Renders missing data, and returns a text that identifies the input of all methods, except the links.
-    /// The text changes whenever a scene, a render or the size changes. The methods themselves are identified
-    /// by the program's version.
+    /// Renders missing data. Returns a text that identifies the input of all methods, except the capture
+    /// configurations. The text changes whenever a scene, a render or the image size changes. The program's
+    /// version identifies the methods themselves.
     ///
     /// # Errors
     /// [`ApplicationError`] if a render fails.
@@ -152,7 +152,7 @@ impl<'a> Run<'a> {
             let wanted: Vec<Wanted> = wanted.chain(observer.of_truth(number)).collect();
             let wanted = wanted.into_iter().filter(|w| !w.slices.is_empty());
             let wanted: Vec<Wanted> = wanted.collect();
-            // Otherwise, the names of the variant's renders contain this hash.
+            // Without a render of the variant, no store name contains its scene hash.
             if wanted.iter().all(|w| w.variant != number) {
                 let scene = observer.studio.scene(&variant, pixels, &[])?;
                 out += &format!("scene {}\n", scene.sha256);
@@ -201,7 +201,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Returns the number of renders that this run made, without finished renders that were reused.
+    /// Returns the number of new renders that this run made, excluding reused finished renders.
     pub fn rendered(&self) -> usize {
         self.observer.studio.rendered()
     }
@@ -228,7 +228,7 @@ struct Observer<'a> {
     studio: Studio<'a>,
     plan: Plan,
     size: Size,
-    /// Ground truth by variant, which is equal for all seeds.
+    /// Ground truth of each variant, identical for all seeds.
     truths: BTreeMap<u64, Known>,
     /// Finished stores that have not been read yet.
     stores: BTreeMap<Wanted, TensorStore>,
@@ -272,7 +272,7 @@ impl Observer<'_> {
         let mut scene = self.studio.scene(variant, self.size.pixels, &[])?;
         scene.keep_texture_coordinates();
         let mut known = Known { rig: truth::rig(&scene), ..Known::default() };
-        // Layers of the first surfaces, and of the surfaces behind glass.
+        // Layers of the first surfaces, and of the surfaces behind smooth interfaces.
         let mut sets: [Option<LayerSet>; 2] = [None, None];
         for truth in self.plan.truth.clone() {
             let (name, map) = match truth {
@@ -305,12 +305,12 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// Returns the render of a variant that methods get as input.
+    /// Identifies the render of a variant from which the methods get their input.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
         Wanted { variant, seed, spp: self.size.spp, slices: self.plan.slices.clone() }
     }
 
-    /// Returns the renders from which a variant's ground truth is computed.
+    /// Identifies the renders from which a variant's ground truth is computed.
     fn of_truth(&self, variant: u64) -> impl Iterator<Item = Wanted> {
         self.plan.truth.iter().filter_map(move |t| self.of_slice(variant, t))
     }

@@ -1,6 +1,6 @@
 //! Denoises stores for figures. The resulting store is marked as denoised ([`store::denoised`]).
 //!
-//! A slice is read in bands of rows, with [`HALO`] more rows on both sides. Along axes other than
+//! A slice is read in bands of rows, with [`HALO`] additional rows on both sides. Along axes other than
 //! rows, columns and Stokes elements, the slice is read chunk by chunk. Memory is thus limited to
 //! about [`BAND`] values. The result does not depend on the bands, bit for bit. Rows and columns
 //! that are not adjacent in the camera (`rows = [10, 150]`) are denoised as separate images.
@@ -37,7 +37,7 @@ pub enum DenoiseError {
     Inputs(#[from] MergeError),
     /// The number of stores is not 1 or 2.
     #[error(
-        "expected 1 store, or 2 renders of one scene with different seeds, got {0} stores; combine more with `sunstone merge`"
+        "expected 1 store, or 2 renders of one scene with different seeds, got {0} stores; combine more than 2 renders with `sunstone merge`"
     )]
     TooMany(usize),
     /// A field of an input is not rendered yet, or is missing.
@@ -66,8 +66,8 @@ impl DenoiseError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     pub slice: String,
-    /// Estimated error of all means (root mean square), divided by that of the pooled input renders. `None`
-    /// if the slice was copied because it is not an image or has no standard errors.
+    /// Estimated RMS error of all means, divided by the RMS error of the pooled input renders. `None` if the
+    /// slice was copied because it is not an image or has no standard errors.
     pub error: Option<f64>,
 }
 
@@ -106,7 +106,7 @@ pub fn denoise_in_bands(
     let layouts: Vec<_> = slices
         .iter()
         .map(|all| {
-            // Denoising mixes pixels, so the totals are unknown.
+            // Denoising correlates pixels, so the standard errors of totals are unknown.
             let layout = SliceLayout { totals: false, ..all[0].layout().clone() };
             (layout, all[0].attributes().clone())
         })

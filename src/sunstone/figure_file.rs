@@ -166,8 +166,8 @@ impl Prepared<'_> {
         }
         tile.bar.take_if(|_| !panel.colour_bar);
         if let Some(inset) = panel.insets.first().filter(|_| tile.size().is_none()) {
-            let help = "remove the inset, or show a single element";
-            let message = "an inset needs a view with a single picture";
+            let help = "remove the inset, or use a view with one image, such as one Mueller element";
+            let message = "an inset needs a view with one image, but this view has several or none";
             return Err(source.error(inset, message, help).into());
         }
         let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();

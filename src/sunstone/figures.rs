@@ -18,7 +18,7 @@ pub enum FiguresError {
     #[error(transparent)]
     Figure(#[from] FigureError),
     /// The scene of the store does not list the figure.
-    #[error("unknown figure `{name}`; the scene lists {known}; or use --view")]
+    #[error("unknown figure `{name}`; the scene lists: {known}; use one of these, or use --view")]
     Unknown {
         name: String,
         /// Names of the listed figures.

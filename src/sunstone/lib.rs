@@ -21,7 +21,7 @@ pub mod rigs;
 pub mod rounds;
 pub mod studio;
 
-/// Clients of object stores. Programs that use object stores call `objects::install()` once.
+/// Clients of object stores. Programs that read or write object stores call `objects::install()` once.
 #[cfg(feature = "object-stores")]
 pub use objects;
 pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};

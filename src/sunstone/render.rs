@@ -80,8 +80,8 @@ impl<'a> Render<'a> {
     }
 
     /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A
-    /// tile is bit-identical to the same tile of a render with the tile's number for all tiles.
-    /// Tiles with 0 samples stay zero. The scene's settings contain the largest number.
+    /// tile is bit-identical to the same tile of a render in which all tiles have this tile's number.
+    /// Tiles with 0 samples stay zero. The settings stored with the scene contain the largest number.
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self

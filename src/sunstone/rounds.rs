@@ -35,7 +35,7 @@ pub enum RoundsError {
     )]
     Rounds { path: PathBuf },
     /// The folder of rounds contains other files, so it is not removed.
-    #[error("{path} contains other files than rounds: {found}; move this file, or choose another name")]
+    #[error("{path} contains a file that is not a round: {found}; move this file, or choose another name")]
     Other {
         path: PathBuf,
         /// Name of one of the other files.
@@ -66,8 +66,8 @@ impl RoundsError {
 pub struct Standing {
     /// Number of the next round, from 0; equals the number of finished rounds.
     pub round: u32,
-    /// Relative error that is not exceeded in the share of lit pixels that the goal requires; `None` before
-    /// the first round.
+    /// Relative error that the share of lit pixels required by the goal does not exceed. `None` before the
+    /// first round.
     pub error: Option<f64>,
     /// Total number of samples so far, over all pixels.
     pub samples: u64,

@@ -27,11 +27,11 @@ pub const TRUTH_SEED: u64 = 1 << 32;
 /// Minimum number of sample groups for the estimation of standard errors.
 const REPLICATES: u32 = 8;
 
-/// Time after which a wait for another process is reported. Shorter waits occur if another process
-/// only checks whether a render is finished.
+/// Time after which the wait for another process is reported. Shorter waits also occur if another
+/// process only checks whether a render is finished.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The step of SplitMix64: the odd number closest to 2⁶⁴ divided by the golden ratio.
+/// The increment of SplitMix64: the odd number closest to 2⁶⁴ divided by the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Interval between attempts to lock a store.
@@ -80,7 +80,7 @@ impl<'a> Studio<'a> {
         Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
     }
 
-    /// Returns the number of new renders, without finished renders that were reused.
+    /// Returns the number of new renders, excluding reused finished renders.
     pub fn rendered(&self) -> usize {
         self.rendered
     }
@@ -206,7 +206,7 @@ fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectF
     let at = |i: u32, axis: usize| {
         let [old, new] = [old[axis], new[axis]].map(u64::from);
         let middle = (2 * u64::from(i) + 1) * new / (2 * old.max(1));
-        // An index outside the image is kept; the parser reports it.
+        // An index outside the image is kept, so that the parser reports the index.
         if u64::from(i) < old { middle as u32 } else { i }
     };
     let all = |list: &[u32], axis| {

@@ -20,7 +20,7 @@ use sunstone::transport::material::{Lanes, Material, Materials};
 /// A field of a file: name, type code, shape, data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
-/// Writes the container from its description alone, independent of the crate. Returns the file and
+/// Writes the container from its description alone, independently of the crate. Returns the file and
 /// the byte offset of each field's data.
 fn container(fields: &[FieldOf]) -> (Vec<u8>, Vec<usize>) {
     let mut out = b"tensor_file\0\x01\x00".to_vec();
@@ -56,7 +56,7 @@ fn axes() -> Axes {
     Axes::even([4, 3, 3], vec![450, 550])
 }
 
-/// Returns a positive, finite value for an element; M00 is the largest.
+/// Returns a positive, finite value for an element. M00 is the largest element.
 fn value(element: usize) -> f32 {
     let (k, e) = (element / 16, element % 16);
     (if e == 0 { 1.0 } else { 0.3 - 0.05 * e as f32 }) * (1.0 + 0.01 * k as f32)
@@ -124,7 +124,7 @@ fn other_layouts_of_the_same_table_read_equally() {
     shuffled.insert(2, ("note", 1, vec![3], vec![1, 2, 3]));
     shuffled.push(("odd", 77, vec![u64::MAX, 2], vec![]));
     let (mut file, starts) = container(&shuffled);
-    // M again, at an odd offset.
+    // The field M again, at an odd offset.
     let m = &fields()[4].3;
     let at = file.len() as u64 | 1;
     file.resize(at as usize, 0);
@@ -245,8 +245,8 @@ fn errors_name_the_fault_and_fix() {
     assert!(Table::open(folder.path(), &Options::default()).is_err(), "a folder");
 }
 
-/// Tests that empty axes are evenly spaced if the caller requests this, with the same results as for written
-/// axes.
+/// Tests that empty axes are evenly spaced if the caller requests this, and that results equal those for
+/// written axes.
 #[test]
 fn empty_axes_can_be_evenly_spaced() {
     let folder = folder();
@@ -395,7 +395,7 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     }
 }
 
-/// Tests 10,000 mutations of valid files: truncation, flipped bits, replaced header numbers, ranges of noise.
+/// Tests 10,000 mutations of valid files: truncation, flipped bits, replaced header numbers, random bytes.
 #[test]
 fn mutated_files_load_or_give_an_error() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];
@@ -444,7 +444,7 @@ fn mutated_files_load_or_give_an_error() {
         LARGEST_OF_THREAD.set(0);
         let table = Table::open(&path, &options);
         let largest = LARGEST_OF_THREAD.get();
-        // Small files: messages and the smallest importance table have a minimum size.
+        // The files are small, so the minimum size of messages and importance tables matters.
         let allowed = (2 * file.len()).max(8192);
         assert!(largest <= allowed, "case {case}: {largest} bytes for a file of {}", file.len());
         match table {

@@ -1,5 +1,5 @@
-//! Shared code of the tests of renders and of the program: small scenes as text, readers of results, and
-//! checks of messages about broken files.
+//! Shared code of the tests that render or run the program: small scenes as text, readers of results, and
+//! checks of messages about invalid files.
 
 #![allow(dead_code)]
 
@@ -68,7 +68,7 @@ pub fn assert_same_store(a: &Path, b: &Path) {
         let attributes = json["attributes"].as_object_mut().expect("attributes");
         attributes.remove("wall_time_s").expect("a wall time");
         *root = serde_json::to_vec(&json).expect("JSON");
-        // The manifest has a checksum of that file, and one of itself.
+        // The manifest contains a checksum of that file, and a checksum of itself.
         let manifest = files.get_mut(Path::new("manifest.txt")).expect("a manifest");
         let text = String::from_utf8(std::mem::take(manifest)).expect("a text");
         let same = text.lines().filter(|l| !l.ends_with(" zarr.json") && !l.ends_with(" lines above"));
@@ -79,7 +79,7 @@ pub fn assert_same_store(a: &Path, b: &Path) {
     }
 }
 
-/// Writes small valid files of most kinds that a scene can refer to, and white images of these sizes.
+/// Writes small valid files of most kinds that a scene can refer to, and white images of the given sizes.
 pub fn scene_files(folder: &Path, images: &[(&str, u32)]) {
     let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     put(
@@ -150,7 +150,7 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
     }
 }
 
-/// A broken file: name of the fault; passage and its replacement; location of the fault (the first line with
+/// An invalid file: name of the fault; passage and replacement; location of the fault (the first line with
 /// this text; with a leading `^` also its column); words that the message must contain.
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest allowed time of a call, on a machine with other load.
+/// Maximum allowed duration of a call, on a machine that is also running other programs.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Largest allowed message in bytes.
 const FLOOD: u64 = 64 << 10;

@@ -49,7 +49,7 @@ pub fn cases() -> Vec<Case> {
             }
             if let Some(store) = store {
                 case.verify = Some(store);
-                // An unfinished render stays, so that it can be resumed.
+                // An unfinished render remains, so that it can be resumed.
                 case.may_leave = &["out.zarr", ".out.zarr"];
             }
             cases.push(case);

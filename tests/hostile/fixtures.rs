@@ -55,7 +55,7 @@ view.photo = { slice = "mueller" }
 caption = "{pixels} pixels"
 "#;
 
-/// Number of matrices in the arrays: too many for a nearly full disk.
+/// Number of matrices in the arrays: too many for the nearly full disk of the tests.
 const PIXELS: usize = 60;
 
 /// A calibration of a camera by OpenCV.
@@ -99,7 +99,7 @@ impl Fixtures {
         let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
-        // Dimmed so that its camera does not saturate.
+        // The projector is dimmed so that the simulated camera does not saturate.
         let dim: Vec<f32> = matrices.iter().map(|m| 0.02 * m).collect();
         numpy::save(&at.join("dim.npy"), &shape, &dim).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
@@ -147,7 +147,7 @@ impl Fixtures {
 /// Returns a folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     let made = harness::folder();
-    // Another user runs some of the cases.
+    // Another user runs some of the cases, so that user must be able to read the files.
     fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
     made
 }

@@ -74,8 +74,8 @@ pub const READERS: &[(&str, &str, &str)] = &[
     ("phase eval {x}", "x.toml", "media.toml"),
 ];
 
-/// Files that a scene refers to: a key, a value that replaces that of `materials.white` or of the shape, the
-/// name, and the valid file.
+/// Files that a scene refers to: a key, a value that replaces the value of `materials.white` or of the
+/// shape, the file name, and the valid file.
 #[rustfmt::skip]
 const NAMED: &[(&str, &str, &str, &str)] = &[
     ("[0.7, 0.7, 0.7]", "{ image = \"x.png\" }", "x.png", "image.png"),

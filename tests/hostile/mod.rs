@@ -19,7 +19,7 @@ use case::{Case, run_all};
 use fixtures::Fixtures;
 use std::time::Instant;
 
-/// Number N of cases of which one runs by default.
+/// Number N such that one of N cases runs by default.
 const PART: usize = 16;
 
 #[test]

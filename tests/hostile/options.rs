@@ -161,7 +161,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("import {f}/mitsuba/scene.xml -o out.toml -D wavelengths_nm={v}", &[]),
 ];
 
-/// Calls with special faults.
+/// Calls with other faults, such as missing or contradictory arguments.
 #[rustfmt::skip]
 const ODD: &[&str] = &[
     "", "no-such-command", "render", "render --spp", "merge {f}/s.zarr -o out.zarr", "merge {f}/s.zarr {f}/s.zarr -o out.zarr",

@@ -3,8 +3,8 @@
 
 use super::case::{Case, Expect, Put};
 
-/// Commands with `{o}` in place of the output; its extension, or `/` for a folder and `zarr` for a store; the
-/// argument that is an input which could be overwritten.
+/// Commands with `{o}` in place of the output; the output's extension, or `/` for a folder and `zarr` for a
+/// store; the argument that is an input which could be overwritten.
 #[rustfmt::skip]
 pub const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
@@ -75,7 +75,7 @@ const TWICE: &[&str] = &[
     "learn -k 9 --data {f}/tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o out.toml --save-prior ./out.toml",
 ];
 
-/// Extensions that no command, or few commands, write.
+/// Extensions that few commands or no commands write.
 const EXTENSIONS: [&str; 8] = ["tif", "jpg", "h5", "hdr", "gif", "npy", "csv", "toml"];
 
 pub fn named(extension: &str) -> String {
@@ -92,7 +92,7 @@ pub fn cases() -> Vec<Case> {
         let make = |what: &str, output: &str| {
             let name_of_case = format!("{line}: .{extension} is {what}");
             let mut case = Case::new(name_of_case, &line.replace("{i}", name));
-            // A name may be empty; then it is not a word of the line.
+            // A name may be empty. An empty name is not a word of the command line.
             case.arguments.iter_mut().for_each(|a| *a = a.replace("{o}", output));
             if input.is_empty() { case } else { case.put(name, Put::Copy(input)) }
         };
@@ -106,7 +106,7 @@ pub fn cases() -> Vec<Case> {
             let fix = "--features object-stores";
             (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
-            // These commands write to addresses, but not of this kind.
+            // These commands write to addresses, but not to addresses of this kind.
             (make("an address", &format!("nowhere://bucket/{out}")).says("s3://"), "read only")
         } else {
             (make("an address", &format!("s3://bucket/{out}")).says("address"), "address")

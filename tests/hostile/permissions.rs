@@ -25,7 +25,7 @@ pub fn cases() -> Vec<Case> {
         return vec![];
     }
     let mut cases = vec![];
-    // These look for something else first.
+    // These commands first look for another file.
     let others = [
         "rig status",
         "rig flash",

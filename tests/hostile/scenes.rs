@@ -18,7 +18,7 @@ fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
     }
 }
 
-/// Collects all paths of a document. Of a list of plain values, only the first entry is used.
+/// Collects all paths of a document. For a list of plain values, only the first entry's path is collected.
 fn places(value: &Value, at: &[String], out: &mut Vec<Vec<String>>) {
     let children: Vec<(String, &Value)> = match value {
         Value::Table(table) => table.iter().map(|(key, child)| (key.clone(), child)).collect(),
@@ -70,7 +70,7 @@ fn damaged() -> Vec<(&'static str, Option<Value>)> {
     ]
 }
 
-/// Returns the document, once for every path and every replacement value, with `path = value`.
+/// Returns one document for every path and every replacement value, each named `path = value`.
 pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
     places(document, &[], &mut all);
@@ -100,7 +100,7 @@ pub fn cases() -> Vec<Case> {
     for (key, value) in spoil(&Value::Table(SCENE.parse().expect("TOML"))) {
         let expect = if accepted.contains(key.as_str()) { Expect::Accepted } else { Expect::Refused };
         let text = toml::to_string(&value).expect("TOML");
-        // Figures are parsed by the command that draws them.
+        // The command that draws figures parses them.
         let command =
             if key.starts_with("figures") { "render scene.toml -o s.zarr" } else { "info scene.toml" };
         let case = Case::new(format!("scene {key}"), command);

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Expect, Put};
 
-/// Commands that read the complete store `s.zarr`; `info` is not listed because it reads less.
+/// Commands that read the complete store `s.zarr`. `info` is not listed because it reads only metadata.
 #[rustfmt::skip]
 const READERS: &[&str] = &[
     "verify s.zarr",

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A deterministic sequence of numbers.
+/// A deterministic pseudorandom sequence of numbers.
 struct Draw(u64);
 
 impl Draw {
@@ -12,7 +12,7 @@ impl Draw {
     }
 }
 
-/// All paths of a document.
+/// Returns all paths of a document.
 fn places(value: &Value, here: String, out: &mut Vec<String>) {
     out.push(here.clone());
     match value {
@@ -62,7 +62,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
             };
         }
         Value::String(s) if s.len() > 8 && draw.below(2) == 0 => {
-            // A scheme's text with one byte deleted or changed.
+            // The scheme's text with one byte deleted or changed.
             let at = draw.below(s.len());
             if s.is_char_boundary(at) && s.is_char_boundary(at + 1) {
                 s.replace_range(at..=at, ["", "9", "-", "x"][draw.below(4)]);
@@ -73,8 +73,8 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Damages finished runs at one place and corrects the checksums, as another program could. Tests
-/// that each run is refused with a message or read, without a panic or a long delay.
+/// Damages finished runs at one position and corrects the checksums, as another program could. Tests
+/// that each run is either read or refused with a message, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn damaged_runs_are_read_or_refused() {
@@ -93,7 +93,7 @@ fn damaged_runs_are_read_or_refused() {
         let content = bench.content(&store);
         let root = bench.path(&store);
         for case in 0..wanted / 2 {
-            // Most metadata are at the root; frames are many.
+            // Most metadata are at the root, whereas there are many frames.
             let root_is = ["zarr.json", "frames/raw/zarr.json"][draw.below(2)];
             let at_root = content.iter().find(|(p, _)| draw.0 >> 63 == 0 && p == Path::new(root_is));
             let (path, bytes) = at_root.unwrap_or(&content[draw.below(content.len())]);

@@ -87,12 +87,12 @@ camera = { binned = 3 }
             assert!((a - b).abs() <= 1e-5 * a, "{slice}: {b}, not {a}");
         }
     }
-    // The error of a mean over wavelengths is at most the mean of their errors.
+    // The standard error of a mean over wavelengths is at most the mean of the wavelengths' standard errors.
     for (total, each) in errors.iter().zip(get("photo", Field::StdError).chunks_exact(3)) {
         let bound = each.iter().sum::<f32>() / 3.0;
         assert!(*total <= 1.00001 * bound && *total >= 0.3 * bound, "{total}, {each:?}");
     }
-    // Pixels are independent; a bin has 9 of them.
+    // Errors of pixels are independent; a bin has 9 pixels.
     let coarse = get("coarse", Field::TotalStdError);
     for (i, binned) in coarse.iter().enumerate() {
         let box_of = (0..9).map(|k| (i / 6 * 3 + k / 3) * 18 + i % 6 * 3 + k % 3);

@@ -1,4 +1,4 @@
-//! Tests `sunstone calibrate`: from images to the tables of a scene, and refusals.
+//! Tests `sunstone calibrate`: calibrations from images, the resulting scene tables, and refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -38,8 +38,8 @@ fn board() -> Board {
     Board::new(7, 6, 0.025).expect("a board")
 }
 
-/// For each sample point of each camera pixel: the brightness of the board there, and the projector pixel
-/// that illuminates it.
+/// For each sample point of each camera pixel, the brightness of the board at this point, and the projector
+/// pixel that illuminates the point.
 fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     let [camera, projector] = devices();
     let (board, back) = (board(), pose.inverse());
@@ -62,7 +62,7 @@ fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     all
 }
 
-/// Writes an image; `light` is the light of a projector pixel.
+/// Writes a camera image. `light` returns the brightness of a projector pixel.
 fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32; 2]) -> f64) {
     let pixel = |points: &[(f64, Option<[u32; 2]>)]| {
         let sum: f64 = points.iter().map(|(white, lit)| white * (0.1 + lit.map_or(0.0, &light))).sum();

@@ -1,4 +1,4 @@
-//! Tests `sunstone capture` and `sunstone trial`: from stores and arrays to captures and back, with
+//! Tests `sunstone capture` and `sunstone trial`: captures of stores and arrays, their reconstruction, and
 //! comparisons.
 
 use crate::commands::{rendered, run};
@@ -35,7 +35,7 @@ fn schemes(folder: &Path) {
     sunstone(folder, "scheme drr -k 36 -o drr36.toml");
     sunstone(folder, "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml");
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
-    // Plates that are exact only at 550 nm.
+    // These plates are exact only at 550 nm.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
     let text = text.replace(
         "retardance_deg = 90.0",
@@ -68,7 +68,7 @@ fn captures_are_reconstructed() {
         assert_eq!(shape, [6, 8, 3, 4, 4]);
         assert!(worst(&truth, &back) < 1e-5, "{scheme}: {}", worst(&truth, &back));
     }
-    // A camera with its variances; some pixels saturate.
+    // A camera that reports variances; some pixels saturate.
     let camera = "[cmos]\nphotons_per_unit = 1.2e6\n";
     std::fs::write(d.join("camera.toml"), camera).expect("space");
     sunstone(
@@ -94,8 +94,8 @@ fn captures_are_reconstructed() {
     assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
-/// Tests that captures of a slice use its wavelengths and time bins, and that a photon counter counts in
-/// these bins.
+/// Tests that captures of a slice use the slice's wavelengths and time bins, and that a photon counter counts
+/// in these bins.
 #[test]
 fn slices_are_captured_along_their_axes() {
     let folder = rendered();
@@ -133,8 +133,8 @@ fn slices_are_captured_along_their_axes() {
     assert!(counts.iter().all(|v| v.is_finite()));
 }
 
-/// Tests each row of the table: the error equals the closed form for the given noise, and more
-/// captures give smaller errors, also with a camera.
+/// Tests that each row of the table has the error of the closed form for the given noise, and that more
+/// captures give smaller errors, also with a camera model.
 #[test]
 fn trials_match_closed_forms() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -157,7 +157,7 @@ fn trials_match_closed_forms() {
     for (r, row) in rows.iter().enumerate().take(2) {
         assert_eq!((row[2], row[4]), ("16", "least squares"));
         let (predicted, rmse, error) = (number(r, 5), number(r, 6), number(r, 7));
-        // The standard error of 8 trials is itself uncertain; the mean of squares is over 18,432 numbers.
+        // The standard error of 8 trials is itself uncertain. Each mean square is over 18,432 numbers.
         assert!((rmse / predicted - 1.0).abs() < 0.06, "{rmse} {predicted}");
         assert!(error < 0.03 * rmse && number(r, 9) == 0.0);
     }

@@ -52,7 +52,7 @@ pub fn run(dir: &Path, arguments: &[&str]) -> String {
     harness::stdout(&harness::run(dir, arguments, 0))
 }
 
-/// Runs a command that must refuse its input, and returns its message.
+/// Runs a command that must refuse its input, and returns the error message.
 pub fn refused(dir: &Path, arguments: &[&str]) -> String {
     harness::stderr(&harness::run(dir, arguments, 2))
 }
@@ -77,7 +77,7 @@ fn a_chain_of_commands() {
     let info = run(d, &["info", "out/room.zarr"]);
     assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
 
-    // Output for a scene: its content and no warnings, also about the mirror that the projector illuminates.
+    // For a scene, info prints the content and no warnings, also about the mirror in the projector's light.
     let about = run(d, &["info", "room/scene.toml"]);
     assert!(about.contains("integrator         path") && about.contains("1 quadrics"), "{about}");
     assert!(!about.contains("warning"), "{about}");
@@ -116,7 +116,7 @@ fn a_chain_of_commands() {
         .sum(AxisKind::Y);
     assert!((m00 / f64::from(sum.data[0]) - 1.0).abs() < 1e-5);
 
-    // A pattern of ones gives the image of full drive; half drive gives half of it.
+    // A pattern of ones gives the image of full drive; half drive gives half of this image.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
         image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
@@ -145,7 +145,7 @@ fn a_chain_of_commands() {
         &["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o", "p.png"],
     );
     assert!(d.join("p.png").exists());
-    // The extension determines the format, as does the option for the scene's figures.
+    // The extension or the option for the scene's figures determines the format.
     let view = ["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o"];
     for (name, head) in [("p.svg", "<svg "), ("p.pdf", "%PDF-")] {
         run(d, &[&view[..], &[name]].concat());

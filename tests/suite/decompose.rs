@@ -84,13 +84,13 @@ fn arrays_are_decomposed_to_arrays() {
     run(d, &only);
     let found = arrays(&d.join("q.npz"));
     assert_eq!(found.len(), 3);
-    // The error of a retarder's phase follows from the four elements that contain its sine and cosine.
+    // The standard error of the retardance follows from the four elements that contain its sine and cosine.
     let error = values(&found["retardance_error"])[0];
     assert!(error > 0.005 && error < 0.01, "{error}");
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// Tests that a stored image gives the same results, with errors, as its matrices one by one.
+/// Tests that a stored image gives the same results and errors as its matrices given one by one.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();
@@ -132,7 +132,7 @@ fn slices_of_stores() {
     assert!(lit > 200, "{lit}");
     let errors = values(&found["polarizance_error"]);
     assert!(errors.iter().filter(|e| **e > 0.0).count() > 20);
-    // Along a part of an axis.
+    // A selected range of an axis.
     run(d, &["decompose", "out/room.zarr", "xt", "-k", "t=9000:9500", "--only", "retardance", "-o", "t.npz"]);
     let found = arrays(&d.join("t.npz"));
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);

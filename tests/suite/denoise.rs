@@ -25,11 +25,11 @@ time = { start_ps = 13000, bin_ps = 200, bins = 80 }
 const SIZE: usize = 64;
 /// Number of values per pixel: elements times wavelengths.
 const NUMBERS: usize = 48;
-/// Ratio of the converged render's samples to those of the other renders.
+/// Number of samples of the converged render, divided by that of the other renders.
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    // Independent samples, so that errors also describe the noise of fewer samples.
+    // Independent samples, so that standard errors also describe the noise of renders with fewer samples.
     let options = ["--seed", seed, "--spp", spp, "--replicates", spp, "--no-figures", "-o", store];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
@@ -43,20 +43,20 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
 /// Comparison of a denoised slice with the converged slice.
 #[derive(Debug)]
 struct Judged {
-    /// Ratio of the mean squared errors before and after denoising, over all values, without the noise of the
-    /// converged render.
+    /// Mean squared error before denoising divided by that after denoising, over all values. The noise of the
+    /// converged render is subtracted.
     gain: f64,
-    /// The gain without the 5 % of the pixels with the largest errors in the converged render.
+    /// The same ratio without the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,
     half: f64,
-    /// Root mean square of deviation divided by stated error, over all values.
+    /// Root mean square, over all values, of the deviation divided by the stated error.
     z: f64,
     z00: f64,
     /// Relative deviation of Σ M00 from that of the converged render.
     bias: f64,
     /// Relative deviation of Σ M00 of the input from that of the converged render.
     before: f64,
-    /// Fraction of each step between adjacent pixels that denoising keeps, for steps that are
+    /// Fraction of the height of steps between adjacent pixels that denoising preserves, for steps that are
     /// visible with 16 samples.
     step: f64,
     edges: usize,
@@ -71,7 +71,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     let raw: Vec<f64> =
         (0..truth.len()).map(|i| all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64).collect();
     let square = |a: &[f64], i: usize| (a[i] - truth[i]).powi(2);
-    // Sorted by the error of the converged render; the largest come last.
+    // Pixels are sorted by the error of the converged render; the largest error is last.
     let doubt = |p: usize| unsure[p * NUMBERS..(p + 1) * NUMBERS].iter().map(|e| e * e).sum::<f64>();
     let mut pixels: Vec<usize> = (0..SIZE * SIZE).collect();
     pixels.sort_by(|a, b| doubt(*a).total_cmp(&doubt(*b)));
@@ -115,9 +115,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     }
 }
 
-/// Compares 64 × 64 pixels with 16 samples and with 1024 samples. A few tens of pixels on the shiny
-/// knot have most of the squared error and no similar pixels for averaging. The gain over all
-/// pixels is therefore far smaller than without the noisiest 5 %.
+/// Compares 64 × 64 pixels with 16 samples and with 1024 samples. A few tens of pixels on the glossy
+/// knot have most of the squared error and no similar pixels for averaging. The reduction of the mean
+/// squared error over all pixels is therefore far smaller than that without the noisiest 5 %.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn denoising_reduces_the_error_and_states_it_correctly() {
@@ -143,7 +143,7 @@ fn denoising_reduces_the_error_and_states_it_correctly() {
             assert!(judged.least > -1e-5);
         }
     }
-    // Light in flight, with few samples per bin: the gain is smaller, and nothing gets worse.
+    // Slices of light in flight have few samples per bin: the gain is smaller, but no value gets worse.
     for (made, renders) in [("one.zarr", &["a.zarr"][..]), ("two.zarr", &["a.zarr", "b.zarr"])] {
         let [truth, unsure] = fields(at, "converged.zarr", "flight");
         let [mean, error] = fields(at, made, "flight");
@@ -222,7 +222,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
             assert_eq!(read(&whole, name, field).data, read(&bands, name, field).data, "{name} {field:?}");
         }
     }
-    // Rows that are not adjacent do not mix: row 6 alone gives the same as with other rows.
+    // Rows that are not adjacent are not mixed: row 6 alone gives the same result as with other rows.
     let rows = read(&whole, "rows", Field::Mean);
     let lone = SMALL.replace("rows = [1, 2, 6]", "rows = [6]");
     std::fs::write(at.join("scene.toml"), mirror_room(40, 16, 8, 8, &lone)).expect("a scene");
@@ -254,7 +254,7 @@ fn denoised_stores_are_marked_and_refused_as_references() {
     assert!(text.contains("denoised"), "the title does not say it");
     run(at, &["decompose", "d.zarr", "mueller", "-o", "d.npz"], 0);
     run(at, &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"], 0);
-    // Commands that would use it as a reference refuse it.
+    // Commands that would use the store as a reference refuse the store.
     run(at, &["scheme", "drr", "-k", "36", "-o", "drr.toml"], 0);
     let refused: [&[&str]; 7] = [
         &["merge", "d.zarr", "a.zarr", "-o", "m.zarr"],
@@ -271,7 +271,7 @@ fn denoised_stores_are_marked_and_refused_as_references() {
         assert!(!at.join("m.zarr").exists(), "{arguments:?}");
     }
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "m.zarr"], 0);
-    // A slice without an image is copied; one without errors stays unchanged.
+    // A slice without an image is copied. A slice without standard errors stays unchanged.
     run(at, &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"], 0);
     let done = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
     assert!(stdout(&done).contains("copied"));

@@ -14,7 +14,7 @@ fn truth(p: usize) -> [f64; 16] {
     std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.3 })
 }
 
-/// Simulates captures of pixels by a scheme of the folder, and saves them as NumPy does.
+/// Simulates captures of pixels with a scheme in the folder, and saves the intensities as NumPy does.
 fn captured(d: &Path, scheme: &str, shape: &[usize], pixels: usize) {
     let scheme = load(&d.join(scheme)).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
@@ -31,8 +31,8 @@ fn matrices(d: &Path) -> NumpyArray {
     NumpyArray::read(&d.join("m.npy")).expect("matrices")
 }
 
-/// Tests that captures of an intensity sensor and of a polarizer array are reconstructed to the
-/// matrices, for any shape of the pixels.
+/// Tests that captures of an intensity sensor and of a polarizer array are reconstructed to the original
+/// matrices, for any shape of the pixel array.
 #[test]
 fn captures_are_reconstructed_to_matrices() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -65,7 +65,7 @@ fn captures_are_reconstructed_to_matrices() {
     }
 }
 
-/// Tests that the learned scheme reaches the error bound, and that the same seed gives the same scheme.
+/// Tests that the learned scheme reaches the lower bound of the error, and that a seed determines the scheme.
 #[test]
 fn learned_schemes_reach_the_bound() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -96,7 +96,7 @@ fn learned_priors_are_used_in_reconstruction() {
     let few = ["--starts", "2", "--iterations", "60", "--adam-steps", "50", "--resolution", "5x7x9"];
     let what = ["learn", "-k", "4", "--sensor", "polarizer-array", "--estimator", "prior", "-o", "s.toml"];
     run(d, &[&what[..], &few[..], &["--save-prior", "prior.toml", "--folds", "5"]].concat());
-    // An ideal depolarizer of two brightnesses is one of those materials.
+    // An ideal depolarizer at two brightnesses is one of the materials that the prior was learned from.
     let scheme = load(&d.join("s.toml")).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
     let mut seen = vec![0.0; 16 * 2];

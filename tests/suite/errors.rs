@@ -2,7 +2,7 @@
 
 use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 
-/// A valid scene; every test below breaks one item.
+/// A valid scene. Every test below makes one item invalid.
 const SCENE: &str = r#"name = "box"
 wavelengths_nm = [450, 550, 660]
 

@@ -46,7 +46,7 @@ view.decomposition = { slice = "mueller", quantity = "retardance" }
 caption = "{{retardance}}"
 "#;
 
-/// Returns the scene in a folder, and the text of a figure of it.
+/// Returns a scene in a folder, and the text of a figure that shows the scene.
 fn sound() -> (tempfile::TempDir, String) {
     let scenes = tempfile::tempdir().expect("a folder");
     let path = scenes.path().join("scene.toml");
@@ -91,7 +91,7 @@ fn errors_name_their_position() {
         }
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = ["figure", "f.toml", "--preview", "-o", "out.png"];
-        // Depth and captions are known only for a rendered scene, so renders may stay.
+        // Depth and caption values are known only for a rendered scene, so renders may remain.
         let elsewhere = tempfile::tempdir().expect("a folder");
         let renders = elsewhere.path().join("renders");
         let renders = ["--renders", renders.to_str().expect("UTF-8")];
@@ -242,7 +242,7 @@ impl Watch for Impatient {
 fn an_interrupted_render_resumes() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
-    // More than one tile.
+    // The image has more than one tile.
     let text = edit(&text, "pixels = 16, spp = 4", "pixels = 128, spp = 4");
     let source = Source::of_text(&folder.path().join("f.toml"), &text).expect("a figure");
     let settings = |renders: &str| Settings {
@@ -266,7 +266,7 @@ fn an_interrupted_render_resumes() {
 }
 
 /// Tests that processes with a common folder of renders give equal results, also if another process checks
-/// whether renders are finished. A path with a render's name that is not a render is reported with a fix.
+/// whether renders are finished. A path that has a render's name but is not a render is reported with a fix.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn renders_are_shared_and_damage_is_reported() {

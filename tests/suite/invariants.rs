@@ -161,7 +161,7 @@ fn m00(t: &Tensor, i: usize) -> f64 {
     f64::from(t.data[i / stride * stride + i % w])
 }
 
-/// Asserts `got` = `want` to [`AGREE`] of M00 of `want`; at least `least` values must not be zero.
+/// Asserts `got` = `want` to within [`AGREE`] times M00 of `want`. At least `least` values must be nonzero.
 fn assert_agree(what: &str, got: &Tensor, want: &Tensor, least: usize) {
     assert_eq!(got.shape(), want.shape(), "{what}");
     let mut worst = 0.0_f64;
@@ -197,7 +197,7 @@ fn pixels(t: &Tensor, rows: &[usize], columns: &[usize]) -> Tensor {
     out
 }
 
-/// Returns the means of `f` of the values over boxes of `n` camera pixels.
+/// Returns the means of `f(value)` over boxes of `n` × `n` camera pixels.
 fn boxes(t: &Tensor, n: usize, f: impl Fn(f64) -> f64) -> Tensor {
     let [h, w] = [t.shape()[0], t.shape()[1]];
     let inner = t.data.len() / (h * w);
@@ -272,8 +272,8 @@ fn projector_parts_equal_parts_of_the_full_slice() {
     of("projector_block", &all(20)[9..], &all(25)[5..]);
 }
 
-/// Returns the distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s
-/// ray, computed from two of its points.
+/// Returns the distance of projector pixel (u, v)'s centre from the projection of camera pixel (x, y)'s
+/// ray into the projector image. Two points of the ray determine its projection.
 fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     let projector = &scene.projector.as_ref().expect("a projector").pinhole;
     let d = scene.camera.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
@@ -316,7 +316,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
             }
         }
     }
-    // Distances are known to about 1e-5 pixels: none may be closer to the edge.
+    // Computed distances are accurate to about 1e-5 pixels: none may be closer to the edge of the band.
     assert!(nearest > 1e-5, "{nearest}");
     assert!(inside > 50_000, "{inside} pairs");
     assert_agree("along u", &by_u, &want_u, 2000);
@@ -326,7 +326,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
 }
 
 /// Tests that direct coaxial light is the diagonal of the full slice. A statistical test compares indirect
-/// light, which uses separate paths (`tests/transport/selected.rs`).
+/// light, which is rendered with separate paths (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_the_full_slice() {
     for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {
@@ -407,7 +407,7 @@ fn a_finished_render_has_no_discarded_samples() {
     assert!(samples.iter().all(|n| *n == 64));
 }
 
-/// Tests that every stored Mueller matrix is realizable. It is a mean of the realizable matrices of
+/// Tests that every stored Mueller matrix is realizable. The matrix is a mean of the realizable matrices of
 /// paths, so only f32 rounding can make an eigenvalue of Cloude's H negative.
 ///
 /// The looser statistical bound is also checked: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗

@@ -1,5 +1,5 @@
-//! Kills one to three processes that write one store at random times. Tests that a store is never
-//! falsely reported as finished, and that the final bytes equal those of an undisturbed run.
+//! Kills one to three processes that write one store at random times. Tests that an unfinished store is never
+//! reported as finished, and that the final bytes equal those of an undisturbed run.
 //!
 //! By default there are few trials; `SUNSTONE_KILLS=200 cargo test --release --test suite kills --
 //! --nocapture` sets the number of each kind.
@@ -35,7 +35,7 @@ struct Outcomes {
     finished: u32,
 }
 
-/// Starts some processes in parallel and kills them at a random time of up to `longest`.
+/// Starts some processes in parallel and kills each at a random time of at most `longest`.
 fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Duration) {
     let mut children: Vec<Child> = commands
         .iter()
@@ -47,7 +47,7 @@ fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Dura
     let share = f64::from(random.uniform());
     std::thread::sleep(longest.mul_f64(share));
     for child in &mut children {
-        // It may have ended.
+        // The process may have ended already.
         let _ = child.kill();
     }
     for child in &mut children {
@@ -107,7 +107,7 @@ fn killed(
             assert!(bytes == before[Path::new(whole)], "half a file");
         }
         assert!(trial % 2 == 0 || !replaces || at.join(output).exists(), "the old output is lost");
-        // Other load on the machine varies, and with it the time of a command.
+        // The load on the machine varies, and so does the duration of a command.
         if outcomes.finished > earlier.1 {
             longest = longest.mul_f64(0.8);
         } else if outcomes.nothing > earlier.0 {
@@ -139,7 +139,7 @@ fn killed_renders_resume() {
     assert!(outcomes.unfinished > 0, "{outcomes:?}");
 }
 
-/// Tests that the outputs of these commands are either complete or absent.
+/// Tests that the outputs of the commands are either complete or absent.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn killed_merges_exports_and_shards_leave_no_partial_output() {

@@ -1,4 +1,4 @@
-//! Tests `sunstone layers`: content of the output, and files that must not change.
+//! Tests `sunstone layers`: the content of the output, and which existing files remain unchanged.
 
 use crate::commands::{refused, run};
 use serde_json::Value;

@@ -91,7 +91,7 @@ fn backward_lines_are_reversed() {
             assert_eq!(image[3 * y..3 * y + 3], want as [u32; 3], "row {y}, backwards {back}");
         }
     }
-    // An image whose size differs from the header's has other pixels.
+    // An image with another size than in the header has other pixels.
     let message = refused(d, &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"]);
     assert!(message.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{message}");
 }
@@ -142,8 +142,8 @@ fn arrays_without_valid_values_are_refused() {
     assert!(message.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{message}");
     let message = stderr(&run(d, &capture("one.npy"), 0));
     assert!(message.contains("36 of 72 intensities"), "{message}");
-    // The captures of the second pixel are unknown; with saturation at 1e-9 those of the first are left out,
-    // too.
+    // The captures of the second pixel are unknown. With saturation at 1e-9, the captures of the first pixel
+    // are excluded as well.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let message = stderr(&run(d, &back, 0));
     assert!(message.contains("1 of 2 pixels are NaN"), "{message}");

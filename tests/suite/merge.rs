@@ -1,4 +1,4 @@
-//! Tests that stores of two seeds merge to the result of all samples.
+//! Tests that stores of two seeds merge to the result of all samples together.
 
 use crate::harness::{mirror_room, read, refusals, run, stderr};
 use std::path::Path;
@@ -58,8 +58,8 @@ fn two_seeds_pool_exactly() {
                 "{slice}: {} not {want}",
                 m[i]
             );
-            // Σ(x - m)² of all groups: that of each half about its mean, and of the means about the common
-            // one.
+            // Σ(x - m)² over all groups is the sum of each half's squared deviations from its mean and of the
+            // squared deviations of both means from the common mean.
             let squares = (ea * ea + eb * eb) * GROUPS * (GROUPS - 1.0)
                 + GROUPS * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {
@@ -110,7 +110,7 @@ fn incompatible_stores_are_refused() {
     );
 }
 
-/// Tests that renders of plain paths cannot be merged with or resumed as renders of all paths.
+/// Tests that renders of different integrators are neither merged nor resumed as one another.
 #[test]
 fn different_integrators_are_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");

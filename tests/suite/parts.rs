@@ -112,8 +112,8 @@ fn merged_parts_equal_the_whole() {
     }
 }
 
-/// Returns the checksums of all files of a part, except for its root's metadata, which contain the render
-/// time.
+/// Returns the checksums of all files of a part, except for the metadata of the store's root, which contain
+/// the render time.
 fn values(part: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
     let lines = text.lines().filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
@@ -152,8 +152,8 @@ fn shared_light_subpaths_give_the_same_bytes() {
         assert_eq!(made.len(), of as usize, "{made:?}");
         let share_of = |n: u32| made.iter().find(|name| name.ends_with(&format!("-{n}of{of}.light")));
         let file = |n: u32| light.join(share_of(n).expect("a share"));
-        // Negative control: a share of another seed changes the result, so light is read and not traced
-        // again.
+        // Negative control: a share with another seed changes the result. The light is therefore read and
+        // not traced again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));
         other.change_settings(|s| s.seed += 1);
@@ -166,7 +166,7 @@ fn shared_light_subpaths_give_the_same_bytes() {
         let planted = name("planted");
         one(2, &planted);
         assert_ne!(values(&planted), values(&paths[1]));
-        // A lost share is traced again, and a damaged one is not used.
+        // A missing share is traced again, and a damaged share is not used.
         std::fs::remove_file(file(1)).expect("a share");
         let again = name("again");
         one(2, &again);
@@ -185,8 +185,8 @@ fn shared_light_subpaths_give_the_same_bytes() {
     }
 }
 
-/// Returns a shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these
-/// tests.
+/// Returns a shipped scene of 20 × 20 pixels in tiles of 4 × 4 pixels, with two samples per pixel and the
+/// slices of these tests.
 fn small(name: &str) -> Scene {
     let path =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
@@ -224,7 +224,7 @@ fn a_part_is_not_a_finished_render() {
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
-    // The finished pixels can be read, and the others are not zero.
+    // The finished pixels can be read. Pixels of other parts are NaN, not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
     let sum = partial.slice("sum").expect("a slice").read_all(Field::Mean).expect("values");
@@ -293,7 +293,7 @@ fn wrong_sets_are_refused() {
     let partial = Options { partial: true, ..Options::default() };
     let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
     assert!(text.expect_err("refused").contains("--partial"));
-    // Negative control: a copy that differs in one number.
+    // Negative control: a copy in which one number differs.
     std::fs::remove_dir_all(at("joined")).expect("a folder");
     let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
     let sum = twin.slice("sum").expect("a slice");

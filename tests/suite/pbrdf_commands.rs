@@ -1,4 +1,4 @@
-//! Tests `sunstone pbrdf`: evaluate a material, write tables, inspect, cut and draw them.
+//! Tests `sunstone pbrdf`: evaluate a material, write tables, inspect, slice and draw them.
 
 use crate::harness::{files, refusals, run, stderr};
 use serde_json::Value;
@@ -45,8 +45,8 @@ fn handbook_values_are_printed() {
     }
     assert_eq!(gold["out"]["phi_deg"], 200.0);
     assert_eq!(gold["kind"], "mirror");
-    // Power into glass at 45°: 1 minus Fresnel's reflectance for index 1.5, each wavelength with its own
-    // angle.
+    // Power transmitted into glass at 45°: 1 minus Fresnel's reflectance for index 1.5. Each wavelength has
+    // its own angle of refraction.
     let glass = eval("--name glass --in 45,0 --refract");
     assert!((element(&glass, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
     let theta = |lane: usize| glass["out"][lane]["theta_deg"].as_f64().expect("an angle");
@@ -54,7 +54,7 @@ fn handbook_values_are_printed() {
         let want = 180.0 - (45.0_f64.to_radians().sin() / n).asin().to_degrees();
         assert!((theta(lane) - want).abs() < 1e-4);
     }
-    // The same power in the opposite direction, and none beyond the critical angle.
+    // The same transmitted power in the opposite direction, and no power beyond the critical angle.
     let back = 180.0 - theta(2);
     let out = eval(&format!("--name glass --in {},0 --refract", 180.0 - back));
     assert!((element(&out, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
@@ -96,7 +96,7 @@ fn tables_are_made_and_read() {
     let want = 0.65 / std::f64::consts::PI;
     assert!((numbers[2] - want).abs() < 1e-4 && (numbers[3] - want).abs() < 1e-4, "{band}");
     assert_eq!(numbers[4], 0.0);
-    // A cut in both formats.
+    // A slice of the table in both formats.
     let cut = ["pbrdf", "slice", "t/rough.pbsdf", "--phi-d", "100", "--theta-d", "40", "-w", "550", "-o"];
     ok(&[&cut[..], &["cut.csv"]].concat());
     ok(&[&cut[..], &["cut.npy"]].concat());
@@ -116,7 +116,7 @@ fn tables_are_made_and_read() {
     assert_eq!(npy.shape(), [19, 4, 4]);
     let values: Vec<f32> = npy.into_vec().expect("numbers");
     assert!((f64::from(values[0]) - row[4]).abs() < 1e-6 * row[4]);
-    // At θh = 0 light and viewer are mirrored about the normal: the table's source gives the same.
+    // At θh = 0, light and viewer are mirrored about the normal: the table's material gives the same value.
     let source = json(at, &["pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180"]);
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
     // 660 nm is outside the table: its last band is used, and this is reported once.
@@ -125,7 +125,7 @@ fn tables_are_made_and_read() {
     assert_eq!(stderr(&red).matches("660 nm uses the band at 650 nm").count(), 1, "{}", stderr(&red));
     let red: Value = serde_json::from_slice(&red.stdout).expect("JSON");
     assert!((element(&red, 2, 0, 0) - 0.75 / std::f64::consts::PI).abs() < 1e-5);
-    // Pictures, and the tables as materials.
+    // The drawn images, and the tables as materials.
     ok(&["pbrdf", "plot", "t/rough.pbsdf", "-o", "p/plot.png"]);
     ok(&["pbrdf", "sheet", "t/materials.toml", "-o", "p/sheet.png", "--size", "8", "--spp", "1"]);
     for picture in ["p/plot.png", "p/sheet.png"] {
@@ -134,8 +134,8 @@ fn tables_are_made_and_read() {
     }
 }
 
-/// Tests the components of tables and of the built-in substitutes: variance fractions decrease and
-/// sum to 1, and the arrays equal the numbers in the picture.
+/// Tests the principal components of tables and of the stand-ins: variance fractions decrease and
+/// sum to 1, and the arrays equal the numbers in the image.
 #[test]
 fn principal_components_are_found() {
     let folder = folder();

@@ -1,8 +1,8 @@
-//! Tests `sunstone phase`, and faulty files of media.
+//! Tests `sunstone phase`, and invalid files of media.
 
 use crate::harness::{Case, fault, refusals, run};
 
-/// A valid file; the tests below break one item.
+/// A valid file. Each test below makes one item invalid.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
 
 [media.air.homogeneous]
@@ -71,7 +71,7 @@ fn errors_of_broken_files_have_position_and_fix() {
     let folder = tempfile::tempdir().expect("a folder");
     let message = |case: &Case| {
         let from = case.1;
-        // The medium with the fault: the last heading above it.
+        // The medium with the fault is that of the last heading before the fault.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
         let name =
             above.rfind("[media.").map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));

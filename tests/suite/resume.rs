@@ -34,8 +34,8 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// Tests that threads change no byte of a bidirectional render, whose light can reach any tile. (`bytes.rs`
-/// compares other integrators.)
+/// Tests that the number of threads changes no byte of a bidirectional render, in which light can reach any
+/// tile. (`bytes.rs` compares other integrators.)
 #[test]
 fn threads_do_not_change_the_output() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -167,7 +167,7 @@ fn an_interrupted_render_prints_how_to_resume() {
     let command =
         message.lines().find_map(|l| l.strip_prefix("  sunstone ")).expect("a command to resume with");
 
-    // As a user would paste it into a shell.
+    // The command as a user would paste it into a shell.
     let shell = std::process::Command::new("sh")
         .args(["-c", &format!("'{}' {command}", env!("CARGO_BIN_EXE_sunstone"))])
         .current_dir(at)

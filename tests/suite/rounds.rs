@@ -1,5 +1,5 @@
-//! Tests renders to a target error: byte-identical for any division of the work, with correct error
-//! estimates and unbiased means.
+//! Tests renders to a target error: byte-identical results for any division of the work, correct error
+//! estimates, and unbiased means.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr, stdout};
 use crate::resume::Impatient;
@@ -77,8 +77,8 @@ fn a_tile_equals_that_of_a_plain_render_with_its_samples() {
     assert!(few.is_err_and(|e| e.to_string().contains("36")));
 }
 
-/// Tests that a render has the same bytes if it is made at once, repeatedly stopped, or merged from parts,
-/// with one or two threads.
+/// Tests that a render has the same bytes if it is made without interruption, stopped repeatedly, or merged
+/// from parts, with one or two threads.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stopped_and_merged_renders_have_the_same_bytes() {
@@ -99,7 +99,7 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         assert!((mean - number("mean_samples_per_pixel")).abs() < 0.1, "{mean} {message}");
         assert!(counts.iter().max() > counts.iter().min());
 
-        // It merges with a plain render of another seed; the result does not state the goal.
+        // The result merges with a plain render of another seed; the merge does not record the target error.
         scene.change_settings(|s| s.seed = 77);
         Render::new(&scene).to_store(&at("plain")).expect("a render");
         scene.change_settings(|s| s.seed = 0);
@@ -127,7 +127,7 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         }
         assert!(stops >= 3, "{stops}");
         assert_same_store(&at("whole"), &at("stopped"));
-        // A finished store is not rendered again; with another goal it is another render.
+        // A finished store is not rendered again. A render with another target error is another render.
         let again = whole.render(&mut scene, &target(&at("stopped"), true)).expect("a store");
         assert!(again.complete && again.samples == 0);
         let other = to_error(goal(0.2, 0.7), &Unwatched).render(&mut scene, &target(&at("stopped"), true));
@@ -174,7 +174,7 @@ impl Image {
         }
     }
 
-    /// Returns the weighted sums of independent images.
+    /// Returns the weighted sums of independent images of the same pixels.
     fn pooled(images: &[Self], weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         let of = |f: &dyn Fn(&Self, f64) -> f64| {
@@ -193,7 +193,7 @@ impl Image {
 struct Verdict {
     /// Mean deviation of lit pixels from the ground truth, divided by the standard error of this mean.
     bias: f64,
-    /// Mean square of deviation divided by stated error.
+    /// Mean square of the deviation divided by the stated error.
     z2: f64,
 }
 
@@ -252,7 +252,7 @@ fn stated_errors_match_actual_errors() {
             let message = &store.attributes()["target"];
             mean += message["mean_samples_per_pixel"].as_f64().unwrap_or(0.0) / SEEDS as f64;
             rounds += message["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
-            // Of the first pixel of each tile.
+            // The totals of the first pixel of each tile.
             let samples = store.read_samples([0, 0], [32, 32]).expect("counts");
             counts.push((0..16).map(|tile| samples[tile / 4 * 8 * 32 + tile % 4 * 8]).collect());
             let [mean, error] = [Field::Mean, Field::TotalStdError].map(|f| read(&store, "sum", f).data);
@@ -349,8 +349,8 @@ fn the_command_reports_the_reached_error_and_invalid_options() {
     }
 }
 
-/// Tests that other files at the path of the rounds are never removed, and that rounds that another
-/// process writes are not removed.
+/// Tests that files other than rounds at the path of the rounds are never removed, and that rounds that
+/// another process is writing are not removed.
 #[test]
 fn other_files_are_kept_and_only_one_process_renders() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -363,7 +363,7 @@ fn other_files_are_kept_and_only_one_process_renders() {
     let message = stderr(&with(&["s", "--force"], 2));
     assert!(message.contains("thesis.tex") && message.contains("another name"), "{message}");
     assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
-    // While a process writes them, --force removes nothing.
+    // While another process writes the rounds, --force removes nothing.
     std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");
     let held = sunstone::base::lock::Lock::take(&at("t.rounds")).expect("nobody is there");
     let message = stderr(&with(&["t", "--force"], 2));

@@ -1,5 +1,5 @@
-//! Tests the shipped scenes: they load; meshes, and shapes that refract or contain a medium, are closed; both
-//! devices see the main objects; and each twin differs from its scene only in materials and media.
+//! Tests the shipped scenes. They load. Meshes, and shapes that refract or contain a medium, are closed. Both
+//! devices see the main objects. Each twin differs from its scene only in materials and media.
 
 use glam::{DVec2, Vec3, Vec3A};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ use sunstone::transport::material::Material;
 use sunstone::transport::scene::Scene;
 use toml::{Table, Value};
 
-/// A scene, its twin, and balls (centre, radius in metres) around objects that both devices must see.
+/// A scene, its twin, and spheres (centre, radius in metres) around objects that both devices must see.
 struct Shipped {
     folder: &'static str,
     twin: &'static str,
@@ -97,8 +97,8 @@ fn every_scene_folder_is_listed() {
     sunstone::scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Checks that the ball is in the device's image, at least `pixels` wide, and visible: the first opaque
-/// surface on the way to its centre, or the first surface of the object itself, is in the ball.
+/// Checks that the sphere is in the device's image, at least `pixels` wide, and visible: the first opaque
+/// surface on the way to its centre, or the first surface of the object itself, is in the sphere.
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();

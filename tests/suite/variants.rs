@@ -1,4 +1,4 @@
-//! Tests variants of scene files (rendered, distinguished, refused if mixed) and applications.
+//! Tests variants of scene files (rendered, distinguished, refused if mixed), and applications.
 
 use crate::harness::{assert_same_store, read, run, stderr, stdout};
 use serde_json::json;
@@ -100,7 +100,7 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
     assert!(stdout(&message).contains("\"number\":1"));
 }
 
-/// Every scene of an application has what the application requires, for every variant that it uses.
+/// Tests that every scene of an application has what the application requires, for every variant used.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn scenes_of_applications_have_their_variants() {
@@ -149,7 +149,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
         assert!(report.join(name).is_file(), "{name}");
     }
-    // The bound is above all methods, and colour gives little information: the fruits are metamers.
+    // The bound exceeds the scores of all methods. Colour gives little information: the fruits are metamers.
     let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
     let area = |method: &str| -> f64 {
         let line = table.lines().find(|l| l.contains(&format!("\"{method}\""))).expect("a row");
@@ -160,10 +160,10 @@ fn applications_are_listed_run_resumed_and_refused() {
     };
     assert!(area("all epipolar elements") > 0.98 && area("RGB") < 0.7, "{table}");
     assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
-    // Repeated: nothing is rendered, and the result is the same.
+    // In a repeated run nothing is rendered, and the result is the same.
     let again = stdout(&run(at, &arguments, 0));
     assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
-    // A lost render is repeated, with the same numbers.
+    // A deleted render is repeated, with the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders).expect("renders").next().expect("one").expect("one").path();
     std::fs::remove_dir_all(one).expect("removes");
@@ -172,7 +172,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     figures_keep_the_fit(at, scenes);
 }
 
-/// Methods are fitted again only if a render changed or the stored fit is damaged; the figure is the same.
+/// Tests that methods are fitted again only if a render changed or the stored fit is damaged.
 fn figures_keep_the_fit(at: &Path, scenes: &str) {
     let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
     let figure =
@@ -187,7 +187,7 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     };
     let first = draw();
     assert_eq!(draw(), first);
-    // A damaged fit is repeated.
+    // A damaged fit is computed again.
     let mut damaged = first.2.clone();
     let last = damaged.len() - 1;
     damaged[last] ^= 1;
@@ -203,9 +203,9 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     assert_ne!(anew.2, first.2);
 }
 
-/// If seeds affect only a detector, each variant's light is rendered once. From scene file to table, errors
-/// equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with an array, and 0.5e-3 √(196/16) for 36
-/// captures of DRR.
+/// Tests that the light of each variant is rendered once if seeds affect only a detector. From scene file to
+/// table, errors equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with a polarizer array,
+/// and 0.5e-3 √(196/16) for 36 captures of dual rotating retarders.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
@@ -231,8 +231,8 @@ fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
-/// Tests a wall behind a pane of glass, with a ball in between: fractions, numbers and texture
-/// coordinates in closed form.
+/// Tests a wall behind a pane of glass, with a sphere between pane and wall: coverage, object numbers and
+/// texture coordinates in closed form.
 #[test]
 fn truth_maps_see_through_glass() {
     let text = r#"
@@ -264,8 +264,8 @@ material = "ball"
     built.keep_texture_coordinates();
     let object = truth::object(&built);
     assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
-    // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays per
-    // pixel.
+    // The sphere fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels. Each pixel has
+    // nine rays.
     let focal = 32.0 / 20.0_f64.to_radians().tan();
     let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
     let ball: f64 = truth::material(&built, &["ball"]).data.iter().sum();
@@ -286,7 +286,7 @@ material = "ball"
             assert!((found - expected).abs() < 1e-5, "{found} {expected}");
         }
     }
-    // As layers: the ball's nearest point is 0.45 m away, at the position from the calibration.
+    // Layers: the sphere's nearest point is 0.45 m away, at the position computed from the calibration.
     let set = layers(&built, Options { side: 4, through: true });
     let depth = truth::layer(&set, "depth").expect("a layer");
     assert!((depth.at(32, 32)[0] - 0.45).abs() < 1e-3, "{}", depth.at(32, 32)[0]);
@@ -298,7 +298,7 @@ material = "ball"
     assert!(truth::layer(&set, "colour").is_none());
 }
 
-/// A corner of two walls, where interreflected light is noisy with few samples; the variants are nearly
+/// A corner of two walls, whose interreflected light is noisy with few samples. The variants are nearly
 /// equal.
 const CORNER: &str = r#"
 name = "corner"
@@ -315,7 +315,7 @@ vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
 "#;
 
 /// Tests that the noise of two variants is independent, so that training data and test data have
-/// different noise. With one seed for all variants, the noise would be equal.
+/// different noise. A single seed for all variants would give equal noise.
 #[test]
 fn variants_of_one_seed_have_independent_noise() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -343,6 +343,6 @@ fn variants_of_one_seed_have_independent_noise() {
     let sum = products.iter().sum::<f64>();
     let deviation = products.iter().map(|p| p * p).sum::<f64>().sqrt();
     assert!(sum.abs() < 5.0 * deviation, "{sum} of {deviation}");
-    // There is noise.
+    // The renders have noise.
     assert!(deviation > 0.0);
 }

@@ -43,7 +43,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     text + slices
 }
 
-/// A finished render; its files are deleted with it.
+/// A finished render. Dropping it deletes its files.
 pub struct Rendered {
     pub store: TensorStore,
     _folder: TempDir,

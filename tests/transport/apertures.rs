@@ -1,6 +1,6 @@
 //! Tests a tank of cloudy water behind glass, without connections. Camera paths hit an emitter of
-//! finite size at random; its size shrinks towards the point light that manifold connections and
-//! bidirectional paths connect to.
+//! finite size at random. As the emitter shrinks, its light approaches that of the point light that manifold
+//! connections and bidirectional paths connect to.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -34,7 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Returns the intensity and the two linear Stokes elements for unpolarized light, with their errors.
+/// Returns the intensity and the linear Stokes elements under unpolarized light, with standard errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -53,8 +53,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     })
 }
 
-/// Tests that a ball of radius r and constant radiance acts at a distance as a point of intensity π
-/// r² times the radiance; the difference decreases with r².
+/// Tests that a sphere of radius r and constant radiance acts at a distance as a point light of intensity
+/// π r² times the radiance. The difference decreases with r².
 #[test]
 fn shrinking_lights_become_points() {
     let at = format!("{:?}", LAMP.to_array());
@@ -67,14 +67,14 @@ fn shrinking_lights_become_points() {
         stokes(&tank(spp, seed, "", &ball), Integrator::Path)
     };
     let (large, small) = (ball(0.2, 30_000, 1), ball(0.1, 100_000, 2));
-    // Illuminates only the tank, uniformly.
+    // The emitter illuminates only the tank, uniformly.
     let point = format!(
         "[[emitters]]\nspot = {{ position = {at}, direction = [-0.09, -0.33, -0.45], intensity = 1.0, cutoff_deg = 25, beam_deg = 24 }}\n"
     );
     let connected = stokes(&tank(8000, 3, &point, ""), Integrator::Bidirectional);
     for i in 0..3 {
         let [[a, x], [b, y], [c, z]] = [large[i], small[i], connected[i]];
-        // Extrapolated to radius zero.
+        // The result is extrapolated to radius zero.
         let (want, error) = ((4.0 * b - a) / 3.0, (16.0 * y * y + x * x).sqrt() / 3.0);
         println!(
             "S{i}: radius 0.2 {a:.5} ± {x:.5}, 0.1 {b:.5} ± {y:.5}, none {want:.5} ± {error:.5}; connected {c:.5} ± {z:.5}"

@@ -1,5 +1,5 @@
-//! Tests attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo
-//! is visible directly.
+//! Tests attributes of PLY meshes as albedos, in closed form: under uniform white light, a surface's
+//! radiance equals its albedo.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -27,14 +27,14 @@ fn scene(folder: &Path, material: &str, more: &str) -> String {
     )
 }
 
-/// Returns the red, green and blue of pixel (i, j), the mean of samples over the pixel.
+/// Returns the red, green and blue of pixel (i, j), averaged over the pixel.
 fn seen(text: &str, [i, j]: [usize; 2]) -> [f32; 3] {
     let image = render_text(text).mean("image");
     [2, 1, 0].map(|l| image.at(&[(Y, j), (X, i), (Wavelength, l), (StokesOut, 0), (StokesIn, 0)]))
 }
 
-/// Tests that colours of vertices are linear over a triangle, so that the mean over a pixel is the value at
-/// its centre.
+/// Tests that colours of vertices vary linearly over a triangle, so that the mean over a pixel is the value
+/// at the pixel's centre.
 #[test]
 fn colours_of_vertices_are_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -60,7 +60,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Tests that each face has one colour, and that a number can be a weight.
+/// Tests that each face has one colour, and that a scalar attribute can be a weight.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

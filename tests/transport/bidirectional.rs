@@ -1,4 +1,4 @@
-//! Compares bidirectional paths with camera paths in scenes whose light camera paths find completely, and
+//! Compares bidirectional paths with camera paths in scenes in which camera paths sample all light, and
 //! tests each strategy alone.
 
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
@@ -87,7 +87,7 @@ fn compare(text: &str, share: f32, least: usize) {
 pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
-/// Tests that each strategy alone gives the light of the paths with its number of interactions.
+/// Tests that each strategy alone gives the light of the paths with the strategy's number of interactions.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_strategy_alone_gives_the_light_of_its_paths() {
@@ -151,8 +151,8 @@ fn rough_glass() {
 pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
-/// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees: as
-/// from the projector's mirror image. Camera paths never find this light.
+/// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees, as if the light
+/// came from the projector's mirror image. Camera paths never sample this light.
 #[test]
 fn mirror_reflects_light_onto_a_wall() {
     reflected_onto_a_wall(60.0, 120_000, "");
@@ -166,7 +166,7 @@ fn mirror_reflects_light_into_a_narrow_pixel() {
     }
 }
 
-/// The wall through one pixel of a lens with this focal length.
+/// The wall seen through one pixel of a camera with this focal length.
 fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
     // The projector's image behind the mirror in the plane x = 0.
@@ -192,7 +192,7 @@ fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
            [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 100, bins = 400 }\n";
     let r = with(&text, Integrator::Bidirectional, None);
     assert_eq!(with(&text, Integrator::Path, None).mean("m").at(&[(AxisKind::Bounces, 2)]), 0.0);
-    // Over the pixel, everything is constant within 0.1 %, except the falloff of the light: quadrature.
+    // Over the pixel, all factors are constant within 0.1 %, except the falloff of the light: quadrature.
     let (mut want, n) = (M::zeros(), 40);
     for k in 0..n * n {
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n);
@@ -228,7 +228,7 @@ fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
-/// Returns the scene-file text of a mirror, a glass ball, a glossy coat under glass and a window in
+/// Returns the scene-file text of a mirror, a glass sphere, a glossy coat under glass and a window in
 /// a box, lit by a projector and a point light.
 pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
@@ -243,8 +243,8 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
            "
 }
 
-/// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, find all
-/// light of bidirectional paths, and that neither part alone does.
+/// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, sample all
+/// light of bidirectional paths, and that neither kind alone does.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn redirected_light_and_plain_paths_add_up_to_all_light() {
@@ -327,7 +327,7 @@ fn exchanged_devices_give_the_same_light() {
         };
         let there = with(&text(&beside, &behind), Integrator::Bidirectional, None);
         let back = with(&text(&behind, &beside), Integrator::Path, None);
-        // Connections to the camera through the interface, from the light's side, weighted against camera
+        // The light subpath connects to the camera through the interface; its weight accounts for camera
         // subpaths.
         let mut scene = scene_of(&text(&behind, &beside));
         scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));

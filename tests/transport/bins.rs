@@ -68,7 +68,7 @@ struct Share {
     time_ps: f64,
     /// Position on the projector's image at which the contribution starts, in pixels.
     at: [f64; 2],
-    /// Value of a sample that finds the contribution.
+    /// Value of a sample that hits the contribution.
     hit: f64,
 }
 
@@ -146,7 +146,7 @@ impl Found {
     }
 }
 
-/// Number of hits at which an error is known to 15 %.
+/// Number of hits at which the standard error is accurate to 15 %.
 const MANY: f64 = 25.0;
 
 /// Compares renders with quadrature. The result for half as many points gives the quadrature's own error.
@@ -266,7 +266,7 @@ fn light_over_a_mirror_matches_quadrature() {
 
 const HALF: f64 = 0.06;
 
-/// Returns the exit distance of a ray that starts in the cube of 0.12 m about the origin.
+/// Returns the distance after which a ray that starts inside leaves the cube of side 0.12 m about the origin.
 fn way_out(p: DVec3, d: DVec3) -> f64 {
     let out = (DVec3::splat(HALF) * d.signum() - p) / d;
     out.min_element()

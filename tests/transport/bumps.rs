@@ -18,7 +18,7 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     file
 }
 
-/// Returns a camera of one pixel, so narrow that it sees a point, from above; `object` has all keys
+/// Returns a camera of one pixel, so narrow that it sees a single point, from above. `object` has all keys
 /// except the material.
 fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> f64 {
     let file = ramp(folder, slopes);
@@ -37,7 +37,7 @@ fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> 
     f64::from(render_text(&text).mean("m").at(&at))
 }
 
-/// Returns the radiance of albedo 0.5 for a normal of any length.
+/// Returns the radiance of a surface of albedo 0.5 with a normal of any length.
 fn lambert(normal: DVec3) -> f64 {
     0.5 / PI * normal.normalize().dot(-LIGHT.normalize())
 }
@@ -76,7 +76,7 @@ fn ramps_tilt_a_plane() {
     check(stretched, DVec3::new(-along_x, -along_y, 1.0), "a stretched copy");
 }
 
-/// Tests bump maps on a ball of 0.8 m, whose u runs around z and whose v runs down from +z.
+/// Tests bump maps on a sphere of 0.8 m, whose u runs around z and whose v runs down from +z.
 #[test]
 fn ramps_tilt_a_ball() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -42,7 +42,7 @@ fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> M
         .unwrap_or_default()
 }
 
-/// Returns the largest difference of elements.
+/// Returns the largest absolute difference of two matrices' elements.
 fn off(a: &Mueller, b: &Mueller) -> f32 {
     (0..16).map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs())).fold(0.0, f32::max)
 }
@@ -68,11 +68,11 @@ fn mixtures_are_sums() {
         let get = |name| value(&set, name, &at, wo, wi);
         let want = weighted(&[(0.7, get("rough")), (0.3, get("white"))]);
         assert!(off(&get("mixed"), &want) < 1e-5);
-        // M00 stays; all other elements shrink to 0.4 of their values.
+        // M00 is unchanged; all other elements shrink to 0.4 of their values.
         let mut want = weighted(&[(0.4, get("rough"))]);
         want.m[0][0] = get("rough").m[0][0];
         assert!(off(&get("dull"), &want) < 1e-5);
-        // Front, back, and a missing back.
+        // Cases: front, back, and a missing back.
         assert_eq!(off(&get("faces"), &get("rough")), 0.0);
         assert_eq!(off(&get("front"), &get("rough")), 0.0);
         let below = |name| value(&set, name, &at, -wo, -wi);
@@ -84,7 +84,7 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Tests the delta lobes of a mixture: each has its fraction, in the list of lobes and among
+/// Tests the delta lobes of a mixture: each lobe has its fraction, both in the list of lobes and among
 /// samples (40,000, 5 sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
@@ -144,9 +144,9 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
     }
 }
 
-/// Tests that a plane with a tilting normal map is as bright as a tilted plane: E·ρ/π·cos of the angle
-/// between the tilted normal and the light, for a distant point light. The map's x is the surface's u, its y
-/// is up.
+/// Tests that a plane with a tilting normal map is as bright as a tilted plane: E·ρ/π times the cosine of
+/// the angle between the tilted normal and the light, for a distant point light. The map's x is the surface's
+/// u, and the map's y is up.
 #[test]
 fn a_normal_map_tilts_the_normal() {
     let folder = tempfile::tempdir().unwrap();

@@ -28,7 +28,7 @@ fn transmission(cos_i: f64, eta: f64) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
-/// Retarder for a path of `length` along `k` in a crystal of optic axis `c`: its matrix and its frame, k × c.
+/// Returns the matrix and frame (k × c) of a retarder of `length` along `k` in a crystal of optic axis `c`.
 pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
@@ -47,14 +47,14 @@ fn slab(top: f64) -> String {
     )
 }
 
-/// A power of two, which f32 represents exactly: about 1 mm, 16 waves of quartz.
+/// Thickness of the slab, a power of two, which f32 represents exactly: about 1 mm, 16 waves of quartz.
 const THICK: f64 = 1.0 / 1024.0;
 
 /// A scene with a camera above a slab, and rough gold below the slab that is lit from the side.
 pub struct Slab {
     camera: Device,
     lamp: Device,
-    /// Direction of the light that leaves to the camera, and its direction inside.
+    /// Direction of the light that leaves to the camera, and the direction of this light inside the slab.
     d: DVec3,
     inside: DVec3,
     target: DVec3,
@@ -80,10 +80,10 @@ impl Slab {
         (self.d + (self.lamp.origin - self.target).normalize()).normalize()
     }
 
-    /// Renders with the optic axis `axis`; `wavelengths` is a list.
+    /// Renders the slab with the optic axis `axis`. `wavelengths` is a list in the syntax of scene files.
     pub fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
         let (n, u) = (self.normal(), self.normal().any_orthonormal_vector());
-        // The target is not on the diagonal of its plate, where rays could slip between two triangles.
+        // The target is not on the diagonal of its plate, where rays could pass between two triangles.
         let centre = self.target + u * 0.01 + n.cross(u) * 0.03;
         let text = head(4000, 5, 21).replace("[550]", wavelengths)
             + &self.camera.keys("camera")
@@ -99,7 +99,7 @@ impl Slab {
         render_text(&text)
     }
 
-    /// Expected light without inner reflections.
+    /// Returns the expected light without inner reflections.
     pub fn expected(&self, axis: DVec3, [n_o, n_e]: [f64; 2], nm: f64) -> M {
         let (d, inside, mean) = (self.d, self.inside, f64::midpoint(n_o, n_e));
         let d_in = (self.target - self.lamp.origin).normalize();
@@ -137,12 +137,12 @@ fn a_quartz_slab_is_a_wave_plate() {
     let turns = THICK * (QUARTZ[1] - QUARTZ[0]) / 550e-9;
     assert!(turns > 16.0 && (turns.fract() - 0.25).abs() < 0.2, "{turns} turns");
     check(DVec3::Z, axis, QUARTZ, 3e-4, "quartz");
-    // Negative crystals, and the axis at other angles, out of the face.
+    // Negative crystals, and optic axes at other angles out of the face.
     let axis = DVec3::new(0.6, -0.2, 0.5).normalize();
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// Tests a crystal by name at three wavelengths, which have separate directions and retardances.
+/// Tests a crystal given by name at three wavelengths, which have separate directions and retardances.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
@@ -182,7 +182,7 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Tests two inner reflections: three paths through the slab, each a retarder in its own direction.
+/// Tests two inner reflections: light crosses the slab three times, each time as through another retarder.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -219,8 +219,8 @@ fn inner_reflections_cross_again() {
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "three ways");
 }
 
-/// Tests rough gold and a projector inside a crystal with a plane face: the crystal also retards
-/// the connection to the projector.
+/// Tests rough gold and a projector inside a crystal with a plane face: the crystal also retards the
+/// light of the connection to the projector.
 #[test]
 fn connections_inside_a_crystal() {
     let (n_o, n_e) = (1.5, 1.500_001);
@@ -262,8 +262,8 @@ fn inside_of(set: &MaterialSet, name: &str) -> Filling {
     Filling { index: 1.5, crystal: set.names[name] }
 }
 
-/// Tests that the matrices of paths in a crystal are realizable, lossless, and with the same
-/// eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
+/// Tests that the matrices of paths in a crystal are realizable and lossless, and that both directions have
+/// the same eigenpolarizations: M(-k) = Δ M(k)ᵀ Δ.
 #[test]
 fn paths_are_realizable_and_reciprocal() {
     let set = crystals(
@@ -319,7 +319,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
             want = [want[0] + w * delta.cos(), want[1] + w * delta.sin()];
             weight += w;
         }
-        // The model takes δ as linear in λ; the tolerance grows with its curvature across the line.
+        // The model assumes δ linear in λ. The tolerance grows with the curvature of δ across the line.
         let tolerance = 1e-5 + 0.5 * (TAU * length * 0.01 / 550e-9) * (sigma / 550.0).powi(2) * 2.0;
         for (got, want) in [m[2][2], m[2][3]].into_iter().zip(want) {
             assert!(
@@ -331,7 +331,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     }
 }
 
-/// Tests that faces reflect and transmit like glass of the mean index; weights are values over probabilities.
+/// Tests that faces reflect and transmit like glass of the mean index. Weights are values over probabilities.
 #[test]
 fn faces_act_like_glass_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");

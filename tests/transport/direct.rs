@@ -60,7 +60,7 @@ fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..81).map(move |k| (f64::from(x) + f64::from(k % 9) / 8.0, f64::from(y) + f64::from(k / 9) / 8.0))
 }
 
-/// Checks radiance and time bins of every camera pixel; returns the number of pixels with a single lit bin.
+/// Checks radiance and time bins of every camera pixel. Returns the number of pixels with a single lit bin.
 fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, normal: DVec3) -> u32 {
     let (sum, error, time) = (r.mean("sum"), r.std_error("sum"), r.mean("time"));
     let overflow = r.field("time", sunstone::tensor::field::Field::Overflow);
@@ -77,7 +77,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
         );
         let times: Vec<f64> =
             closed_grid(x, y).map(|(px, py)| see(camera, projector, normal, px, py).time_ps).collect();
-        // The grid can miss extremes inside by a few fs, f32 distances by about 10 fs.
+        // The grid can miss extremes inside the pixel by a few fs; f32 rounding adds about 10 fs.
         let first = ((times.iter().copied().fold(f64::MAX, f64::min) - 0.05) / BIN_PS) as usize;
         let last = ((times.iter().copied().fold(0.0, f64::max) + 0.05) / BIN_PS) as usize;
         let mut total = 0.0;
@@ -109,7 +109,7 @@ fn coaxial_lambert_plane() {
         for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let got = sum.at(&[(Y, y), (X, x)]);
             if tilt == DVec3::Z {
-                // cosθ of the plane cancels that of the projector: constant E ρ / (π d²).
+                // cosθ of the plane cancels cosθ of the projector: the radiance E ρ / (π d²) is constant.
                 let want = IRRADIANCE * ALBEDO / (PI * d * d);
                 assert!((f64::from(got) / want - 1.0).abs() < 2e-6, "{got} {want}");
             }
@@ -161,7 +161,7 @@ fn offset_projector_finds_its_pixel() {
     let mut used = BTreeSet::new();
     let mut unique = 0;
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        // Every projector pixel that the footprint touches; the margin covers f32 rounding.
+        // Every projector pixel that the footprint touches. The margin covers f32 rounding.
         let mut touched = BTreeSet::new();
         for (px, py) in closed_grid(x, y) {
             let [u, v] = see(camera, projector, normal, px, py).pixel;

@@ -1,5 +1,5 @@
-//! Tests birefringent crystals: two images with orthogonal polarizations, at the positions of the
-//! two rays of wave theory.
+//! Tests birefringent crystals: two images with orthogonal polarizations, at the positions that wave
+//! theory gives for the two rays.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
 use crate::support::{Rendered, render_text};
@@ -85,11 +85,11 @@ fn double_image_of_calcite() {
     let n = (2.0 / (1.0 / o2 + 1.0 / e2)).sqrt();
     let o = 0.5 * faces(N_O, 1.0, false);
     check(DVec3::Z, axis, DVec3::ZERO, o, -1.0, N_O * THICK, "ordinary");
-    // The ray is oblique but the phase front is not, so the optical path is that of the normal.
+    // The ray is oblique but the wavefront is not, so the optical path is that along the normal.
     let e = 0.5 * faces(n, 1.0, false);
     let shift = DVec3::new(walk * THICK, 0.0, 0.0);
     check(DVec3::Z, axis, shift, e, 1.0, n * THICK, "extraordinary");
-    // Nothing is seen in between, or on the other side.
+    // Nothing is visible between the images, or on the other side.
     for x in [0.5, -1.0] {
         let (r, ..) = seen(DVec3::Z, axis, shift * x);
         assert_eq!(mueller(&r.mean("m"), &[(Bounces, 3)])[(0, 0)], 0.0);
@@ -110,8 +110,8 @@ fn oblique_rays_refract_with_their_own_index() {
     }
 }
 
-/// Tests, for any direction, that sampled light is realizable and follows Snell's law in its index
-/// vector, and both sides of the face agree on pairs of paths (each path and its reverse).
+/// Tests, for any direction, that sampled light is realizable and obeys Snell's law for its index
+/// vector, and that both sides of the face agree on pairs of paths (each path and its reverse).
 #[test]
 fn faces_of_a_splitting_crystal() {
     let text = format!(
@@ -147,7 +147,7 @@ fn faces_of_a_splitting_crystal() {
             continue;
         }
         entered += 1;
-        // The same ray, hit from inside on its way out: one of the two candidates leads back to the start.
+        // The same ray, incident from inside on its way out: one of two candidates leads back to the start.
         for _ in 0..8 {
             let Some(out) = set.materials.sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
             else {

@@ -37,7 +37,7 @@ impl Square {
         self.v[i * self.n + j]
     }
 
-    /// Entry (i, j) of the result is that of `self` times f(i, j).
+    /// Returns a matrix whose entry (i, j) is that of `self` times f(i, j).
     fn times(&self, f: impl Fn(usize, usize) -> f64) -> Self {
         Self::from_fn(self.n, |i, j| self.at(i, j) * f(i, j))
     }
@@ -60,7 +60,7 @@ impl Square {
         Self { n, v }
     }
 
-    /// Solves (1 - self) X = right by elimination with pivots.
+    /// Solves (1 - self) X = right by Gaussian elimination with pivoting.
     fn solve_one_minus(&self, mut right: Self) -> Self {
         let n = self.n;
         let mut a = Self::from_fn(n, |i, j| f64::from(u8::from(i == j)) - self.at(i, j));
@@ -123,7 +123,7 @@ pub fn direction(mu: f64, phi: f64) -> DVec3 {
     DVec3::new(s * phi.cos(), s * phi.sin(), mu)
 }
 
-/// Returns the first axis of the Stokes frame of a direction with that azimuth.
+/// Returns the first axis of the Stokes frame of a direction with azimuth `phi`.
 pub fn horizontal(phi: f64) -> DVec3 {
     DVec3::new(-phi.sin(), phi.cos(), 0.0)
 }
@@ -167,7 +167,7 @@ struct Mode {
 
 /// A homogeneous slab with vacuum behind it.
 pub struct Slab {
-    /// Cosines of the nodes, and their weights (0: a direction of interest).
+    /// Cosines of the nodes, and their weights (weight 0: a direction of interest).
     nodes: Vec<(f64, f64)>,
     pub tau: f64,
     modes: Vec<Mode>,
@@ -205,8 +205,8 @@ impl Slab {
         at.expect("a direction of interest")
     }
 
-    /// Σ_m of the series at an azimuth of the outgoing light, over 2π: radiance per unit irradiance of a
-    /// plane perpendicular to the incoming light.
+    /// Returns Σ_m of the series at an azimuth of the outgoing light, over 2π: the radiance per unit
+    /// irradiance of a plane perpendicular to the incoming light.
     fn series(&self, kernel: impl Fn(&Mode) -> &Square, mu: f64, mu_in: f64, phi: f64) -> M {
         let (i, j) = (4 * self.node(mu), 4 * self.node(mu_in));
         let mut sum = M::zeros();
@@ -227,20 +227,20 @@ impl Slab {
         sum
     }
 
-    /// Upward radiance for light from above, per unit irradiance perpendicular to it; `phi` is the difference
-    /// between the azimuths of travel.
+    /// Returns the upward radiance under light from above, per unit irradiance perpendicular to that light.
+    /// `phi` is the difference between the azimuths of travel.
     pub fn reflected(&self, mu: f64, mu_in: f64, phi: f64) -> M {
         self.series(|m| &m.reflect, mu, mu_in, phi)
     }
 
-    /// Downward radiance of the diffuse light.
+    /// Returns the downward radiance of the diffuse light, in the same unit as the upward radiance.
     pub fn transmitted(&self, mu: f64, mu_in: f64, phi: f64) -> M {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
     /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from
-    /// either side; downward light is not computed. Adding, with a layer that keeps directions: between the
-    /// two, with upward light U and the light D = P U that the pane returns, U = R (1 + w D).
+    /// either side. Downward light is not computed. Between slab and pane, the upward light U and the light
+    /// D = P U that the pane returns satisfy U = R (1 + w D) (adding, with a layer that keeps directions).
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
         let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
         let along = |which: usize, weighted: bool| {
@@ -261,7 +261,7 @@ impl Slab {
         Self { nodes: self.nodes.clone(), tau: self.tau, modes: modes.collect() }
     }
 
-    /// Returns the power that leaves upward and downward (diffuse and unscattered light) over incident power.
+    /// Returns the power that leaves upward and downward (diffuse and unscattered), over the incident power.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
         let j = 4 * self.node(mu_in);
@@ -273,8 +273,8 @@ impl Slab {
     }
 }
 
-/// For each order, 2π times its part of the phase matrix: downward light that stays downward, and that is
-/// reversed.
+/// Returns 2π times each order of the phase matrix: for downward light that stays downward, and for downward
+/// light that is reversed.
 fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Vec<[Square; 2]> {
     let last = orders.iter().copied().max().unwrap_or(0);
     let around = (16 * last).clamp(32, 256);
@@ -304,9 +304,9 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
     out
 }
 
-/// Returns a layer so thin that the light inside is the mean of what enters and leaves (Wiscombe
-/// 1976, "diamond"): with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is
-/// ((1 - G)/(1 + G) + B w) of the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
+/// Returns a layer so thin that the light inside is the mean of entering and leaving light (Wiscombe 1976,
+/// "diamond"). With G = δ/2μ and the phase matrices P of both hemispheres, the leaving light is
+/// ((1 - G)/(1 + G) + B w) times the entering light, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;

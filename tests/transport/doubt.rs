@@ -16,7 +16,7 @@ const SIZE: usize = 48;
 const SPP: u32 = 32;
 const SEEDS: usize = 24;
 
-/// Returns the means over wavelengths, with their errors, of the statue.
+/// Returns the means over wavelengths of the statue's pixels, with their errors.
 fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/sss_statue/scene.toml");
     let all = std::fs::read_to_string(&path).expect("the scene");
@@ -68,8 +68,8 @@ fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     [mean, 5.0 * (spread / (n - 1.0) / n).sqrt()]
 }
 
-/// Tests 32 samples per pixel and 24 seeds. Negative controls are marks shifted by half an image,
-/// and errors of two thirds.
+/// Tests 32 samples per pixel and 24 seeds. The negative controls are marks shifted by half an image, and
+/// errors multiplied by 2/3.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn unmarked_errors_are_correct_and_marked_ones_too_small() {

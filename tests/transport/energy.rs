@@ -20,7 +20,7 @@ fn sphere(material: &str, spp: u32, depth: u32) -> crate::support::Rendered {
     render_text(&text)
 }
 
-/// Tests that surfaces that return all light in one bounce vanish in the furnace, in every sample.
+/// Tests that surfaces that return all light in one bounce are invisible in the furnace, in every sample.
 #[test]
 fn lossless_opaque_spheres_vanish() {
     for material in ["diffuse.albedo = 1", "conductor = { n = 0.001, k = 100 }"] {
@@ -32,7 +32,7 @@ fn lossless_opaque_spheres_vanish() {
     }
 }
 
-/// Tests that a glass sphere vanishes in the furnace on average, and that unpolarized light stays
+/// Tests that a glass sphere is invisible in the furnace on average, and that unpolarized light stays
 /// unpolarized.
 #[test]
 fn glass_sphere_vanishes() {
@@ -61,7 +61,7 @@ fn glass_sphere_vanishes() {
     }
 }
 
-/// Returns ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint
+/// Returns ∫ D G2 F / (4 cosθ_o) dω_i for all Stokes elements under unpolarized light, by a midpoint
 /// rule over facet slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
 fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
     const U: u32 = 600;
@@ -89,7 +89,7 @@ fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) ->
     sum
 }
 
-/// Tests rough metal at three angles and three roughnesses, gold and a lossless one.
+/// Tests rough gold and a lossless rough conductor at three angles and three roughnesses.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn rough_conductor_returns_its_directional_albedo() {
@@ -110,7 +110,7 @@ fn rough_conductor_returns_its_directional_albedo() {
                 for (i, want) in want.iter().enumerate() {
                     let at = [(StokesOut, i), (StokesIn, 0)];
                     let (got, sigma) = (f64::from(mean.at(&at)), f64::from(error.at(&at)));
-                    // 3e-5: error of the midpoint rule at the horizon.
+                    // 3e-5 is the error of the midpoint rule at the horizon.
                     assert!(
                         (got - want).abs() <= 5.0 * sigma + 3e-5,
                         "n {n}, alpha {alpha}, {degrees}°, s{i}: {got} is not {want} ± {sigma:.1e}"
@@ -125,9 +125,9 @@ fn rough_conductor_returns_its_directional_albedo() {
     }
 }
 
-/// Tests spheres that lose or gain at most a small part of the light, whatever the number of inner
-/// reflections: rough faces lose light between facets, and faces of split crystals are approximate to (n_e -
-/// n_o)².
+/// Tests spheres whose loss or gain of light is small, whatever the number of inner reflections. Rough faces
+/// lose light that is reflected between facets, and faces of split crystals are approximate to
+/// (n_e - n_o)².
 #[test]
 fn spheres_nearly_vanish() {
     let split = "axis = [0.5, -0.3, 0.8], split = true";

@@ -8,11 +8,11 @@ use std::f64::consts::PI;
 /// Optical depth along the sphere's diameter.
 const DEPTH: f64 = 2.0;
 
-/// Materials that transmit light without refraction, with the transmittance and reflectance of
-/// their surface at normal incidence, for light that has possibly passed one of them before.
+/// Materials that transmit light without refraction, with the transmittance and reflectance of their surface
+/// at normal incidence. The light may have passed one of the surfaces before.
 struct Sheet {
     keys: &'static str,
-    /// Transmittance of a first and of a second passage.
+    /// Transmittances of the first and of the second passage.
     passes: [f64; 2],
     /// Reflectance.
     reflects: f64,
@@ -42,7 +42,7 @@ const SHEETS: [Sheet; 10] = [
         passes: [1.0 - PLATE, 1.0 - PLATE],
         reflects: PLATE,
     },
-    // A mask: half of the surface is open, the other half absorbs.
+    // A mask: half of the surface is open, and the other half absorbs.
     Sheet {
         keys: "a.null = {}\nb.diffuse.albedo = 0\ns.blend = { a = \"a\", b = \"b\", weight = 0.5 }\n",
         passes: [0.5, 0.5],
@@ -103,13 +103,13 @@ fn absorbing_media_behind_every_kind_of_sheet() {
     }
 }
 
-/// Tests a wall seen directly, lit by a point light at the sphere's centre, or by one on the far
+/// Tests a wall seen directly, lit by a point light at the sphere's centre, or by a point light on the far
 /// side of the sphere.
 #[test]
 fn connections_to_points_of_light_through_filled_sheets() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
         for (at, ways, faces) in [(0.0, 0.5, 1), (-1.0, 1.0, 2)] {
-            // The camera looks from the sphere's side at the centre of the wall z = 1.
+            // The camera looks from beside the sphere at the centre of the wall z = 1.
             let camera = Device::ray([1.5, 0.0, 0.5], DVec3::new(0.0, 0.0, 1.0));
             let rest = format!(
                 "[materials]\nwall.diffuse.albedo = 0.5\n{}{}[[objects]]\nmaterial = \"wall\"\n\

@@ -20,8 +20,8 @@ fn single(camera: &Device, light: &str) -> M {
 
 /// Tests that M(roll_c, roll_p) = R(θ_c) M R(-θ_p), with θ counter-clockwise looking toward the source.
 ///
-/// Light leaves the projector along forward, so that turning its right by θ is toward forward × right = down;
-/// it reaches the camera along -forward, so that there θ is from right toward up.
+/// Light leaves the projector along forward, so a rotation of the projector's right by θ is toward forward ×
+/// right = down. Light reaches the camera along -forward, so θ is there from right toward up.
 #[test]
 fn rolls_are_rotation_matrices() {
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);

@@ -27,7 +27,7 @@ fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
         )
 }
 
-/// Returns the radiance of the wall at (x, 0, 0) and its distance from the projector.
+/// Returns the radiance of the wall at (x, 0, 0) and the distance of this point from the projector.
 fn wall(x: f64) -> (f64, f64) {
     let lamp = Device::look_at([-0.6, 0.0, 0.15], DVec3::ZERO, [8, 8], 6.0);
     let point = DVec3::new(x, 0.0, 0.0);
@@ -41,8 +41,8 @@ fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
-/// Tests normal incidence with index 3: R = 1/4. Every order of inter-reflection has its closed
-/// form T²R²ᵏ and its own delay; their sum is T²/(1 - R²).
+/// Tests normal incidence with index 3: R = 1/4. Every order of inter-reflection has the closed form T²R²ᵏ
+/// and its own delay. The sum of the orders is T²/(1 - R²).
 #[test]
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
@@ -81,8 +81,8 @@ fn slab_at_normal_incidence() {
     assert!(5.0 * sigma < 0.2 * (want - radiance * pass), "too few samples to see inter-reflections");
 }
 
-/// Tests a slab rotated to Brewster's angle of 1.5: p is transmitted completely, s with its squared
-/// transmittance; the ray is shifted sideways and the path inside is longer by 1/cosθ_t.
+/// Tests a slab of index 1.5 rotated to Brewster's angle: p light is transmitted completely, s light with its
+/// squared transmittance. The ray is shifted sideways, and the path inside is longer by 1/cosθ_t.
 #[test]
 fn slab_at_brewster_angle() {
     const N: f64 = 1.5;
@@ -105,7 +105,7 @@ fn slab_at_brewster_angle() {
     let (radiance, to_lamp) = wall(-shift);
     let rs = ((cos - N * cos_t) / (cos + N * cos_t)).powi(2);
     let ts = (1.0 - rs).powi(2);
-    // s is along y, the camera's horizontal along x: s counts as vertical.
+    // s is along y and the camera's horizontal along x, so s light is vertically polarized.
     let (s0, s1) = ((1.0 + ts) / 2.0 * radiance, (1.0 - ts) / 2.0 * radiance);
     for (i, want) in [(0, s0), (1, s1), (2, 0.0), (3, 0.0)] {
         let (got, sigma) = element(&r, i, 3);
@@ -119,8 +119,8 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Tests a wall and a projector inside a medium with a plane face: radiance decreases by n² on its
-/// way out, and travel times inside are n times longer.
+/// Tests a wall and a projector inside a medium with a plane face: the radiance of light that leaves the
+/// medium decreases by n², and travel times inside are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;

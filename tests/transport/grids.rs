@@ -29,7 +29,7 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
 }
 
 /// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
-/// in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
+/// ramp in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
 #[test]
 fn transmittance_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -94,7 +94,7 @@ fn equal_values_give_a_homogeneous_medium() {
     }
 }
 
-/// Tests that both integrators find the same light of a projector in a heterogeneous cloud in front of a
+/// Tests that both integrators give the same light of a projector in a heterogeneous cloud in front of a
 /// wall.
 #[test]
 fn uneven_clouds_agree_in_both_integrators() {

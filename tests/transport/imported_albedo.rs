@@ -45,7 +45,7 @@ fn mtl(text: &str) -> [f64; 3] {
 fn gltf(material: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     square(folder.path(), material, "");
-    // Green (roughness) and blue (metal) of a map: half of both.
+    // The green (roughness) and blue (metal) channels of a map: half of both.
     image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 128]))
         .save(folder.path().join("picture.png"))
         .unwrap();
@@ -76,7 +76,7 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
     }
 }
 
-/// Directional albedo of facets of α 0.5 along the normal, with Schlick's reflectance from 0.5.
+/// Directional albedo along the normal of facets of α 0.5, with Schlick's reflectance from 0.5 upward.
 const METAL: f64 = 0.344;
 
 /// 20,000 samples: 5 standard errors of a rough mirror, which varies most here, are 0.7 %.
@@ -116,7 +116,7 @@ fn mtl_colours_are_those_of_the_whole_surface() {
     }
 }
 
-/// Compares with Mitsuba 3.9.1, scalar_rgb, 65,536 samples, along the normal.
+/// Compares with Mitsuba 3.9.1 (scalar_rgb, 65,536 samples) along the normal.
 #[test]
 fn rough_coats_darken_the_body_as_in_mitsuba() {
     for (alpha, want) in [("0.1", 0.5033), ("0.4", 0.4242), ("1", 0.2649)] {
@@ -139,8 +139,8 @@ fn metals_without_indices_reflect_all_light() {
     near(tinted, mitsuba(tinted), [0.6, 0.4, 0.2], 1e-5);
 }
 
-/// glTF's default material is white metal of roughness 1: single reflection between GGX facets returns 0.3069
-/// at normal incidence. A map with default factors: α 0.252 and half metal (`gltf` of
+/// Tests glTF's default material, white metal of roughness 1: single reflection between GGX facets returns
+/// 0.3069 at normal incidence. A map with default factors has α 0.252 and is half metal (`gltf` of
 /// `validation/import_albedo.py`).
 #[test]
 fn white_metal_loads_and_reflects() {

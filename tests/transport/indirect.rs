@@ -63,7 +63,7 @@ fn diffuse_corner() {
     let sigma = error(2);
     assert!((mean(2) - sum).abs() < 5.0 * sigma, "second bounce {} is not {sum} ± {sigma:.1e}", mean(2));
     assert!(sigma < 3e-3 * sum, "too few samples to mean anything");
-    // Every bin with at least 1 % separately, the others together.
+    // Every bin with at least 1 % of the light is compared separately, the other bins together.
     let (mut compared, mut rest, mut rest_sigma2, mut got_moment, mut moment_sigma2) =
         (0, 0.0, 0.0, 0.0, 0.0);
     let centre = moment / sum;
@@ -126,8 +126,8 @@ fn integrating_sphere() {
     }
 }
 
-/// Tests a closed box with a rough gold lid: results are equal with and without Russian roulette,
-/// in every bounce and Stokes element.
+/// Tests a closed box with a rough gold lid: results with and without Russian roulette are equal in every
+/// bounce and Stokes element.
 #[test]
 fn roulette_is_unbiased_in_a_box() {
     let render = |roulette: &str, seed| {

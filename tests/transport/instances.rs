@@ -130,8 +130,8 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Compares all elements of all pixels: within five standard errors, and by the sum of differences over the
-/// sum, because the random numbers and most paths are the same.
+/// Compares all elements of all pixels within five standard errors. Also compares the sum of differences,
+/// relative to the sum of values, because the random numbers and most paths are the same.
 fn compare(a: &Rendered, b: &Rendered, equal: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));
@@ -159,7 +159,7 @@ fn instances_render_as_copies() {
     compare(&render_scene(&one), &render_scene(&two), 0.02);
 }
 
-/// Compares instances with copies by bidirectional paths, over mirrors and through glass.
+/// Compares instances with copies in renders by bidirectional paths, over mirrors and through glass.
 #[test]
 fn instances_equal_copies_in_bidirectional_renders() {
     let folder = folder();

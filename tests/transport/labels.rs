@@ -28,8 +28,8 @@ fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
 const MUELLER: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nlabels = true\n\
                        [[slices]]\nname = \"all\"\npolarization = \"mueller\"\n";
 
-/// Returns the scene-file text of the camera's ray, a point light and a plate at the origin that faces +z;
-/// the material's table.
+/// Returns the scene-file text of the camera's ray, a point light and a plate at the origin that faces +z.
+/// `material` contains the lines of the table `[materials]`.
 fn plate_under_a_point(material: &str, integrator: &str) -> String {
     let camera = Device::ray([0.8, 0.3, 2.0], DVec3::ZERO);
     head(1, 2, 1)
@@ -42,7 +42,7 @@ fn plate_under_a_point(material: &str, integrator: &str) -> String {
         + MUELLER
 }
 
-/// Tests that light of a Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
+/// Tests that light from a Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
 #[test]
 fn direct_light_of_a_lambert_plate_is_diffuse() {
     for integrator in ["integrator = \"path\"", "integrator = \"path\"\nmanifold = true"] {
@@ -56,8 +56,8 @@ fn direct_light_of_a_lambert_plate_is_diffuse() {
     }
 }
 
-/// Compares the two lobes of plastic, all 16 elements, with plastic that has only one of the lobes;
-/// also blended, two-sided and depolarized.
+/// Compares all 16 elements of the two lobes of plastic with plastics that have only one of the lobes;
+/// also for blended, two-sided and depolarized plastic.
 #[test]
 fn lobes_of_plastic_are_separated_exactly() {
     let plastic = |albedo: f64, specular: f64| {
@@ -87,8 +87,8 @@ fn lobes_of_plastic_are_separated_exactly() {
         let t = both.mean("m");
         assert_only(&t, &[GLOSSY, BODY], &what);
         let at = |t: &Tensor, set: u8| mueller(t, &[(Label, set.into())]);
-        // Without the body, only glossy light is left, including the other half of a blend; without the
-        // coat's reflection, the rest.
+        // Without the body, only glossy light remains, including the other half of a blend. Without the
+        // coat's reflection, the body's light is unchanged.
         let glossy = mueller(&made(&plastic(0.0, 0.9)).mean("all"), &[]);
         assert_close(&at(&t, GLOSSY), &glossy, 1e-5, &what);
         let without = made(&plastic(0.7, 0.0)).mean("m");
@@ -102,7 +102,7 @@ fn lobes_of_plastic_are_separated_exactly() {
     }
 }
 
-/// Tests light over a gold mirror to a Lambertian wall: specular and diffuse, with the mirror's matrix.
+/// Tests light over a gold mirror to a Lambertian wall: specular and diffuse labels, and the mirror's matrix.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));
@@ -135,7 +135,7 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
 }
 
 /// Tests a slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) /
-/// (8 π σ_t); from the wall, ρ E e^(-2 σ_t L) / π; both, by the third kind. 5 standard errors.
+/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. 5 standard errors.
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -188,8 +188,8 @@ fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     (light, variance.sqrt())
 }
 
-/// Tests a scene with every feature and each integrator: the parts add up to the whole, element by
-/// element, up to rounding.
+/// Tests a scene with every feature and each integrator: the labelled light components add up to the whole,
+/// element by element, up to rounding.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn parts_add_up_to_the_whole() {
@@ -256,8 +256,8 @@ fn parts_add_up_to_the_whole() {
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 
-/// Returns the largest deviation between two renders over labels, in errors, for elements whose
-/// errors are known in both; `swapped`: with two bits of the first render's labels exchanged.
+/// Returns the largest deviation between two renders over labels, in standard errors, for elements whose
+/// errors are reliable in both. With `swapped`, two bits of the first render's labels are exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {
@@ -317,7 +317,7 @@ fn integrators_agree_label_by_label() {
     }
 }
 
-/// Tests a sky that is seen directly, and over glass and a mirror.
+/// Tests a sky that is seen directly, through glass and in a mirror.
 #[test]
 fn directly_seen_light_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);

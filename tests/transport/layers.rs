@@ -1,5 +1,5 @@
-//! Compares ground truth with closed forms in f64, ray by ray: 16 rays per pixel, through the
-//! centres of its 4 × 4 parts.
+//! Compares ground-truth layers with closed forms in f64, ray by ray. Each pixel has 16 rays, through the
+//! centres of its 4 × 4 subpixels.
 //!
 //! Tolerances are those of f32: 2e-6 of the scene's size for lengths, 2e-5 for normals of meshes and
 //! quadrics.
@@ -49,7 +49,7 @@ fn one(set: &LayerSet, name: &str, x: u32, y: u32) -> f64 {
     set.real(name, x, y).expect("a layer")[0].into()
 }
 
-/// Returns the distance along a ray from `o` to a ball.
+/// Returns the distance along a ray from `o` to a sphere.
 fn ball(o: DVec3, d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let b = (centre - o).dot(d);
     let q = b * b - (centre - o).length_squared() + radius * radius;
@@ -64,7 +64,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
     (got - want).abs().max_element() < by
 }
 
-/// Tests a ball without a background: all layers, including its rim.
+/// Tests a sphere without a background: all layers, including those at the rim of the sphere.
 #[test]
 fn a_ball_has_correct_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
@@ -100,7 +100,7 @@ fn a_ball_has_correct_depth_normals_and_rim() {
         let points: Vec<DVec3> = hits.iter().map(|(d, t)| o + *d * *t).collect();
         let normals: Vec<DVec3> = points.iter().map(|p| (*p - centre) / radius).collect();
         let normal = mean(&normals).normalize();
-        // Near the rim a small change of the direction moves the point far.
+        // Near the rim, a small change of the direction moves the hit point far.
         let loose = if share < 1.0 { 100.0 } else { 1.0 };
         assert!((one(&set, "depth", x, y) - mean(&depths)).abs() < 1e-5 * loose, "({x}, {y})");
         assert_eq!(one(&set, "depth", x, y), one(&set, "optical_length", x, y));
@@ -179,7 +179,7 @@ fn images_and_normal_maps_appear_in_layers() {
     picture.save(&picture_file).expect("saves");
     let turned = image::RgbImage::from_pixel(2, 2, image::Rgb([204, 64, 230]));
     turned.save(&map_file).expect("saves");
-    // At distance 5, with 25 pixels per radian, a pixel is 0.2 m wide.
+    // At distance 5 m, with 25 pixels per radian, a pixel is 0.2 m wide.
     let set = made(
         &format!(
             "[materials]\npicture.diffuse.albedo = {{ image = {picture_file:?}, filter = \"nearest\" }}\n\
@@ -245,7 +245,7 @@ fn normals_of_a_mesh_are_interpolated() {
     }
 }
 
-/// Tests that copies have the object of their group and a separate number, each at its own position.
+/// Tests that copies have the object of their group and a separate copy number, each at its own position.
 #[test]
 fn copies_are_distinguished() {
     let set = made(
@@ -327,7 +327,7 @@ fn layers_see_through_glass() {
     }
 }
 
-/// Tests a card in water: one refraction, and a boundary of a medium that does not affect light.
+/// Tests a card in water: a single refraction, and a boundary of a medium that does not affect light.
 #[test]
 fn objects_in_water_are_found_by_one_refraction() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\

@@ -89,8 +89,8 @@ fn chi2_sky() {
     }
 }
 
-/// Tests one lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its
-/// neighbours in closed form: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
+/// Tests one lit texel of 1 in rows from pole to pole. The peak is 1, and the flux is that of a tent over the
+/// neighbours: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
 #[test]
 fn a_lit_texel_keeps_its_peak_and_its_flux() {
     let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
@@ -128,7 +128,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
             squares += f * f;
         }
         let mean = sum / f64::from(n * n);
-        // A grid is more accurate than the same number of random samples.
+        // A regular grid is more accurate than the same number of random samples.
         let sigma = ((squares / f64::from(n * n) - mean * mean) / f64::from(n * n)).sqrt();
         assert!(
             (mean - want).abs() < 5.0 * sigma && sigma < 0.01 * want,
@@ -142,7 +142,7 @@ fn chi2_spot() {
     let spot = Profile::Spot {
         axis: Vec3A::Z,
         beam: 0.2,
-        // The cutoff is between two rows of the grid.
+        // The cutoff angle is between two rows of the grid.
         cutoff: PI / 3.0,
     };
     agree(|u| spot.sample(u), |d| spot.density(d), "spot");

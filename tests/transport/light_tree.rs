@@ -1,5 +1,5 @@
 //! Tests the selection among many lights: exact probabilities, irradiance against closed forms, and
-//! the noise of unequal lamps.
+//! the noise of lamps of unequal brightness.
 
 use crate::lights::{check, m00, quadrature, shining, text};
 use crate::support::render_text;
@@ -13,7 +13,7 @@ use sunstone::transport::light::tree::{Choice, LightTree};
 
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// Balls, flat lamps and spots of all sizes and intensities, some at the same position.
+/// Spheres, flat lamps and spots of all sizes and intensities, some at the same position.
 fn lights(stream: &mut Stream) -> Vec<Bounds> {
     let one = |i: usize, stream: &mut Stream| {
         let [x, y] = stream.uniform2();
@@ -111,7 +111,7 @@ fn every_light_that_reaches_a_point_can_be_chosen() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// Tests a large distant lamp and a small near lamp that illuminate a plane equally, at powers of 3200 to 1.
+/// Tests a distant large and a near small lamp that illuminate a plane equally, at a power ratio of 3200.
 #[test]
 fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
@@ -138,7 +138,7 @@ fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     }
 }
 
-/// Tests a ceiling of 300 balls: π L (r/d)² cosθ of each.
+/// Tests a ceiling of 300 spheres: the irradiance of each is π L (r/d)² cosθ.
 #[test]
 fn many_spheres_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);
@@ -155,7 +155,7 @@ fn many_spheres_light_a_plane() {
     }
 }
 
-/// Tests that a rectangle as a mesh of 800 triangles illuminates like the rectangle, from near one corner.
+/// Tests that a rectangle as a mesh of 800 triangles illuminates like the rectangle, near one of its corners.
 #[test]
 fn a_lamp_of_many_triangles_lights_a_plane() {
     const N: i32 = 20;
@@ -182,7 +182,7 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// Tests 400 points and spots, of which one is selected: I cosθ/d² of each.
+/// Tests 400 points and spots, of which one is sampled: the irradiance of each is I cosθ/d².
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

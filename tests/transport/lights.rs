@@ -29,8 +29,8 @@ pub fn m00(r: &Rendered) -> (f64, f64) {
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
-/// Checks the plane's radiance for an irradiance, within five standard errors, which must be below `error` of
-/// it.
+/// Checks the plane's radiance for an irradiance, within five standard errors. The relative standard error
+/// must be at most `error`.
 pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     let (got, sigma) = m00(&render_text(text));
     let want = ALBEDO / PI * irradiance;
@@ -64,7 +64,7 @@ fn disks_light_a_plane() {
     }
 }
 
-/// Tests a sphere: π L (r/d)² cosθ if it is above the horizon, up to rounding if only its cone is sampled.
+/// Tests a sphere: irradiance π L (r/d)² cosθ above the horizon, exact up to rounding if its cone is sampled.
 #[test]
 fn spheres_light_a_plane() {
     let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
@@ -80,8 +80,8 @@ fn spheres_light_a_plane() {
     }
 }
 
-/// Returns the irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface`
-/// gives the point, the normal times area for u, v in 0..1, and the radiance there over 2.
+/// Returns the irradiance of the plane's point from a surface of radiance 2, by a midpoint rule. For u, v in
+/// 0..1, `surface` returns the point, the normal times the area, and half of the radiance there.
 pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);
@@ -128,7 +128,7 @@ fn rectangles_with_images_light_a_plane() {
     }
 }
 
-/// Tests a non-spherical ellipsoid, and a tube that is not round: points are sampled non-uniformly over them.
+/// Tests a non-spherical ellipsoid, and a tube that is not round. Points on both are sampled non-uniformly.
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
@@ -164,7 +164,7 @@ fn ellipsoids_and_tubes_light_a_plane() {
     for integrator in BOTH {
         let sphere = shining("sphere.radius = 1", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
-        // Open at its ends: its inside is dark and occludes nothing.
+        // The tube is open at its ends; its inside is dark and occludes nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
     }
@@ -234,8 +234,8 @@ fn light_through_two_polarizers_obeys_malus() {
     }
 }
 
-/// Tests that connections find light through a sheet, that random paths find light in a mirror, and that no
-/// light is counted twice.
+/// Tests that connections sample light through a sheet, that random paths sample light in a mirror, and
+/// that no light is counted twice.
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
     let (h, r) = (1.0, 0.5);
@@ -256,7 +256,7 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
         let want = ALBEDO / PI * 2.0 * PI * factor;
         assert!((plain.0 - want).abs() <= 5.0 * plain.1, "{integrator}: {plain:?}, {want}");
         let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
-        // The sheet's underside returns nothing: it absorbs.
+        // The sheet's underside reflects nothing: it absorbs light.
         assert!(
             (through.0 - 0.5 * want).abs() <= 5.0 * through.1 + 1e-3 * want,
             "{integrator}: {through:?}, {}",
@@ -265,8 +265,8 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
     }
 }
 
-/// Tests that a white sphere or a ball of glass in an emitting sphere vanishes, with either
-/// integrator; also a cloud without absorption.
+/// Tests that a white sphere, a glass sphere or a cloud without absorption is invisible inside an
+/// emitting sphere, with either integrator.
 #[test]
 fn lossless_objects_vanish_inside_an_emitting_sphere() {
     let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
@@ -297,8 +297,8 @@ fn lossless_objects_vanish_inside_an_emitting_sphere() {
     }
 }
 
-/// Tests an image of the sky of radiance a + b·y, over planes that face up, obliquely and down: π a
-/// + 2π/3 b n·y, rotated or not.
+/// Tests an image of the sky of radiance a + b·y, rotated or not, over planes that face up, obliquely and
+/// down: the irradiance is π a + 2π/3 b n·y.
 #[test]
 fn skies_light_planes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -324,8 +324,8 @@ fn skies_light_planes() {
     }
 }
 
-/// Tests a sky with a single bright texel: connections find the texel, and the camera sees it in its
-/// direction.
+/// Tests a sky with a single bright texel: connections sample the texel, and the camera sees the texel in the
+/// correct direction.
 #[test]
 fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -352,7 +352,7 @@ fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
 }
 
-/// Tests directional and point lights: irradiances at single points, exact up to rounding.
+/// Tests directional and point lights: irradiances at single points are exact up to rounding.
 #[test]
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -482,8 +482,8 @@ fn a_beam_loses_no_power() {
     }
 }
 
-/// Tests that travel time counts from the emitting surface, the plane of a directional light's
-/// origin, or a beam's origin; without an origin it is overflow.
+/// Tests that travel time counts from the emitting surface, the plane of a directional light's origin, or a
+/// beam's origin. Light without an origin is counted as overflow.
 #[test]
 fn travel_time_counts_from_the_emitter() {
     let from = DVec3::new(0.3, -4.0, 2.5);

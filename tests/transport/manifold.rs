@@ -1,5 +1,5 @@
-//! Tests light that smooth interfaces refract, connected to points behind the interfaces: against
-//! rays traced in f64, and against light subpaths.
+//! Tests light that smooth interfaces refract and that manifold connections sample: against rays traced in
+//! f64, and against light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -20,16 +20,16 @@ pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     [1.0 - (s + p) / 2.0, (p - s) / 2.0]
 }
 
-/// A ray in a plane that contains an axis: its distance from the axis at the end, its optical length, and
-/// transmission as above.
+/// A ray in a plane that contains an axis: its final distance from the axis, its optical length, and its
+/// transmittances (half the sum and half the difference for s and p).
 pub struct Meridian {
     pub rho: f64,
     pub optical: f64,
     pub passed: [f64; 2],
 }
 
-/// Returns the radiance, its part that depends on the light's polarization, and the travel time for
-/// a white wall at height `wall` below the light, at distance `rho` from the axis. `trace` gives
+/// Returns the radiance, the part of the radiance that depends on the light's polarization, and the travel
+/// time for a white wall at height `wall` below the light, at distance `rho` from the axis. `trace` returns
 /// the ray that starts at an angle to the axis.
 pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
@@ -50,7 +50,7 @@ pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f6
     (radiance, ray.passed[1] / ray.passed[0], ray.optical, theta)
 }
 
-/// Compares a render of the wall's point with the ray, exactly: nothing in it is random.
+/// Compares a render of the wall's point with the ray, exactly: the render has no random variation.
 fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(f64) -> Meridian) {
     let lamp_at = DVec3::new(0.0, 0.0, 1.0);
     let lamp = Device::look_at(lamp_at.to_array(), DVec3::new(0.3, 0.2, 0.0), [64, 48], 40.0);
@@ -163,7 +163,7 @@ fn light_through_a_pane_arrives_at_the_correct_time() {
     }
 }
 
-/// Returns a ray from height 1 through a ball of glass of radius 0.25 at height `centre`, and on to height
+/// Returns a ray from height 1 through a glass sphere of radius 0.25 at height `centre`, and on to height
 /// `wall`.
 pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     let (n, radius): (f64, f64) = (1.5, 0.25);
@@ -192,13 +192,13 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
-/// Tests a ball of glass on the axis between light and wall, which refracts so weakly that there is a single
-/// path.
+/// Tests a glass sphere on the axis between light and wall. The sphere refracts so weakly that there is only
+/// one path.
 #[test]
 fn refraction_by_a_ball_matches_traced_rays() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
-    // The focus of the ball is beyond the wall, so near the axis there is one path.
+    // The focus of the sphere is beyond the wall, so near the axis there is one path.
     for rho in [0.01, 0.03, 0.05] {
         let point = DVec3::new(0.6 * rho, -0.8 * rho, -0.5);
         let camera = Device::ray([1.5, 0.4, -0.38], point);
@@ -206,8 +206,8 @@ fn refraction_by_a_ball_matches_traced_rays() {
     }
 }
 
-/// Compares light subpaths without manifold connections with both, weighted, element by element; at least
-/// `least` elements are significant.
+/// Compares light subpaths without manifold connections with the weighted combination of both, element by
+/// element. At least `least` elements are significant.
 fn walks_agree(text: &str, least: usize) {
     let of = |manifold| {
         let mut scene = scene_of(text);
@@ -224,7 +224,7 @@ fn walks_agree(text: &str, least: usize) {
 }
 
 /// Tests that light subpaths through the same glass, without manifold connections, give the same
-/// light; also weighted together with them.
+/// light, alone and weighted together with manifold connections.
 #[test]
 fn manifolds_and_walks_agree() {
     let text = head(3000, 8, 5)
@@ -263,7 +263,7 @@ fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Tests an object and a light behind the same water: light subpaths cannot connect the path in and out.
+/// Tests an object and a light behind the same water: light subpaths cannot connect both ways through it.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
     // Camera and lamp above the slab; for comparison, the same wall without glass.

@@ -66,8 +66,8 @@ fn cases() -> Vec<(String, Materials, f32)> {
     list
 }
 
-/// Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, with absorbed samples in a separate cell;
-/// expected counts by a midpoint rule of `sub`² points per cell.
+/// Returns Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, with absorbed samples in a
+/// separate cell. Expected counts come from a midpoint rule of `sub`² points per cell.
 ///
 /// The grid's pole is in the surface plane, so that lobes about the normal cover many cells and the horizon
 /// coincides with cell borders.
@@ -116,7 +116,7 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
     pearson(name, &observed, &expected);
 }
 
-/// Pearson's chi² of counts against expected counts, with small cells pooled; at most 5 standard deviations.
+/// Checks Pearson's chi² of counts, with small cells pooled: at most 5 standard deviations above its mean.
 pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
     let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
     for (o, e) in observed.iter().zip(expected) {
@@ -143,14 +143,14 @@ fn samples_follow_their_density() {
     }
 }
 
-/// Returns all elements and lanes of an interaction between fixed frames.
+/// Returns all elements and lanes (wavelengths) of an interaction between fixed frames.
 pub fn elements(s: &Scatter, wo: Vec3A, wi: Vec3A) -> [[f32; 16]; 4] {
     let m = s.between(wo, perpendicular(wo), wi, perpendicular(wi));
     std::array::from_fn(|lane| std::array::from_fn(|e| m.m[e / 4][e % 4].to_array()[lane]))
 }
 
-/// Sampled weight = eval / pdf in all elements and lanes, to `tolerance` of M00; returns the number of
-/// compared samples.
+/// Checks that the sampled weight equals eval / pdf in all elements and lanes, to `tolerance` times M00.
+/// Returns the number of compared samples.
 pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, tolerance: f32) -> u32 {
     let at = surface();
     let mut stream = Stream::new(42, seed, 0);
@@ -161,7 +161,7 @@ pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, to
             continue;
         };
         let wi = sampled.wi;
-        // At the horizon, f32 directions do not determine the cosine to 1e-4.
+        // At the horizon, f32 directions do not determine the cosine to within 1e-4.
         if at.ns.dot(wi).abs() < 2e-3 {
             continue;
         }
@@ -208,9 +208,9 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
     Some(turn(o.as_dvec3(), fo.as_dvec3(), xo) * m * turn(-i.as_dvec3(), xi, fi.as_dvec3()))
 }
 
-/// Helmholtz reciprocity of Mueller matrices: with the same axes for a ray and its reverse, M(o→i) = Δ
+/// Checks Helmholtz reciprocity of Mueller matrices. With the same axes for a ray and its reverse, M(o→i) = Δ
 /// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness. `index`
-/// gives the refractive index on a direction's side; for radiance, the BSDF over the squared index of the
+/// returns the refractive index on a direction's side: for radiance, the BSDF over the squared index of the
 /// outgoing side is reciprocal (Veach 1997, eq. 5.14).
 ///
 /// Uses 700 directions from `pair`; returns the number of those with a value.
@@ -227,8 +227,8 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of
-/// the sign flip, divided by M00.
+/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of the sign
+/// change in Δ, divided by M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
@@ -262,7 +262,7 @@ pub fn reciprocal(
     (pairs, strongest)
 }
 
-/// Returns two directions on the front, at least 3° above the horizon.
+/// Returns two directions on the front side, at least 3° above the horizon.
 pub fn pair_in_front(stream: &mut Stream) -> [Vec3A; 2] {
     std::array::from_fn(|_| {
         let [u, v] = stream.uniform2();

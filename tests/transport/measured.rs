@@ -1,5 +1,5 @@
-//! Compares measured materials with the material from which the table was made, and tests properties of their
-//! interpolation.
+//! Compares measured materials with the materials from which their tables were made, and tests the properties
+//! of the interpolation.
 
 use crate::materials::{axes, follow_density, is_reciprocal, pair_in_front, surface, toward, weights_agree};
 use crate::optics::M;
@@ -40,7 +40,7 @@ fn metal(alpha: f32) -> Materials {
     }
 }
 
-/// Tables in a folder that exists while they are made and opened.
+/// Tables in a temporary folder, which exists while the tables are made and opened.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -125,7 +125,7 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
     [(sum / f64::from(n)).sqrt(), worst]
 }
 
-/// The error of linear interpolation is of second order: half the step, a quarter of the error.
+/// Tests that the error of linear interpolation is of second order: half the step, a quarter of the error.
 #[test]
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
@@ -191,8 +191,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// φ_d = -π and π are equal: tables that close there and tables that do not are continuous across it, and
-/// agree.
+/// Tests that φ_d = -π and π are equal: tables that include both values and tables that do not are continuous
+/// there, and agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -218,9 +218,9 @@ fn tables_are_continuous_across_the_azimuth_boundary() {
     }
 }
 
-/// Tests that holes are excluded and the other corners get more weight: a constant stays constant if one
-/// corner exists, and is 0 if none does. An entry with one invalid element is also a hole, only in its own
-/// band.
+/// Tests that holes are excluded and the other corners get more weight. A constant stays constant if one
+/// corner exists, and is 0 if none exists. An entry with one invalid element is also a hole, but only in its
+/// own band.
 #[test]
 fn holes_are_excluded_from_interpolation() {
     let bench = Bench::new();
@@ -255,8 +255,8 @@ fn holes_are_excluded_from_interpolation() {
     }
 }
 
-/// Values are linear between bands and those of the nearest band beyond them; angles beyond the axes use the
-/// last entry; negative light counts as zero.
+/// Tests that values are linear between bands and constant beyond the outermost bands. Angles beyond the axes
+/// use the last entry. Negative radiance counts as zero.
 #[test]
 fn values_beyond_the_axes_use_the_last_entry() {
     let bench = Bench::new();
@@ -284,7 +284,7 @@ fn values_beyond_the_axes_use_the_last_entry() {
     near(eval(0.6, 1.5)[2][1], [0.0; 4]);
 }
 
-/// Tables for sampling tests: glossy, satin, coarse, and one without known reflection at the horizon.
+/// Returns tables for sampling tests: glossy, satin and coarse.
 fn sampled() -> Vec<(String, Materials)> {
     let bench = Bench::new();
     [(0.1, [19, 31, 46]), (0.3, [19, 19, 19]), (0.6, [7, 5, 6])]
@@ -305,8 +305,8 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
     }
 }
 
-/// Gain of sampling with the table over cosine sampling: the second moment of the weight's M00, whose mean
-/// (the reflected fraction of light) must be equal for both.
+/// Tests the gain of sampling with the table over cosine sampling: the second moment of the weight's M00. The
+/// mean of M00 (the reflected fraction of light) must be equal for both.
 #[test]
 fn importance_tables_reduce_variance() {
     let bench = Bench::new();

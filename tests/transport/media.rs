@@ -71,7 +71,7 @@ fn make_cases() -> Vec<(&'static str, Media)> {
     ]
 }
 
-/// Samples one of the lanes uniformly: returns the direction, and the matrix over the lanes' mean density.
+/// Samples one of the lanes uniformly. Returns the direction, and the matrix over the lanes' mean density.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
     let wi = media.sample_direction(0, wo, lane, stream);
@@ -82,8 +82,8 @@ fn all() -> Lanes {
     Lanes::first(4)
 }
 
-/// Returns the directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 -
-/// cosθ.
+/// Returns pairs of directions, with wo in general position, that enclose the angle θ with the given
+/// 2 sin²(θ/2) = 1 - cosθ.
 fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     let wo = DVec3::new(0.36, -0.48, 0.8);
     let (x, cos) = (wo.any_orthonormal_vector(), 1.0 - forward);
@@ -92,8 +92,8 @@ fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     (wo.as_vec3a(), (across * sin - wo * cos).as_vec3a())
 }
 
-/// Σ f(wo, wi) over the sphere, with the solid angle of each direction: `count` rings, dense near the forward
-/// and backward directions.
+/// Returns Σ f(wo, wi) over the sphere, weighted by the solid angle of each direction. There are `count`
+/// rings of directions, dense near the forward and backward directions.
 fn rings(count: usize, mut f: impl FnMut(Vec3A, Vec3A, f64)) {
     // θ = π s²(3 - 2s), by the midpoint rule.
     for i in 0..count {
@@ -164,8 +164,8 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> [[f64; 4]; 4] {
     m.lane(lane).map(|row| row.map(f64::from))
 }
 
-/// Tests by Cloude's criterion that no matrix polarizes more light than exists, at any angle, for all valid
-/// parameters.
+/// Tests by Cloude's criterion that no matrix gives a degree of polarization above 1, at any angle, for all
+/// valid parameters.
 #[test]
 fn matrices_are_physical() {
     let mut all_cases = cases().to_vec();
@@ -189,13 +189,13 @@ fn matrices_are_physical() {
             }
         }
     }
-    // The limit is exact: slightly beyond it, at some angle light would be created.
+    // The limit is sharp: slightly beyond the limit, the matrix is not realizable at some angle.
     let m = |f: f64| [[1.0, 0.0, 0.0, 0.0], [0.0, 0.52, 0.0, 0.0], [0.0, 0.0, 0.52 * f, 0.0], [0.0; 4]];
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
-/// Tests a dipole at 90°, forward and backward; parallel over perpendicular light at 90° is the
-/// depolarization factor.
+/// Tests dipole scattering at 90°, forward and backward. The ratio of parallel to perpendicular light at 90°
+/// is the depolarization factor.
 #[test]
 fn rayleigh_has_its_closed_form() {
     let unit = 3.0 / (16.0 * PI);
@@ -234,8 +234,8 @@ fn rayleigh_has_its_closed_form() {
     }
 }
 
-/// Near the forward and backward directions, where the scattering plane is undefined, the matrix does not
-/// depend on it.
+/// Tests that near the forward and backward directions, where the scattering plane is undefined, the matrix
+/// does not depend on this plane.
 #[test]
 fn forward_and_backward_matrices_do_not_depend_on_the_plane() {
     for (name, media) in cases() {
@@ -385,7 +385,7 @@ fn tables_match_the_theory() {
         let mut worst = 0.0_f64;
         let mut stream = Stream::new(81, 0, 0);
         for _ in 0..3000 {
-            // As many near the ends as between.
+            // There are as many angles near the ends as between them.
             let s = f64::from(stream.uniform());
             let theta = PI * s * s * (3.0 - 2.0 * s);
             let angle = sunstone::transport::medium::scattered::Angle {
@@ -464,7 +464,7 @@ fn milk_matches_measurements() {
         assert!(reduced(&bulk[0]) > reduced(&bulk[1]) && reduced(&bulk[1]) > reduced(&bulk[2]), "bluish");
     }
     assert!(milk(3.5, 1.0)[1].asymmetry > 0.85 && milk(0.1, 1.0)[1].asymmetry < 0.35);
-    // Dilution scales the scatterers and leaves the water.
+    // Dilution scales the number of scatterers and does not change the water.
     let (whole, thin) = (milk(1.5, 1.0), milk(1.5, 0.01));
     for (w, t) in whole.iter().zip(&thin) {
         assert!((t.scattering * 100.0 / w.scattering - 1.0).abs() < 1e-9);

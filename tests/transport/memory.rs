@@ -1,4 +1,4 @@
-//! Tests the memory of a mesh from its file to its tree: at most 200 bytes per triangle at any
+//! Tests the memory of a mesh from its file to its acceleration tree: at most 200 bytes per triangle at any
 //! time, and little more for a thousand instances.
 
 use crate::optics::{Device, head};
@@ -18,7 +18,7 @@ thread_local! {
 }
 
 fn count(bytes: isize) {
-    // A thread that ends has no more cells.
+    // The cells of a thread that is ending no longer exist.
     let _ = HELD.try_with(|held| {
         let [now, most] = held.get();
         held.set([now + bytes, most.max(now + bytes)]);

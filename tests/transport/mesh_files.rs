@@ -1,5 +1,5 @@
 //! Tests mesh files with textures: glTF against OBJ of the same model, embedded materials against
-//! hand-written ones, and media in meshes that are open, inside out, or intersecting.
+//! scene-file materials, and media in meshes that are open, inside out, or intersecting.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -48,7 +48,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     write("square.gltf", text.as_bytes());
 }
 
-/// Returns the square seen from the front; `more` has its object and materials.
+/// Returns the scene of the square seen from the front. `more` contains the square's object and materials.
 fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [16, 16], 30.0);
     let text = head(16, 3, 2).replace("[550]", "[450, 550, 660]") + &camera.keys("camera") + more + LIGHT;
@@ -135,7 +135,7 @@ fn materials_of_files_equal_handwritten_ones() {
     assert!(notes.iter().any(|n| n.contains("unused keys: Ke")), "{notes:?}");
 }
 
-/// A cube as OBJ with changed triangles.
+/// Returns a cube as OBJ with changed triangles.
 fn cube(folder: &Path, change: impl Fn(&mut Vec<[usize; 3]>)) {
     let mut text = String::new();
     for i in 0..8 {
@@ -218,7 +218,7 @@ fn overlapping_filled_objects_need_a_priority() {
         assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "mist", 1))).is_ok());
         assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "fog", 0))).is_ok(), "the same medium");
     }
-    // Nested, side by side, and nearly touching.
+    // Pairs of meshes: nested, side by side, and nearly touching.
     for other in [
         "sphere = { center = [0.1, 0.2, 0], radius = 0.2 }",
         "sphere = { center = [0.1, 0.2, 1.1], radius = 0.3 }",
@@ -226,7 +226,7 @@ fn overlapping_filled_objects_need_a_priority() {
     ] {
         assert!(fog(folder.path(), &(object(mesh, "fog", 0) + &object(other, "mist", 0))).is_ok(), "{other}");
     }
-    // Touching: as if there were a small air gap.
+    // Touching surfaces are rendered as if there were a small air gap.
     let touching = object(mesh, "fog", 0)
         + &object("cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }", "mist", 0);
     let (got, notes) = fog(folder.path(), &touching).expect("touching");
@@ -236,8 +236,8 @@ fn overlapping_filled_objects_need_a_priority() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Tests light that enters a filled object through one of its surfaces and leaves it through another: the end
-/// and the side of a tube, and parts of a mesh with different materials. exp(-2 · length) of the path inside.
+/// Tests light that enters a filled object through one surface and leaves it through another: the end and the
+/// side of a tube, and parts of a mesh with different materials. Expects exp(-2 · length) of the path inside.
 #[test]
 fn parts_of_a_filled_object_count_as_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -251,7 +251,7 @@ fn parts_of_a_filled_object_count_as_one() {
     let mesh =
         format!("obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}", file.to_str().unwrap());
     let tube = "cylinder = { p0 = [0, 0, -0.5], p1 = [0, 0, 0.5], radius = 0.5, caps = true }";
-    // From z = 0.5 to x = 0.5 at z = 0, toward (0.5, 0, 0): from outside, and from a camera inside.
+    // The ray goes from z = 0.5 to (0.5, 0, 0): once from outside, and once from a camera inside.
     for (shape, z, length) in [
         (tube, 1.5, f64::hypot(0.5, 1.0 / 6.0)),
         (&mesh, 2.0, f64::hypot(0.5, 0.125)),

@@ -53,7 +53,7 @@ fn glass(interior: Spectral, roughness: Roughness) -> Materials {
     }))
 }
 
-/// Returns plastic with all options or none.
+/// Returns plastic with all options or without options.
 fn plastic(roughness: Roughness, options: bool) -> Materials {
     let eta = Spectral::new([1.5, 1.52, 1.6, 1.4]);
     let mut materials = Materials::default();
@@ -251,7 +251,7 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
 }
 
 /// Returns the power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible
-/// ones, by a midpoint rule over facet slopes. For facets that only reflect, `through` is false.
+/// facets, by a midpoint rule over facet slopes. For facets that only reflect, `through` is false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
     const PHI: u32 = 100;
@@ -292,8 +292,8 @@ fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2
     sum
 }
 
-/// A white furnace for each lobe: mean sampled weights are the directional albedos, per wavelength if the
-/// index is dispersive, from outside and inside; returned light never exceeds incident light.
+/// Tests each lobe in a white furnace: mean sampled weights are the directional albedos, per wavelength if
+/// the index is dispersive, from outside and inside. Returned light never exceeds incident light.
 #[test]
 fn rough_glass_returns_its_directional_albedo() {
     const N: u32 = 50_000;
@@ -428,7 +428,7 @@ fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, et
     turn(d_out, axis, x_out) * block * turn(d_in, x_in, axis)
 }
 
-/// A projector inside rough glass seen from outside, and vice versa: Walter's closed form and travel time.
+/// Tests a projector inside rough glass seen from outside, and vice versa: Walter's closed form, travel time.
 #[test]
 fn a_projector_shines_through_rough_glass() {
     let (alpha, n) = (0.4, f64::from(IOR));
@@ -466,8 +466,8 @@ fn a_projector_shines_through_rough_glass() {
     }
 }
 
-/// Tests that a white base that returns light through a smooth surface with interreflection, plus the
-/// surface's reflection, returns all light; the model of Baek et al. is the product of two transmittances.
+/// Tests that a white base under a smooth surface with interreflection returns, together with the surface's
+/// reflection, all light. The model of Baek et al. is the product of two transmittances.
 #[test]
 fn interreflection_conserves_energy() {
     let eta = Spectral::new([1.5, 1.33, 2.0, 1.05]);
@@ -584,8 +584,8 @@ fn single_scattering_is_a_second_reflection() {
     }
 }
 
-/// Tests that away from the highlight plastic's light is polarized in the plane of n and `wo` (negative s1 in
-/// a frame perpendicular to it), more at grazing exit: shape from polarization relies on this sign.
+/// Tests that away from the highlight, plastic's light is polarized in the plane of n and `wo` (negative s1
+/// in a frame perpendicular to it), more at grazing exit. Shape from polarization relies on this sign.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);

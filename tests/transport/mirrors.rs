@@ -27,7 +27,7 @@ fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
 }
 
 /// Returns the mirror matrix for light from `point` to the camera, which arrives from direction
-/// `-d_out`; and the path length.
+/// `-d_out`, and the path length.
 pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
@@ -36,12 +36,12 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// Returns the irradiance matrix of light from the lamp over mirrors, in their order, at a point of
-/// a wall with normal `n`, in some frame at the wall; and the path length.
+/// Returns the irradiance matrix of light from the lamp over mirrors, in their order, at a point of a wall
+/// with normal `n`, in a frame at the wall, and the path length.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
-    // Directions before each mirror, starting with the last.
+    // Directions of the light before each mirror, starting with the last mirror.
     let mut dirs = vec![arriving];
     for (normal, _) in planes.iter().rev() {
         dirs.insert(0, image((*normal, 0.0), dirs[0]));
@@ -94,7 +94,7 @@ pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     assert!(seen.iter().all(|s| *s), "{times_ps:?}");
 }
 
-/// Tests one mirror on both sides, all sixteen elements, exactly: nothing is random.
+/// Tests one mirror on both sides, all sixteen elements, exactly: the render has no random variation.
 #[test]
 fn one_mirror_is_an_image() {
     let plane = (-DVec3::X, -1.5);
@@ -109,12 +109,12 @@ fn one_mirror_is_an_image() {
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
         assert_close(&got, &want, 1e-4, "over one mirror");
         comes_at(&r, 3, &[(there + back) / C]);
-        // Position in the projector's image where it starts.
+        // Position in the projector's image where the light starts.
         let ([u, v], _) = lamp.project(image(plane, point));
         let p = r.mean("p").select(Bounces, 3);
         let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
         assert_eq!(lit, [v as usize * 64 + u as usize]);
-        // No strategy finds it without manifold connections.
+        // No other strategy samples this light, so without manifold connections the image is black.
         let mut scene = scene_of(&text);
         scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, false));
         assert_eq!(mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]), M::zeros());
@@ -140,8 +140,8 @@ fn two_mirrors_are_images_of_images() {
     comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
 }
 
-/// Tests three and four mirrors in a row, and a third mirror perpendicular to them: every possible
-/// order counts, and no other.
+/// Tests three and four mirrors in a row, and a third mirror perpendicular to them: every possible order of
+/// reflections contributes, and no other order.
 #[test]
 fn rows_of_mirrors_are_images_of_images() {
     let (right, left, back) = ((-DVec3::X, -1.5), (DVec3::X, -1.5), (DVec3::Y, -1.0));
@@ -155,7 +155,7 @@ fn rows_of_mirrors_are_images_of_images() {
     let r = render(&text);
     let (view, there) = to_camera(&camera, right, point);
     for count in [3, 4] {
-        // All rows of mirrors without equal neighbours.
+        // All sequences of mirrors without equal neighbours.
         let mut rows = vec![vec![]];
         for _ in 0..count {
             let longer = |row: &Vec<Plane>| {
@@ -178,7 +178,7 @@ fn rows_of_mirrors_are_images_of_images() {
         }
         let times: Vec<f64> = lit.iter().map(|(_, way)| (way + there) / C).collect();
         comes_at(&r, count + 2, &times);
-        // A missing row would be detected.
+        // A missing sequence would be detected.
         for (part, _) in &lit {
             let part = (view * wall() * part)[(0, 0)];
             assert!(part > 5.0 * error[(0, 0)] + 1e-3 * want[(0, 0)], "{part}");
@@ -186,8 +186,8 @@ fn rows_of_mirrors_are_images_of_images() {
     }
 }
 
-/// Returns whether light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the
-/// axes, one after the other on its way to a point, and nothing else before.
+/// Returns whether light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the axes, one
+/// after the other on its way to a point, and hits nothing else before.
 fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     let images: Vec<DVec3> = row
         .iter()
@@ -220,7 +220,7 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
             return false;
         }
     }
-    // It starts within the lamp's image: the last point is the first that the lamp's light hits.
+    // The path starts within the lamp's image: the last point is the first that the lamp's light hits.
     let ([u, v], _) = lamp.project(at);
     (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
@@ -236,7 +236,7 @@ fn mirror_behind_glass() {
         + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
         + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-1.4, -1, 0.5], max = [1.4, 1, 0.6] }\n";
     let r = render(&text);
-    // As if straight behind the mirror. All is in one plane, which contains the p direction of both matrices.
+    // As if the light were straight behind the mirror. One plane contains all rays, and p of both matrices.
     let trace = |theta: f64| {
         let (sin, cos) = theta.sin_cos();
         let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
@@ -262,9 +262,9 @@ fn mirror_behind_glass() {
     comes_at(&r, 5, &[(optical + back) / C]);
 }
 
-/// Returns a ray from height 1 that a ball of gold of radius 0.3 about the origin reflects to the ceiling at
-/// height 1.4; its cosine of incidence, and its direction after the ball. Rays that miss either have no
-/// `rho`.
+/// Returns a ray from height 1 that a gold sphere of radius 0.3 about the origin reflects to the ceiling at
+/// height 1.4, the ray's cosine of incidence, and its direction after the sphere. Rays that miss the sphere
+/// or the ceiling have no `rho`.
 pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
     let t = b - (b * b - (1.0 - 0.09)).sqrt();
@@ -278,7 +278,7 @@ pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     (Meridian { rho, optical: t + s, passed }, cos, up)
 }
 
-/// Tests mirror balls, with a random search for paths: one against rays in f64, two against each alone.
+/// Tests mirror spheres, with a random search for paths: one against rays in f64, two against each one alone.
 #[test]
 fn light_over_mirror_balls_matches_traced_rays() {
     let plane = (-DVec3::X, -1.5);
@@ -310,15 +310,15 @@ fn light_over_mirror_balls_matches_traced_rays() {
     let degree = m[(0, 1)].hypot(m[(0, 2)]) / m[(0, 0)];
     assert!((degree - polarized.abs()).abs() < 1e-3, "{degree} {polarized}");
     comes_at(&one, 3, &[(optical + back) / C]);
-    // The balls do not occlude each other.
+    // The spheres do not occlude each other.
     let (other, both) = (m00(&of(&[beside])), m00(&of(&[below, beside])));
     assert!(other.0 > 0.1 * got, "{other:?}");
     let sigma = (error.powi(2) + other.1.powi(2) + both.1.powi(2)).sqrt();
     assert!((got + other.0 - both.0).abs() < 5.0 * sigma, "{got} + {other:?} is not {both:?}");
 }
 
-/// Tests that behind dispersive glass every wavelength searches for paths over a ball separately,
-/// and finds the same light as in a render of this wavelength alone.
+/// Tests that behind dispersive glass every wavelength searches separately for paths over a sphere, and gives
+/// the same light as a render of this wavelength alone.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_wavelength_finds_paths_over_balls_separately() {

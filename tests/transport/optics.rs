@@ -11,11 +11,11 @@ use sunstone::transport::geometry::ray::Surface;
 
 pub type M = Matrix4<f64>;
 
-/// n + i·k of gold at 550 nm and its scene keys.
+/// Complex refractive index n + i·k of gold at 550 nm, and the scene keys of this index.
 pub const GOLD: Complex<f64> = Complex::new(0.4242, 2.4721);
 pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 
-/// Vacuum light speed, metres per picosecond.
+/// Speed of light in vacuum, metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
 /// Returns R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along
@@ -73,7 +73,7 @@ pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
 }
 
-/// Returns BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
+/// Returns BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o). The unit is 1/sr.
 pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
     let c = n.dot((wo + wi).normalize());
     let t = c * c * (alpha * alpha - 1.0) + 1.0;
@@ -95,7 +95,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Returns a device at `origin` that looks at `target`, +y (or +x) up.
+    /// Returns a device at `origin` that looks at `target`, with +y (or +x) up.
     pub fn look_at(origin: [f64; 3], target: DVec3, resolution: [u32; 2], focal: f64) -> Self {
         let origin = DVec3::from_array(origin);
         let forward = (target - origin).normalize();
@@ -170,12 +170,12 @@ impl Device {
     }
 }
 
-/// Returns the factor by which some tests multiply their samples, from the variable `SAMPLES`.
+/// Returns the factor by which some tests multiply their numbers of samples, from the variable `SAMPLES`.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
 }
 
-/// Returns a point of a surface at the origin.
+/// Returns a point of a surface at the origin, with its frame.
 pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
     Surface {
         p: Vec3A::ZERO,
@@ -197,7 +197,7 @@ pub fn of_image(r: &Rendered, slice: &str, stride: usize) -> (f64, f64) {
     (mean.iter().sum::<f64>() / n, error.iter().map(|e| e * e).sum::<f64>().sqrt() / n)
 }
 
-/// Asserts that a scene is refused with a message that contains these words.
+/// Asserts that a scene is refused with a message that contains the given words.
 pub fn assert_refused(path: &Path, text: &str, words: &str) {
     let message = sunstone::scene::from_text(path, text).err().map(|e| e.to_string());
     assert!(message.as_ref().is_some_and(|m| m.contains(words)), "{words}: {message:?}");

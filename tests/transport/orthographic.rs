@@ -19,7 +19,7 @@ fn head(spp: u32, more: &str) -> String {
     format!("wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 2\nseed = 3\n{more}")
 }
 
-/// Offset to the right and down in metres of a position in pixel (i, j), in fractions of a pixel.
+/// Returns the offset to the right and down, in metres, of a position in pixel (i, j), as pixel fractions.
 fn offset(i: usize, j: usize, [a, b]: [f64; 2]) -> [f64; 2] {
     [0.1 * (i as f64 + a - 3.0), 0.1 * (j as f64 + b - 2.0)]
 }
@@ -30,8 +30,8 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
     [Field::Mean, Field::StdError].map(|f| f64::from(r.field("m", f).at(&at)))
 }
 
-/// Tests a point light above the plane: each pixel sees the mean irradiance of its own
-/// parallelogram, all at the same distance.
+/// Tests a point light above the plane: each pixel shows the mean irradiance of its own
+/// parallelogram. All parallelograms are at the same distance.
 #[test]
 fn each_pixel_sees_its_own_area() {
     let light = DVec3::new(0.1, 0.15, 0.3);
@@ -95,7 +95,7 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// Tests a ball of fog that the image plane intersects: rays begin inside or outside it.
+/// Tests a sphere of fog that the image plane intersects: rays begin inside or outside the sphere.
 #[test]
 fn rays_begin_in_the_surrounding_medium() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\

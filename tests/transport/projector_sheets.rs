@@ -1,8 +1,8 @@
-//! Tests sheets between a surface and the projector, which users of other programs lack (Mitsuba
-//! 3's issue 1462, "projector's light can't walk through polarizer or circular": a pinhole behind
-//! any BSDF renders black there).
+//! Tests sheets between a surface and the projector, which users of other programs asked for
+//! (Mitsuba 3's issue 1462, "projector's light can't walk through polarizer or circular": a pinhole
+//! behind any BSDF renders black there).
 //!
-//! Closed forms for renders. Light passes a sheet without bending, so that only the matrix changes.
+//! Renders are compared with closed forms. Light passes a sheet without bending, so only the matrix changes.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
@@ -16,7 +16,7 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Integrator;
 
-/// Sheets across the projector's axis, `metres` in front of it: u is image right, v image up.
+/// Sheets across the projector's axis, `metres` in front of the projector: u is image right, v image up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
     let at = lamp.origin + lamp.forward * metres;
     sheet(at, lamp.right, -lamp.down, material)
@@ -47,9 +47,9 @@ fn lamp() -> Device {
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
 
-/// Tests Malus's law between projector and wall: two sheets transmit ½cos² of their angle, and for
-/// polarized light also the factor of the sheet near the projector. Each sheet is one interaction;
-/// crossed sheets transmit nothing.
+/// Tests Malus's law between projector and wall: two sheets transmit ½cos² of the angle between them, and
+/// for polarized light also the factor of the sheet near the projector. Each sheet is one interaction.
+/// Crossed sheets transmit nothing.
 #[test]
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
@@ -74,8 +74,8 @@ fn malus_between_projector_and_wall() {
     }
 }
 
-/// Tests a circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it make light
-/// of one handedness, which a second such filter in front of the camera distinguishes.
+/// Tests a circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it produce light
+/// of one handedness. A second such filter in front of the camera distinguishes the two.
 #[test]
 fn circular_filters_distinguish_handedness() {
     // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
@@ -170,9 +170,9 @@ fn scanner() -> Device {
     Device::look_at([0.1, -0.2, 1.3], DVec3::new(-0.4, 0.1, -0.3), [7, 5], 8.0)
 }
 
-/// Tests that an ideal polarizer directly in front of a scanner's pinhole halves every element of
-/// T, direct and indirect, in the same projector pixel and the same time bin, sample by sample; two
-/// crossed ones, or a block of glass, transmit nothing.
+/// Tests that an ideal polarizer directly in front of a scanner's pinhole halves every element of T,
+/// direct and indirect, in the same projector pixel and the same time bin, sample by sample. Two
+/// crossed polarizers, or a block of glass, transmit nothing.
 #[test]
 fn a_filter_near_the_pinhole_halves_everything() {
     let bare = corner(4, "");
@@ -197,8 +197,8 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert!(dark(&block).data.iter().all(|v| *v == 0.0), "glass bends light");
 }
 
-/// Tests that a path of `max_depth` 2 has one interaction: with a sheet in between, the wall's interaction
-/// exceeds it.
+/// Tests that a path of `max_depth` 2 has one interaction. With a sheet in between, the wall's interaction
+/// exceeds this depth.
 #[test]
 fn sheets_count_for_max_depth() {
     let sheets = in_front(&scanner(), 0.1, "p");
@@ -208,8 +208,8 @@ fn sheets_count_for_max_depth() {
     assert!((sum(&direct) / sum(&filtered) - 2.0).abs() < 1e-4);
 }
 
-/// Tests that sheets also transmit light of point emitters, and blends of sheets and holes transmit their
-/// fraction.
+/// Tests that sheets also transmit light of point emitters, and that blends of a sheet and a hole transmit
+/// light according to their fractions.
 #[test]
 fn points_shine_through_blends() {
     let lamp = lamp();
@@ -234,7 +234,7 @@ fn points_shine_through_blends() {
     assert!(bare > 0.0 && (through / want - 1.0).abs() < 1e-5, "{through} is not {want}");
 }
 
-/// The frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the
+/// Tests the frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the
 /// projector) has the sign of "counter-clockwise looking toward the source".
 #[test]
 fn helper_frames_have_the_sign_of_the_conventions() {

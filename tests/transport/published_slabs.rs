@@ -1,7 +1,7 @@
 //! Compares doubling with published values: Coulson's tables, Siewert's spheroids, Chandrasekhar's
 //! atmosphere; and invariants of doubling.
 //!
-//! The tables are quoted to their printed digits.
+//! Values of the tables have all their printed digits.
 
 use crate::doubling::{Slab, phase_matrix, rayleigh};
 use crate::optics::{M, assert_close};
@@ -9,9 +9,9 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground under a sun of flux
-/// π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by Natraj,
-/// Li & Yung (2009, ApJ 691, 1909); the signs of Q and U are those of the frames here.
+/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground, under a sun of
+/// flux π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by
+/// Natraj, Li & Yung (2009, ApJ 691, 1909). The signs of Q and U are those of Sunstone's frames.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_table_of_coulson() {
@@ -96,8 +96,8 @@ fn spheroids(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, sun of flux π at cos
-/// θ0 = 0.6. They involve six different elements of the matrix.
+/// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, under a sun of flux
+/// π at cos θ0 = 0.6. All six different elements of the matrix contribute.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_tables_of_siewert() {
@@ -124,9 +124,9 @@ fn doubling_matches_the_tables_of_siewert() {
     }
 }
 
-/// Light that leaves a thick Rayleigh slab at the bottom is distributed as in Chandrasekhar's atmosphere with
-/// a constant net flux (Radiative Transfer, 1950, table XXIV: intensities in and perpendicular to the
-/// meridian plane).
+/// Tests that light that leaves a thick Rayleigh slab at the bottom has the distribution of Chandrasekhar's
+/// atmosphere with a constant net flux (Radiative Transfer, 1950, table XXIV: intensities in and
+/// perpendicular to the meridian plane).
 #[test]
 fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     let table = [
@@ -152,7 +152,7 @@ fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     }
 }
 
-/// Tests doubling: the closed form for single scattering; reciprocity and energy for multiple scattering.
+/// Tests doubling: the closed form of single scattering, and reciprocity and energy of multiple scattering.
 #[test]
 fn doubling_keeps_its_invariants() {
     let (mu, mu0, phi) = (0.7, 0.3, 1.1);
@@ -161,7 +161,7 @@ fn doubling_keeps_its_invariants() {
     let thin = Slab::new(&spheroids, [tau, 0.8], 8, &[mu, mu0], &orders, 4);
     for (got, up) in [(thin.reflected(mu, mu0, phi), 1.0), (thin.transmitted(mu, mu0, phi), -1.0)] {
         let want = phase_matrix(&spheroids, [up * mu, phi], [-mu0, 0.0]) * (0.8 * tau / mu);
-        // The second scattering is about 10 τ.
+        // The second scattering contributes about 10 τ of the first.
         assert_close(&got, &want, 2e-4, "single scattering");
     }
     let slab = Slab::new(&spheroids, [3.0, 1.0], 14, &[mu, mu0], &[0, 1, 2], 18);
@@ -176,8 +176,8 @@ fn doubling_keeps_its_invariants() {
     assert!((up + down - 1.0).abs() < 2e-6, "{up} + {down}");
 }
 
-/// Light that spheres of polystyrene in vacuum reflect from a slab of optical depth 4 at normal incidence, by
-/// Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of
+/// Tests light that polystyrene spheres in vacuum reflect from a slab of optical depth 4 at normal incidence,
+/// by Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of
 /// polarized light transport into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
 #[test]
 fn reflectance_of_spheres_matches_ramella_roman() {

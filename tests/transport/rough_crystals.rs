@@ -1,5 +1,5 @@
-//! Tests crystals with rough faces: facets alone, the smooth crystal as their limit, and retardance
-//! on every kind of path.
+//! Tests crystals with rough faces: facets alone, the smooth crystal as the limit of small roughness, and
+//! retardance on every kind of path.
 
 use crate::crystals::{QUARTZ, Slab, way};
 use crate::materials::{
@@ -18,7 +18,7 @@ use sunstone::transport::material::{Lanes, Materials};
 /// Mean of the ordinary and the extraordinary refractive index.
 const MEAN: f64 = 1.55;
 
-/// Returns one crystal with index 0; `keys` are those other than its axis.
+/// Returns one crystal with index 0. `keys` contains all keys except the optic axis.
 fn crystal(keys: &str) -> Materials {
     let text = format!(
         "wavelengths_nm = [450, 550, 633, 660]\n[materials]\na.crystal = {{ axis = [1, 2, 2], {keys} }}\n"
@@ -48,7 +48,7 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
             assert!(compared > 1000, "{name}: only {compared} samples");
         }
     }
-    // With the constants' indices; one wavelength continues.
+    // The indices are the material's constants; one wavelength continues.
     let quartz = crystal("name = \"quartz\", roughness = 0.3");
     for (case, wo) in seen_from().into_iter().enumerate() {
         follow_density(&format!("quartz {case}"), &quartz, wo, 10 + case as u32, 12);
@@ -130,8 +130,8 @@ fn nearly_smooth_faces_are_smooth() {
     assert!(off(&rough) > 3, "{got}{rough}");
 }
 
-/// A projector inside, seen through a rough face: glass of the mean index, followed by the retarder of the
-/// path.
+/// Tests a projector inside a crystal, seen through a rough face: glass of the mean index, followed by the
+/// retarder of the path.
 #[test]
 fn a_connection_through_a_rough_face_includes_the_path_inside() {
     let (n_o, n_e) = (1.5, 1.500_001);

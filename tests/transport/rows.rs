@@ -1,5 +1,5 @@
-//! Tests light over several mirrors in a row, or through curved glass on any path, to a wall that is seen in
-//! a mirror: against rays traced in f64, and against light subpaths to the same wall seen directly.
+//! Tests light over several mirrors in a row, or through curved glass, to a wall that is seen in a mirror:
+//! against rays traced in f64, and against light subpaths to the same wall seen directly.
 
 use crate::manifold::{ALBEDO, Meridian, through_ball};
 use crate::mirrors::{Plane, comes_at, image, off_ball, to_camera};
@@ -41,15 +41,15 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// M00 for a number of bounces and its standard error.
+/// Returns M00 for a number of bounces, and its standard error.
 fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     let of = |t| mueller(&t, &[(Bounces, bounces)])[(0, 0)];
     (of(r.mean("m")), of(r.std_error("m")))
 }
 
-/// Returns the radiance and optical length of every path to distance `rho` from an axis, of rays in a plane
-/// with the axis that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the
-/// axis.
+/// Returns the radiance and optical length of every path to distance `rho` from an axis, for a lamp that
+/// points along the axis. Rays lie in a plane with the axis and start at an angle to the axis
+/// (`Meridian::rho` is signed).
 fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
     let n = 20_001;
     let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
@@ -77,16 +77,16 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
     out
 }
 
-/// Tests that a ball of glass directs a lamp's light to a wall in front of its focus on three
-/// paths, and inverted behind it. Without any one of the paths the sum would be wrong.
+/// Tests that a glass sphere directs a lamp's light to a wall in front of the sphere's focus on three paths,
+/// and behind the focus inverted. Without any one of the paths the sum would be wrong.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn every_path_through_a_ball_is_found() {
     for (wall, rho, count, spp) in
         [(-0.42, 0.008, 3, 150_000), (-1.0, 0.2, 1, 60_000), (-1.0, 0.55, 1, 60_000)]
     {
-        // The straight line to the last point misses the ball. Otherwise the lamp is so narrow that all its
-        // light hits the ball.
+        // The straight line to the last point misses the sphere. For the other points, the lamp is so narrow
+        // that all its light hits the sphere.
         let beside = rho > 0.5;
         let lamp =
             Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], if beside { 100.0 } else { 190.0 });
@@ -114,7 +114,7 @@ fn every_path_through_a_ball_is_found() {
     }
 }
 
-/// Tests that a mirror ball reflects light to a flat mirror, and that to a wall: as to the wall's image.
+/// Tests that a mirror sphere reflects light to a flat mirror and then to a wall, as to the wall's image.
 #[test]
 fn a_ball_and_a_flat_mirror_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
@@ -128,7 +128,7 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     let r = render(&scene(&camera, &lamp, 120_000, 5, &objects));
     let trace = |theta: f64| {
         let (ray, cos, up) = off_ball(theta);
-        // All is in one plane.
+        // One plane contains all rays.
         let halves = |cos: f64| {
             let [s, p] = amplitudes(cos, GOLD).map(|r| r.norm_sqr());
             [(s + p) / 2.0, (s - p) / 2.0]
@@ -147,8 +147,8 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
 }
 
-/// Returns the light subpaths to a piece of wall seen directly, and manifold connections to it seen
-/// in the mirror, over the mirror's reflectance.
+/// Returns the light by light subpaths on a piece of wall seen directly, and by manifold connections on the
+/// wall seen in the mirror, divided by the mirror's reflectance.
 fn both(
     objects: &str,
     lamp: &Device,
@@ -172,14 +172,14 @@ fn both(
     [seen, over(mirrored)]
 }
 
-/// Both agree, and are so precise that a missing fraction `share` would be detected.
+/// Checks that both agree, and are so precise that a missing fraction `share` would be detected.
 fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     let sigma = x.hypot(y);
     assert!((a - b).abs() < 5.0 * sigma, "{a} ± {x}, {b} ± {y}");
     assert!(5.0 * sigma < share * a, "{a} ± {sigma} is too little known");
 }
 
-/// Tests light over two mirror balls, one after the other.
+/// Tests light over two mirror spheres, one after the other.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn two_balls_in_a_row() {
@@ -191,14 +191,14 @@ fn two_balls_in_a_row() {
     agree(both(&objects, &lamp, origin, point, 3, [1_500_000, 100_000]), 0.3);
 }
 
-/// A wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the light of a
-/// small emitting ball, which camera paths hit at random; and differently from a flat one.
+/// Tests that a wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the
+/// light of a small emitting sphere, which camera paths hit at random, and unlike a flat mirror.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_mirror_under_a_normal_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("waves.png");
-    // Random tilts of up to 0.1.
+    // Normals are tilted at random by up to 0.1 rad.
     let mut state = 7_u32;
     let mut tilt = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -230,7 +230,7 @@ fn a_mirror_under_a_normal_map() {
             );
         let mut scene = scene_of(&text);
         scene.change_settings(|s| (s.integrator, s.manifold) = (integrator, true));
-        // One more if the camera sees the wall in a mirror.
+        // There is one more interaction if the camera sees the wall in a mirror.
         m00(
             &render_scene(&scene),
             if camera.origin == straight.origin && camera.forward == straight.forward { 2 } else { 3 },
@@ -248,8 +248,8 @@ fn a_mirror_under_a_normal_map() {
     let met = of(&camera, &ball, 1.0, Integrator::Path, 3_000_000);
     agree([met, found], 0.2);
     assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
-    // The same wall seen directly: light subpaths find it. The mirror is tilted by 0.3, so that reflection
-    // about the untilted normal would be detected.
+    // The same wall seen directly, which light subpaths reach. The mirror is tilted by 0.3 rad, so that
+    // reflection about the untilted normal would be detected.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 500_000);
@@ -257,7 +257,7 @@ fn a_mirror_under_a_normal_map() {
     agree([met, found], 0.2);
 }
 
-/// Tests calcite between lamp and wall, with two separate rays: both are traced, from one end to the other.
+/// Tests calcite between lamp and wall: both refracted rays are traced separately, from one end to the other.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_crystal_with_double_images() {

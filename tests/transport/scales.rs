@@ -10,8 +10,8 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Returns the scene-file text of a white wall at distance `z` from the camera along the rotated z
-/// axis, and `front` at distance `gap` in front of it, both of size `size`.
+/// Returns the scene-file text of a white wall at distance `z` from the camera along the rotated z axis, and
+/// of the object `front` at distance `gap` in front of the wall. Both have size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera =
         Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
@@ -40,8 +40,8 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
         + "[[slices]]\nname = \"m\"\nbounces = true\n"
 }
 
-/// Returns the light that passed the sheet twice, or the pane four times, and was reflected by the wall in
-/// between.
+/// Returns the light that passed the sheet twice, or the pane's faces four times, and was reflected by the
+/// wall in between.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
     scene.change_settings(|s| s.manifold |= front == "pane");
@@ -50,9 +50,9 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     image.data.iter().map(|v| f64::from(*v)).sum()
 }
 
-/// Tests that a sheet or pane a micrometre in front of a wall transmits as much light as one at a
-/// larger distance, at 1, 10 and 100 m, or the scene is refused with the gap in the message. A
-/// sheet slightly farther away than the message requires works.
+/// Tests that a sheet or pane a micrometre in front of a wall transmits as much light as at a larger
+/// distance, in scenes of 1, 10 and 100 m, or that the scene is refused with the gap in the message. A sheet
+/// slightly farther away than the message requires is rendered.
 #[test]
 fn gaps_of_a_micrometre_work_or_are_refused() {
     let straight = DMat3::IDENTITY;
@@ -114,8 +114,8 @@ fn two_hundred_metres_are_exact() {
         DVec3::new(99.0, 2.0, 0.0),
     ] {
         let to = lamp - target;
-        // At the point of specular reflection: there the time is stationary in the position on the wall,
-        // whose precision is that of the camera's single-precision directions.
+        // At the point of specular reflection, the first derivative of time with respect to the position on
+        // the wall is zero. The position has the single precision of the camera's directions.
         let origin = target + DVec3::new(-to.x, -to.y, to.z) * 1.25;
         let camera = Device::look_at(origin.to_array(), target, [1, 1], 9e8);
         let cos = to.z / to.length();

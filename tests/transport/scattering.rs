@@ -23,7 +23,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Returns the distances, not below 0, between which a ray is inside.
+    /// Returns the two distances, at least 0, between which a ray is inside the shape.
     fn inside(self, p: DVec3, dir: DVec3) -> [f64; 2] {
         let [from, to] = match self {
             Self::Ball { centre, radius } => {
@@ -61,7 +61,7 @@ fn cube(min: [f64; 3], max: [f64; 3]) -> Shape {
     Shape::Cube { min, max }
 }
 
-/// A single cloud with its scattering.
+/// A single cloud with its scattering properties.
 struct Cloud<'a> {
     shape: Shape,
     scattering: f64,
@@ -80,8 +80,8 @@ impl Cloud<'_> {
         )
     }
 
-    /// Single scattering seen by a camera ray, of light that leaves a point with intensity 1/cos³ of the
-    /// angle to its axis, or 1 without an axis; and its distribution over time.
+    /// Returns the light scattered once toward a camera ray, and its distribution over time. The light leaves
+    /// a point with intensity 1/cos³ of the angle to the axis, or with intensity 1 without an axis.
     fn seen(&self, camera: &Device, lamp: &Device, has_axis: bool) -> (M, Vec<f64>) {
         const N: u32 = 4000;
         let dir = camera.forward;
@@ -110,8 +110,8 @@ impl Cloud<'_> {
     }
 }
 
-/// Compares every element of a render's Mueller slice within five standard errors; returns M00's relative
-/// error.
+/// Compares every element of a render's Mueller slice within five standard errors. Returns the relative
+/// standard error of M00.
 fn check_elements(r: &Rendered, want: &M, what: &str) -> f64 {
     let [got, sigma] = [r.mean("m"), r.std_error("m")].map(|t| mueller(&t, &[]));
     let m00 = want[(0, 0)];
@@ -139,8 +139,8 @@ fn henyey_greenstein(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Camera outside or inside, light from a projector or a point, and optionally another object of the same
-/// medium inside: all 16 elements and the time bins.
+/// Tests a camera outside or inside, light from a projector or a point, and optionally another object of the
+/// same medium inside: all 16 elements and the time bins.
 #[test]
 fn single_scattering_is_a_quadrature() {
     const SPP: u32 = 100_000;
@@ -240,8 +240,8 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     render_text(&text)
 }
 
-/// Empty null boundaries, and clear media behind them, have no effect except on travel time; absorbing media
-/// follow Beer and Lambert in both directions.
+/// Tests that empty null boundaries, and clear media behind them, have no effect except on travel time.
+/// Absorbing media follow Beer and Lambert in both directions.
 #[test]
 fn null_boundaries_have_no_effect() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
@@ -275,8 +275,8 @@ fn null_boundaries_have_no_effect() {
     }
 }
 
-/// Tests that a glass ball with a clear medium inside is a glass ball; with an absorbing one, the
-/// transmission through its centre is known.
+/// Tests that a glass sphere with a clear medium inside equals a glass sphere. With an absorbing medium,
+/// the transmission through its centre is known.
 #[test]
 fn refractive_boundaries_are_those_of_glass() {
     let camera = Device::look_at([0.4, 0.3, 2.2], DVec3::new(0.0, 0.1, 0.4), [8, 8], 14.0);
@@ -298,7 +298,7 @@ fn refractive_boundaries_are_those_of_glass() {
         }
     }
     assert!(through > 32, "only {through} pixels see light");
-    // Normal incidence in the furnace: R + (1 - R)² A (1 + R A + R² A² + …), A = exp(-a d).
+    // Normal incidence in the furnace: R + (1 - R)² A (1 + R A + R² A² + …), with A = exp(-a d).
     let reflectance = 0.04;
     let passed = f64::exp(-1.3 * 0.8);
     let want = reflectance + (1.0_f64 - reflectance).powi(2) * passed / (1.0 - reflectance * passed);
@@ -315,8 +315,8 @@ fn refractive_boundaries_are_those_of_glass() {
     assert!((got - want).abs() < 5.0 * sigma && sigma < 0.01, "{got} is not {want} ± {sigma}");
 }
 
-/// In a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays unpolarized:
-/// in every sample if nothing polarizes and wavelengths do not share paths, otherwise on average.
+/// Tests that in a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays
+/// so: in every sample if nothing polarizes and wavelengths do not share paths, otherwise on average.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);
@@ -368,8 +368,8 @@ fn lossless_media_vanish_in_the_furnace() {
     }
 }
 
-/// Tests overlapping objects: along every ray the medium of highest priority absorbs; from outside,
-/// and from a camera inside two of them.
+/// Tests overlapping objects: along every ray, the medium of highest priority absorbs. The camera is outside,
+/// or inside two of the objects.
 #[test]
 fn the_highest_priority_absorbs() {
     let shapes = [ball([-0.2, 0.0, 0.0], 0.6), ball([0.3, 0.1, 0.0], 0.5), ball([0.25, 0.05, 0.1], 0.2)];

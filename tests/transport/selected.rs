@@ -1,5 +1,5 @@
-//! Tests slices that keep few projector pixels s' per camera pixel use additional paths, which give
-//! the same light with far smaller errors.
+//! Tests that slices that keep few projector pixels s' per camera pixel use additional paths, which give the
+//! same light as random paths with far smaller standard errors.
 
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::array::Tensor;
@@ -13,7 +13,7 @@ use sunstone::transport::scene::Integrator;
 const SIZE: usize = 16;
 const SPP: u32 = 512;
 
-/// A slice with all projector pixels s' separate, which only random paths fill.
+/// A slice with all projector pixels s' separate, for which only random paths give values.
 const ALL: &str = r#"
 [[slices]]
 name = "matrices"
@@ -44,8 +44,8 @@ polarization = "mueller"
 bounces = true
 "#;
 
-/// A band about the epipolar line of each camera pixel: by random paths where it is resolved, and with
-/// additional paths.
+/// A band about the epipolar line of each camera pixel: with s' resolved, by random paths, and with s'
+/// summed, by additional paths.
 const ALONG: &str = r#"
 [[slices]]
 name = "along"
@@ -59,7 +59,7 @@ projector = { epipolar = { half_width_px = 0.5 } }
 bounces = true
 "#;
 
-/// Projector pixels per row for which a band is a small fraction.
+/// Projector pixels per row for which a band is a small fraction of the projector.
 const WIDE: u32 = 256;
 
 fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
@@ -86,30 +86,30 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
 /// Indices along some axes.
 type Index = Vec<(AxisKind, usize)>;
 
-/// Returns the s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own
-/// axes.
+/// Returns the s' that a slice keeps for camera pixel (x, y): column, row, and the index along the slice's
+/// own axes.
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
         "block" => (0..4).map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)])).collect(),
-        // Resolved axes are summed beforehand.
+        // Axes that are resolved have been summed before.
         "band" => vec![([0, 0], vec![])],
         _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
     }
 }
 
-/// Largest relative error of an intensity from random paths: with fewer hits, errors are unreliable.
+/// Largest relative standard error of an intensity from random paths. With fewer hits, errors are unreliable.
 const KNOWN: f64 = 0.15;
 
-/// Smallest error of an element, relative to that of the intensity.
+/// Smallest standard error of an element, relative to that of the intensity.
 const LEAST_ERROR: f64 = 0.1;
 
 /// Minimum number of compared elements.
 const LEAST: u32 = 6;
 
 /// Compares the sums over the image of each element, without direct light if it is separate. Returns the
-/// largest difference in errors if the second is `factor` times as large, and the mean ratio of variances of
-/// the intensity.
+/// largest difference, in standard errors, if the second render is multiplied by `factor`, and the mean ratio
+/// of the variances of the intensity.
 fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f64; 2] {
     let rest: Vec<AxisKind> = [T, Bounces, StokesOut, StokesIn, Wavelength].into();
     let lengths: Vec<usize> = rest.iter().map(|k| few[0].extent(*k)).collect();
@@ -137,7 +137,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
                 }
             }
         }
-        // A matrix counts if its intensities, which come first, are known at all wavelengths.
+        // A matrix is compared if its intensities, which come first, are reliable at all wavelengths.
         let first = index.iter().all(|(kind, i)| !matches!(kind, StokesOut | StokesIn) || *i == 0);
         let matrix = number / (lengths[2] * lengths[3] * lengths[4]);
         if first {
@@ -148,7 +148,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
             continue;
         }
         elements += 1;
-        // Elements that almost no path affects have no random error.
+        // Elements to which almost no path contributes have no random error.
         let wavelength = number % lengths[4];
         let mut error = (squares[0] + squares[1]).sqrt();
         if first {
@@ -165,7 +165,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
     [worst, ratio / count]
 }
 
-/// Compares both methods with 512 samples of each of 256 pixels. Negative control: paths that count twice.
+/// Compares both methods with 512 samples of each of 256 pixels. The negative control counts paths twice.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn drawn_projector_pixels_agree_with_the_full_slice() {
@@ -201,7 +201,7 @@ fn drawn_bands_agree_with_the_full_slice() {
     assert!(ratio > 1.2, "variances fall by {ratio} alone");
 }
 
-/// Tests that few s' do not change other slices of the render.
+/// Tests that a slice with few s' does not change other slices of the render.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_slices_keep_their_bits() {

@@ -54,8 +54,8 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Tests Malus's law: two sheets transmit ½cos² of the angle between them, polarized along the one near the
-/// camera.
+/// Tests Malus's law: two sheets transmit ½cos² of the angle between them, and the light is polarized along
+/// the sheet near the camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
@@ -67,8 +67,8 @@ fn malus_by_two_sheets() {
     }
 }
 
-/// Tests transmittance T and extinction ε: crossed sheets transmit T²ε of unpolarized light, and one alone
-/// T(1 + ε)/2.
+/// Tests transmittance T and extinction ε: crossed sheets transmit T²ε of unpolarized light, and a single
+/// sheet transmits T(1 + ε)/2.
 #[test]
 fn a_polarizer_leaks() {
     let leaky = "transmittance = 0.8, extinction = 0.01 }\n";
@@ -79,8 +79,8 @@ fn a_polarizer_leaks() {
     stokes(both, [0.0064, 0.0, 0.0, 0.0], "crossed");
 }
 
-/// A quarter-wave sheet at 45° over a polarizer at 0° makes right circular light, at -45° left; a half-wave
-/// sheet mirrors the plane of polarization; seen from behind, angles denote the same lines in space.
+/// Tests that a quarter-wave sheet at 45° over a polarizer at 0° produces right circular light, at -45° left.
+/// A half-wave sheet mirrors the plane of polarization. From behind, angles denote the same lines in space.
 #[test]
 fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";
@@ -97,7 +97,7 @@ fn retarders_have_the_pinned_signs() {
     let half = format!("{polarizer}q.retarder = {{ retardance_deg = 180, angle_deg = 30 }}\n");
     let (s, c) = 120_f64.to_radians().sin_cos();
     stokes(column(&half, &over), [0.5, 0.5 * c, 0.5 * s, 0.0], "half wave");
-    // Turned over about its u axis, the line at +45° is at -45° for the camera; a world axis stays.
+    // Rotated by 180° about its u axis, the sheet has its line at -45° for the camera; a world axis stays.
     let behind = sheet(DVec3::Z * 1.3, DVec3::X, -DVec3::Y, "q") + &level(1.0, "p");
     stokes(column(&quarter("angle_deg = 45"), &behind), [0.5, 0.0, 0.0, -0.5], "behind");
     stokes(column(&world, &behind), [0.5, 0.0, 0.0, 0.5], "world axis behind");
@@ -117,7 +117,7 @@ pub fn retarder(delta: f64) -> M {
     M::new(1., 0., 0., 0., 0., 1., 0., 0., 0., 0., c, s, 0., 0., -s, c)
 }
 
-/// Tests all 16 elements of tilted sheets in front of rough gold: a polarizer, a retarder, both faces.
+/// Tests all 16 elements of tilted sheets in front of rough gold: polarizer and retarder, from both sides.
 #[test]
 fn tilted_sheets_in_front_of_metal() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.3, -0.5, 1.9));
@@ -181,7 +181,7 @@ fn a_coated_mirror_in_front_of_metal() {
         + &sheet(DVec3::ZERO, DVec3::X, DVec3::Y, "m")
         + &sheet(target, u, v, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    // The ratio of the tangential fields, layer by layer, is proportional to: q for s, q/n² for p.
+    // The ratio of the tangential fields, layer by layer, is proportional to q for s and to q/n² for p.
     let sin2 = Complex::new(0.75, 0.0);
     let root = |n: Complex<f64>| (n * n - sin2).sqrt();
     let film = Complex::new(n_film, 0.0);
@@ -224,9 +224,9 @@ fn direction(stream: &mut Stream) -> Vec3A {
     DVec3::new(s * phi.cos(), s * phi.sin(), z).as_vec3a()
 }
 
-/// For any direction, sheet and wavelength: straight transmission, realizable, no more light than incident,
-/// and with Δ = diag(1, 1, -1, 1) the matrix of the reversed ray is Δ Mᵀ Δ (the sign of s2 changes with the
-/// direction of view).
+/// Tests, for any direction, sheet and wavelength, that light passes straight, that the matrix is realizable
+/// and transmits at most the incident light, and that with Δ = diag(1, 1, -1, 1) the matrix of the reversed
+/// ray is Δ Mᵀ Δ (the sign of s2 changes with the direction of view).
 #[test]
 fn sheets_are_realizable_and_reciprocal() {
     let set = materials(
@@ -278,8 +278,8 @@ fn sheets_are_realizable_and_reciprocal() {
     assert!(strongest > 0.1, "no case in which the sign flip matters");
 }
 
-/// A tilted wave plate against the exact phases of the two plane waves in a uniaxial plate of tiny
-/// birefringence (both obey Snell with their own normal component of the wave vector).
+/// Tests a tilted wave plate against the exact phases of the two plane waves in a uniaxial plate of tiny
+/// birefringence (both obey Snell's law with their own normal component of the wave vector).
 #[test]
 fn a_tilted_plate_has_the_exact_retardance() {
     let (n_o, n_e) = (1.55 - 5e-5, 1.55 + 5e-5);
@@ -401,9 +401,9 @@ fn named_constants_equal_their_values() {
     assert!((mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3, "SiO absorbs in the blue");
 }
 
-/// Tests that a surface that is partly a sheet is as bright as its other part alone times its
-/// fraction: lit by a point, by the projector and by an emitting disk, in both integrators, with
-/// and without the tracking of media that a null material requires.
+/// Tests that a surface that is partly a sheet is as bright as its other part alone times this part's
+/// fraction: lit by a point, by the projector and by an emitting disk, with both integrators, with and
+/// without the tracking of media that a null material requires.
 #[test]
 fn partial_sheets_are_as_bright_as_their_other_part() {
     let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\

@@ -41,8 +41,8 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     })
 }
 
-/// Renders with both integrators. Totals may differ by 5 errors and by the fraction `most`; pixels may differ
-/// by 5 errors, and those with known errors by z² of `spread` together.
+/// Renders with both integrators. Totals may differ by 5 standard errors and by the fraction `most`. Pixels
+/// may differ by 5 standard errors; the z² of pixels with reliable errors may have the mean `spread`.
 fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
     let factor = samples_factor();
     let [[a, e], [b, f]] = [
@@ -94,8 +94,8 @@ fn fruits() {
     compare("fruits/scene.toml", [256, 64], 0.5, 1.5);
 }
 
-/// Light that leaves rough stone toward the projector's pinhole is found by few bidirectional samples, and
-/// errors are too small until such samples occur. (Camera paths connect to it:
+/// Tests light that leaves rough stone toward the projector's pinhole. Few bidirectional samples contribute,
+/// and errors are too small until such samples occur. (Camera paths connect to the pinhole:
 /// `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
 #[test]
 fn statue() {

@@ -65,7 +65,7 @@ fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samp
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
 
-/// The same with an object over the slab, through which connections are made.
+/// Does the same with an object over the slab, through which connections are made.
 fn both_under(
     over: &str,
     phase: &str,
@@ -115,12 +115,12 @@ fn both_under(
     [mean, error, after * want * before]
 }
 
-/// The effect of approximations in the scene (the slab's sides, nearly parallel light) is below 2·10⁻⁴.
+/// Compares views of a slab with doubling. Approximations in the scene change results by less than 2·10⁻⁴.
 fn check(what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     check_to(0.04, what, phase, slab, albedo, views, spp);
 }
 
-/// The same with a given limit of errors.
+/// Does the same with a given limit `most` of the relative error.
 fn check_to(most: f64, what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     let (mut gain, mut weights) = (0.0, 0.0);
     for (seed, view) in views.iter().enumerate() {
@@ -186,9 +186,9 @@ fn mie_slabs_match_doubling() {
     }
 }
 
-/// Lossless Rayleigh slabs from thin to thick, including Coulson's case (0.5, a sun at cosine 0.2;
-/// [`crate::published_slabs`] compares doubling with his table). The variable `SAMPLES` multiplies the
-/// samples.
+/// Tests lossless Rayleigh slabs from thin to thick, including Coulson's case (τ = 0.5, a sun at cosine 0.2;
+/// [`crate::published_slabs`] compares doubling with Coulson's table). The variable `SAMPLES` multiplies the
+/// numbers of samples.
 #[test]
 fn rayleigh_slabs_of_all_depths() {
     let factor = samples_factor();
@@ -204,11 +204,11 @@ fn rayleigh_slabs_of_all_depths() {
     }
 }
 
-/// Lossless slabs of spheres, thin and thick, under light along the normal, with small spheres (asymmetry
-/// 0.82) and large ones, seen from both sides at several angles: all 16 elements. Doubling is the reference;
-/// [`crate::published_slabs`] compares it with Ramella-Roman's table of spheres, and here it must lose no
-/// light. Negative control: light scattered by the other spheres. The variable `SAMPLES` multiplies the
-/// samples.
+/// Tests lossless slabs of spheres, thin and thick, under light along the normal, with small spheres
+/// (asymmetry 0.82) and large ones, seen from both sides at several angles: all 16 elements. Doubling is the
+/// reference; [`crate::published_slabs`] compares it with Ramella-Roman's table of spheres, and here doubling
+/// must lose no light. The negative control is light scattered by the other spheres. The variable `SAMPLES`
+/// multiplies the numbers of samples.
 #[test]
 fn mie_slabs_to_depth_8() {
     mie_slabs(&[
@@ -218,8 +218,8 @@ fn mie_slabs_to_depth_8() {
     ]);
 }
 
-/// If subpaths were biased toward the light all the way, the result would be 14 % too dark at 9000 samples,
-/// because the tails of the distribution are not sampled.
+/// Tests that subpaths are not biased toward the light all the way. Otherwise, the result would be 14 % too
+/// dark at 9000 samples, because the tails of the distribution would not be sampled.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_of_depth_32() {
@@ -248,7 +248,7 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
             let what = format!("depth {tau}, spheres of {nm} nm");
             check_to(0.1, &what, &phase(Some(*nm)), slab, 1.0, &views, factor * spp);
         }
-        // The sizes are distinguished.
+        // The two sizes of spheres give distinguishable results.
         let [got, sigma, want] =
             both(&phase(Some(sizes[0].0)), &slabs[1], 1.0, views[0], [0.4, -0.7], [factor * spp, 60]);
         let off = M::from_fn(|i, j| (got[(i, j)] - want[(i, j)]) / sigma[(i, j)]).abs().max();
@@ -273,8 +273,8 @@ fn pane(mu: f64) -> [M; 2] {
     [matrix(all(once, once)), matrix(all([0.0; 3], [1.0; 3]))]
 }
 
-/// A Rayleigh slab under a pane, through which light enters, leaves and is reflected: adding and doubling
-/// against manifold connections through the pane and bidirectional paths.
+/// Tests a Rayleigh slab under a pane, through which light enters, leaves and is reflected: adding and
+/// doubling against manifold connections through the pane and bidirectional paths.
 #[test]
 fn slabs_under_glass_match_adding() {
     let over = format!(
@@ -283,7 +283,7 @@ fn slabs_under_glass_match_adding() {
     let bare = Slab::new(&rayleigh, [1.0, 1.0], 16, &[0.8, 0.9, 0.6], &[0, 1, 2], 16);
     let slab = bare.under(pane);
     let [own, through] = pane(0.6);
-    // Nothing is lost, and a quarter to a tenth of the upward light returns.
+    // No light is lost, and the pane returns a quarter to a tenth of the upward light.
     assert!((own[(0, 0)] + through[(0, 0)] - 1.0).abs() < 1e-12);
     let factor = samples_factor();
     for (seed, out) in [[0.9, 70.0], [0.6, -150.0]].into_iter().enumerate() {

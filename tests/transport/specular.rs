@@ -13,8 +13,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const SILVER: Complex<f64> = Complex::new(0.06, 3.6);
 const ALPHA: f64 = 0.4;
 
-/// Renders camera → mirrors at `points` → rough gold at the last point ← projector, and compares with the
-/// product of matrices and with the path length.
+/// Renders camera → mirrors at `points` → rough gold at the last point ← projector. Compares the result with
+/// the product of matrices and with the path length.
 fn check_chain(points: &[DVec3], tilt: DVec3, what: &str) {
     let camera = Device::ray(points[0].to_array(), points[1]).rolled(0.7);
     let last = points.len() - 2;
@@ -81,8 +81,8 @@ fn mirrors_with_turned_planes_of_incidence() {
     check_chain(&three, p(0.0, 0.07, 0.05), "three mirrors");
 }
 
-/// Two dielectric plates at Brewster's angle in series, the second rotated by φ about the ray between them,
-/// in front of a diffuse screen: light at the camera is linearly polarized and follows cos²φ.
+/// Tests two dielectric plates at Brewster's angle in series, the second rotated by φ about the ray between
+/// them, in front of a diffuse screen: light at the camera is linearly polarized and proportional to cos²φ.
 #[test]
 fn malus_by_two_brewster_reflections() {
     const N: f64 = 3.0;
@@ -115,8 +115,8 @@ fn malus_by_two_brewster_reflections() {
             + &plate(p2, p(0.0, 0.0, -1.0) - toward, 0.02, "glass")
             + &plate(p3, facing, 0.02, "white")
             + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-        // Each sample is a replicate, because the spread over samples gives the number of those that found
-        // light.
+        // Each sample is a separate replicate. The spread over samples then gives the number of samples that
+        // hit light.
         let text = text.replacen("[render]", &format!("[render]\nreplicates = {SPP}"), 1);
         let r = render_text(&text);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
@@ -126,8 +126,8 @@ fn malus_by_two_brewster_reflections() {
         let full = reflectance * reflectance / 2.0;
         let axis = turn(d_out, s1, project(camera.right, d_out));
         let shape = axis * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0);
-        // A sample that hits both reflections always has the same value; any other is zero. Mean and standard
-        // error give that value and its frequency.
+        // A sample that hits both reflections always has the same value; any other sample is zero. The mean
+        // and the standard error give this value and its frequency.
         let mean = got[(0, 0)];
         if malus < 1e-9 {
             assert!(mean < 1e-9, "crossed plates pass {mean}");

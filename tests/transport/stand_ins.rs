@@ -1,4 +1,4 @@
-//! Tests the 25 built-in substitutes for measured materials: realizable Mueller matrices and energy
+//! Tests the 25 built-in stand-ins for measured materials: realizable Mueller matrices and energy
 //! conservation.
 
 use crate::optics::surface_at;
@@ -38,7 +38,7 @@ fn direction(theta_deg: f32, phi_deg: f32) -> Vec3A {
     Vec3A::new(s * cp, s * sp, c)
 }
 
-/// Cloude's test on 12 × 12 × 24 directions of each material: no eigenvalue below -1e-5 of M00.
+/// Tests realizability by Cloude's criterion on 12 × 12 × 24 directions: no eigenvalue below -1e-5 times M00.
 #[test]
 fn stand_ins_are_realizable() {
     let set = stand_ins();
@@ -61,7 +61,7 @@ fn stand_ins_are_realizable() {
     }
 }
 
-/// Directional albedo by sampling, 4000 samples per direction: at most 1, within 5 standard errors.
+/// Tests the directional albedo by sampling, 4000 samples per direction: at most 1, within 5 standard errors.
 #[test]
 fn stand_ins_create_no_light() {
     let set = stand_ins();

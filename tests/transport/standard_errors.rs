@@ -1,4 +1,4 @@
-//! Tests standard errors: over many seeds, deviations from the mean over seeds agree with the errors.
+//! Tests standard errors: over many seeds, deviations from the mean over seeds agree with the stated errors.
 
 use crate::bidirectional::{FOG, WALLS};
 use crate::optics::head;
@@ -30,11 +30,11 @@ name = "epipolar"
 projector = { nonepipolar = { half_width_px = 0.5 } }
 "#;
 
-/// z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) because the mean over seeds
-/// includes the seed itself. An element has enough hits if its standard error varies little from seed to seed
-/// (by less than 15 %: for n samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n). A handful
-/// of bright hits are not Gaussian. The selection does not depend on deviations, so it cannot favour small
-/// ones.
+/// Computes z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) because the mean over
+/// seeds includes the seed itself. An element has enough hits if its standard error varies by less than 15 %
+/// from seed to seed: for n samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n. The
+/// distribution of a few bright hits is not Gaussian. The selection does not depend on deviations, so it
+/// cannot favour small ones.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_between_seeds_are_as_stated() {
@@ -66,7 +66,7 @@ fn deviations_of_drawn_s_primes_are_as_stated() {
     honest("drawn s'", &mut scene, 1.0);
 }
 
-/// Most of these elements are hit at random: the number of excluded ones is irrelevant.
+/// Most elements of this slice are hit at random, so the number of excluded elements is irrelevant.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     scene.change_settings(|s| s.replicates = replicates);
@@ -74,7 +74,7 @@ fn room(integrator: Integrator, replicates: u32) {
     honest(&format!("mirror room, {integrator:?}, {replicates}"), &mut scene, 1.0);
 }
 
-/// If all elements have light, as here, almost none may be excluded.
+/// If all elements receive light, as here, almost no element may be excluded.
 const LEFT_OUT: f64 = 0.01;
 
 /// Returns the scene-file text of the camera and projector in front of a box of 2 m, and slices that resolve
@@ -128,8 +128,8 @@ fn deviations_of_slabs_are_as_stated() {
     honest("slab", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Manifold connections through glass and over a mirror, weighted against subpaths. (Only intensities: few
-/// paths contribute to polarization by a mirror, so that short renders cannot estimate its error.)
+/// Tests manifold connections through glass and over a mirror, weighted against subpaths. (Intensities only:
+/// few paths contribute to polarization by a mirror, so short renders cannot estimate its error.)
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_manifolds_are_as_stated() {
@@ -143,7 +143,7 @@ fn deviations_of_manifolds_are_as_stated() {
     honest("manifold", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// At most a fraction `left_out` of the elements with light has too few hits.
+/// At most a fraction `left_out` of the lit elements may have too few hits.
 fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];

@@ -1,5 +1,5 @@
-//! Tests disabled strategies: light that several strategies find stays the same, with less noise if
-//! all are enabled.
+//! Tests disabled sampling strategies: light that several strategies sample stays the same, and is less noisy
+//! if all strategies are enabled.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -33,15 +33,15 @@ fn stone(spp: u32, seed: u64, ior: &str, medium: &str) -> String {
            [[emitters]]\npoint = { position = [0.5, 0.9, 2.5], intensity = [0.8, 0.6, 0.4] }\n"
 }
 
-/// Returns the squared error of the light in a slice, over the squared light.
+/// Returns the squared standard error of the light in a slice, divided by the squared light.
 fn noise(r: &Rendered) -> f64 {
     let (mean, error) = (r.mean("m"), r.std_error("m"));
     let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     sum(&error.data) / sum(&mean.data)
 }
 
-/// Returns the largest difference of two renders' light in errors: of all light, and of light of one to four
-/// bounces.
+/// Returns the largest difference of two renders' light in standard errors: of all light, and of the light of
+/// one to four bounces.
 fn apart(a: &Rendered, b: &Rendered) -> f64 {
     let [a, b] = [a, b].map(|r| {
         let (mean, error) = (r.mean("m"), r.std_error("m"));
@@ -64,8 +64,8 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
     deviations.fold(0.0, f64::max)
 }
 
-/// Returns the largest deviation, in errors, of elements that both renders know to a twentieth, and
-/// their number. Errors of other elements, which come from few random samples, are unreliable.
+/// Returns the largest deviation, in standard errors, of elements with errors below 1/20 in both renders, and
+/// their number. Errors of other elements, which have few random samples, are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {
@@ -81,10 +81,10 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     (most, count)
 }
 
-/// Light that leaves a stone through its rough surface: next-event estimation through the surface and random
-/// paths agree in every element, number of bounces, projector pixel and time bin. Their light equals that of
-/// bidirectional paths, and differs if the medium absorbs 50 % more. With the same samples, next-event
-/// estimation has at most a tenth of the variance.
+/// Tests light that leaves a stone through its rough surface: next-event estimation through the surface and
+/// random paths agree in every element, number of bounces, projector pixel and time bin. Their light equals
+/// that of bidirectional paths, and differs if the medium absorbs 50 % more. For equal numbers of samples,
+/// next-event estimation has at most a tenth of the variance.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn strategies_agree_on_light_that_leaves_rough_stones() {
@@ -110,8 +110,8 @@ fn strategies_agree_on_light_that_leaves_rough_stones() {
     }
 }
 
-/// Tests bidirectional paths without one strategy whose paths other strategies also find: weights still sum
-/// to one.
+/// Tests bidirectional paths without one strategy whose paths other strategies also sample: the weights still
+/// sum to one.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_strategies_replace_a_missing_one() {

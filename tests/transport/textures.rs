@@ -4,7 +4,7 @@
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
 
-/// Returns a 4 × 4 picture with no symmetry.
+/// Returns a 4 × 4 image without symmetry.
 fn picture() -> image::RgbImage {
     image::RgbImage::from_fn(4, 4, |x, y| {
         let v = |k: u32| ((x * 61 + y * 97 + k * 53 + x * y * 29) % 256) as u8;
@@ -19,7 +19,7 @@ fn linear(c: u8) -> f64 {
 
 /// Tests that a plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with
 /// texels, so a pixel is the mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis,
-/// also across the border. 20,000 samples per pixel, 5 standard errors (plus 1e-5 for f32).
+/// also across the border. The test uses 20,000 samples per pixel and 5 standard errors (plus 1e-5 for f32).
 #[test]
 fn a_textured_plane_shows_its_picture() {
     let dir = tempfile::tempdir().unwrap();

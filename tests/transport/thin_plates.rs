@@ -1,6 +1,6 @@
-//! Tests that thin plates of glass, and rough glass, polarize light, which users of other programs
-//! lack (Mitsuba 3's issue 1512, "why does the dielectric material display polarization
-//! information, while roughdielectric and thindielectric do not?").
+//! Tests that thin plates of glass, and rough glass, polarize light, which users of other programs asked
+//! for (Mitsuba 3's issue 1512, "why does the dielectric material display polarization information,
+//! while roughdielectric and thindielectric do not?").
 
 use crate::optics::{
     Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at, turn,
@@ -18,7 +18,7 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// Returns a Mueller matrix from amplitudes of s and p, times a factor of power.
+/// Returns a Mueller matrix from the amplitudes of s and p, times a power factor.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {
     let (a, b, c) = ((s * s + p * p) / 2.0, (s * s - p * p) / 2.0, s * p);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c) * factor
@@ -55,7 +55,7 @@ fn surface() -> Surface {
     surface_at(n, Vec3A::new(0.9, 0.2, -0.1), [0.0; 2])
 }
 
-/// Directions at all incidences, from both sides.
+/// Returns directions at all angles of incidence, from both sides.
 fn directions(n: Vec3A) -> impl Iterator<Item = (f64, Vec3A)> {
     let (x, y) = (perpendicular(n), n.cross(perpendicular(n)));
     (0..178).map(move |i| {
@@ -71,8 +71,8 @@ fn f64s(m: [[f32; 4]; 4]) -> M {
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Tests that the closed forms equal the sums over all orders, for any incidence, index and
-/// wavelength. Their sum conserves light, and they are realizable and reciprocal.
+/// Tests that the closed forms equal the sums over all orders, for any incidence, index and wavelength. The
+/// reflected and the transmitted power sum to 1, and the matrices are realizable and reciprocal.
 #[test]
 fn plates_are_the_sum_of_their_orders() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -99,7 +99,7 @@ fn plates_are_the_sum_of_their_orders() {
             let all = got[0] + got[1];
             assert!((all[(0, 0)] - 1.0).abs() < 1e-5 && all[(0, 1)].abs() < 1e-5, "{all}");
             polarized = polarized.max((got[0][(0, 1)] / got[0][(0, 0)]).abs());
-            // Backwards: the same between swapped directions, in frames that both see from their own side.
+            // The reverse: between exchanged directions, in frames of the light that travels backward.
             let back = lobe(r.wi, Lobe::Reflected);
             let x = [perpendicular(wo), perpendicular(r.wi)];
             let forth = f64s(r.scatter.between(wo, x[0], r.wi, x[1]).lane(lane));
@@ -113,7 +113,7 @@ fn plates_are_the_sum_of_their_orders() {
     assert!(polarized > 0.999, "at Brewster's angle all is s: {polarized}");
 }
 
-/// Under glass in water the plate is a film of air, which reflects all light beyond the critical angle.
+/// Tests that under glass in water the plate is a film of air, totally reflecting beyond the critical angle.
 #[test]
 fn a_gap_reflects_totally() {
     let set = materials("gap.thin_dielectric = { ior = 1, exterior_ior = 1.5 }\n");
@@ -131,7 +131,7 @@ fn a_gap_reflects_totally() {
     }
 }
 
-/// Tests that lobes are sampled in proportion to their power, with compensating weights; all
+/// Tests that lobes are sampled in proportion to their power, with compensating weights, and that all
 /// wavelengths continue together.
 #[test]
 fn lobes_are_sampled_by_their_power() {
@@ -163,7 +163,7 @@ fn lobes_are_sampled_by_their_power() {
     assert!(off < 5.0 * (n * p * (1.0 - p)).sqrt(), "{taken:?}, p = {p}");
 }
 
-/// Tests a window pane in front of the camera, and another in front of the projector: each acts
+/// Tests a window pane in front of the camera, and another pane in front of the projector: each pane acts
 /// once, as in the closed form.
 #[test]
 fn panes_in_front_of_both_devices_act_once() {
@@ -184,7 +184,7 @@ fn panes_in_front_of_both_devices_act_once() {
     let out = turn(d, s_out, project(camera.right, d)) * orders(d.dot(tilts[0]).abs(), 1.7)[1];
     let into = orders(d_in.dot(tilts[1]).abs(), 1.7)[1] * turn(d_in, project(lamp.right, d_in), s_in);
     let lambert = lamp.project(target).1 * -d_in.z / PI;
-    // The wall depolarizes between them.
+    // The wall depolarizes the light between the panes.
     let want = out.column(0) * into.row(0) * lambert;
     let r = render_text(&text);
     let at = [(AxisKind::Bounces, 3)];

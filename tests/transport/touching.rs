@@ -44,10 +44,10 @@ fn fresnel(cos: f64, n: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Tests a wide glass block on a table under uniform illumination 1: a diffuse base below an
-/// interface shows (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with r and r' = 1 -
-/// (1 - r)/n² the interface's hemispherical reflectances from outside and inside. The light in the
-/// glass hits the table however the heights are rounded.
+/// Tests a wide glass block on a table under uniform illumination 1. A diffuse base below an interface shows
+/// (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with the interface's hemispherical reflectances
+/// r from outside and r' = 1 - (1 - r)/n² from inside. The light in the glass hits the table for any rounding
+/// of the heights.
 #[test]
 fn glass_on_a_table_is_in_contact_with_it() {
     let (n, albedo) = (1.5, 0.5);
@@ -75,7 +75,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// Tests a boundary that does not refract and can be shifted: the table appears as without the boundary.
+/// Tests a boundary that does not refract and can be shifted: the table looks as without the boundary.
 #[test]
 fn a_boundary_that_does_not_refract_is_shifted() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));
@@ -83,7 +83,7 @@ fn a_boundary_that_does_not_refract_is_shifted() {
     assert!(notes.len() == 1 && notes[0].contains("away from the other object"), "{notes:?}");
 }
 
-/// Glass on glass with air between them differs from a single piece of glass: the scene is refused, or
+/// Tests glass on glass. With air between, it differs from a single piece of glass: the scene is refused, or
 /// rendered with a note.
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {

@@ -1,4 +1,4 @@
-//! Features that users of other programs requested in public and did not get; each works here. Two more have
+//! Tests features that users of other programs requested in public and did not get. Two more features have
 //! separate files: [`crate::projector_sheets`] and [`crate::thin_plates`].
 
 use crate::optics::{Device, GOLD_KEYS, assert_close, ggx_factor, head, mirror, mueller, plate, project};
@@ -24,9 +24,9 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the
-/// origin, with camera and projector 50 m away and 9° to either side, was black under the projector
-/// if its material was a measured table. Here it equals the metal that the table was made from.
+/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a sphere at the origin, with
+/// camera and projector 50 m away and 9° to either side, was black under the projector if its material was a
+/// measured table. Tests that the sphere equals one of the metal from which the table was made.
 #[test]
 fn measured_materials_under_a_projector() {
     let folder = folder();
@@ -64,11 +64,11 @@ fn measured_materials_under_a_projector() {
     assert!(lit > 80, "{lit} pixels");
 }
 
-/// Variable with the folder of the scene that a child process of this program renders.
+/// Environment variable with the folder of the scene that a child process of this test program renders.
 #[cfg(target_os = "linux")]
 const REPORTED: &str = "SUNSTONE_TEST_RENDER";
 
-/// Not a test: the code of the process that [`in_little_memory`] starts.
+/// Runs the code of the child process that [`in_little_memory`] starts. This is not a test.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "renders what another process tells it to"]
@@ -125,18 +125,18 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     }
 }
 
-/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory": one wall of a box. A render uses far
-/// less memory than the table's size, because it maps the file; here a table of 80 MB in a process with 32
-/// MB.
+/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a box.
+/// Tests that a render uses far less memory than the table's size, because the render maps the file: a table
+/// of 80 MB in a process with 32 MB.
 #[cfg(target_os = "linux")]
 #[test]
 fn measured_tables_need_little_memory() {
     in_little_memory([91, 53, 53], 32 << 10, 80_000_000);
 }
 
-/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)": Stokes vectors and Mueller
-/// matrices of chosen wavelengths instead of RGB. Optical constants at four wavelengths: each lane follows
-/// its own closed form, and a render of a single wavelength is the same.
+/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)". Tests Stokes vectors and
+/// Mueller matrices of chosen wavelengths instead of RGB, for optical constants at four wavelengths: each
+/// lane has its own closed form, and a render of a single wavelength gives the same values.
 #[test]
 fn every_wavelength_has_its_own_matrix() {
     let metals: [(f64, Complex<f64>); 4] = [
@@ -218,9 +218,9 @@ fn menagerie(seed: u32) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 3's issue 1650, "min(S0) < 0": no light state, polarized or not, gives negative light, in any
-/// pixel, time bin, part of the projector or wavelength. The minimum of M00 + M01 s1 + M02 s2 + M03 s3 over
-/// all states is M00 - |(M01, M02, M03)|. One sample per pixel, so that nothing averages out.
+/// Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives negative
+/// light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2 + M03 s3
+/// over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
 #[test]
 fn no_light_is_negative() {
     let (mut lit, mut full) = (0, 0);
@@ -245,7 +245,7 @@ fn no_light_is_negative() {
     assert!(lit > 20_000 && full > 200, "{lit} lit, {full} of them fully polarizing");
 }
 
-/// Returns a wall with a raised plate in front of it, direct and indirect light separate.
+/// Returns a wall with a raised plate in front of it. Slices separate direct and indirect light.
 fn relief(camera: &Device, lamp: &Device) -> Rendered {
     let text = head(32, 3, 2)
         + &camera.keys("camera")
@@ -262,8 +262,8 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
 }
 
 /// Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
-/// camera": for every camera pixel, the projector pixel that its light started from. `moment` over `sum` is
-/// that pixel, for comparison with a decoded structured-light scan; here it is compared with the geometry.
+/// camera". Tests that `moment` over `sum` is, for every camera pixel, the projector pixel from which the
+/// light started, as computed from the geometry. (Users compare it with a decoded structured-light scan.)
 #[test]
 fn moments_give_the_projector_pixel_of_each_camera_pixel() {
     let camera = Device::look_at([0.2, 0.1, 1.5], DVec3::ZERO, [40, 30], 60.0);
@@ -308,7 +308,7 @@ fn moments_give_the_projector_pixel_of_each_camera_pixel() {
     assert!(single > 200 && shadowed > 20, "{single} with one origin, {shadowed} in shadow");
 }
 
-/// Returns the distance along a ray to the nearest of the relief's three planes.
+/// Returns the distance along a ray to the nearest of the three planes of wall and plate.
 fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     let planes = [
         (DVec3::ZERO, DVec3::Z, 3.0),
@@ -326,7 +326,7 @@ fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     hits.fold(f64::INFINITY, f64::min)
 }
 
-/// Returns the projector pixel that illuminates the point a camera ray sees; `None` in shadow or
+/// Returns the projector pixel that illuminates the point that a camera ray hits. Returns `None` in shadow or
 /// outside the projector's image.
 fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     let dir = camera.direction(px, py);
@@ -339,7 +339,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// The same for a Stokes image: the slice also resolves the polarizations of camera and projector.
+/// Tests the same for a Stokes image: the slice also resolves the polarization of camera and projector.
 #[test]
 fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

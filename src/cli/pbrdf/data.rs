@@ -33,7 +33,7 @@ impl MaterialSource {
         self.load_mapped(Settings::default().c, samples)
     }
 
-    /// Does the same as [`MaterialSource::load`] with the mapping arctan(c M) of the matrices.
+    /// Does the same as [`MaterialSource::load`], but maps the matrices by arctan(c M).
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
         if let Some(folder) = &self.folder {

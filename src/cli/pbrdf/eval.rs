@@ -92,7 +92,7 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 fn shown(direction: Direction) -> Value {
-    // Adding 0 turns -0 into 0.
+    // Adding 0 converts -0 to 0.
     let [w, x] = [direction.vector(), direction.frame()].map(|v| v.map(|c| (c * 1e12).round() / 1e12 + 0.0));
     json!({
         "theta_deg": direction.theta_deg,

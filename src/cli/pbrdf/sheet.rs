@@ -66,7 +66,7 @@ fn nearest(nm: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(nm, wanted).unwrap_or(0)
 }
 
-/// Returns the name of a placeholder material; the alphabetical order of names is that of their numbers.
+/// Returns the name of placeholder material `id`. The alphabetical order of the names is the numerical order.
 fn place(id: u32) -> String {
     format!("m{id:06}")
 }

@@ -37,7 +37,7 @@ impl Live {
         self.last = Instant::now();
         let taken = f64::from(p.done - first);
         let rate = taken / self.begun.elapsed().as_secs_f64().max(1e-9);
-        // The remaining frames are assumed to take the mean time of the previous ones.
+        // Each remaining frame is assumed to take the mean time of the previous frames.
         let left = p.elapsed.as_secs_f64() / taken * f64::from(p.frames - p.done);
         let text = format!(
             "{rate:.1} frames/s, {} left, {} retries  {}",

@@ -1,4 +1,4 @@
-//! Applies a capture chain to observations: creates the rig of each seed, calibrates it, and
+//! Applies a capture chain to observations: creates the rig of each seed, calibrates the rig, and
 //! captures all slices of a variant.
 
 use apply::chain::error::ChainError;
@@ -42,7 +42,7 @@ pub enum ChainFailure {
 /// A configuration of the capture chain, with a table in the report.
 #[derive(Clone, Debug)]
 pub struct Link {
-    /// Name of the link in the report.
+    /// Name of the configuration in the report.
     pub label: String,
     /// The chain that captures slices.
     pub chain: Chain,
@@ -61,8 +61,8 @@ pub struct Rig {
     believed: Scheme,
 }
 
-/// Derives a distinct seed from numbers and a name by SplitMix64. The step is the odd number
-/// closest to 2⁶⁴ divided by the golden ratio.
+/// Mixes a seed, numbers and a name into a distinct seed with SplitMix64. The increment is the odd
+/// number closest to 2⁶⁴ divided by the golden ratio.
 fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
     let bytes = name.bytes().map(u64::from);
     numbers
@@ -73,14 +73,14 @@ fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
 }
 
 impl Link {
-    /// Returns a scheme with the true elements of a seed's rig and the given settings.
+    /// Returns the scheme `settings` with the true optical elements of a seed's rig.
     fn real(&self, settings: &Scheme, seed: u64) -> Scheme {
         let rig = mixed(self.chain.seed, &[seed], "rig");
         self.chain.laboratory.optics.of(settings, rig)
     }
 
-    /// Returns the rig of a seed, calibrated at the wavelengths `nm` (nanometres) if the link requires
-    /// calibration.
+    /// Returns the rig of a seed, calibrated at the wavelengths `nm` (nanometres) if the reconstruction
+    /// assumes calibrated elements.
     ///
     /// # Errors
     /// [`ChainFailure`] if the elements cannot be calibrated.
@@ -116,8 +116,8 @@ impl Link {
         Noise::Cmos { camera, demosaic: None }
     }
 
-    /// Returns an observation with captured slices: all of `slices`, or only the slice that the
-    /// link names. Ground truth is unchanged.
+    /// Returns an observation with captured slices: all of `slices`, or only the slice [`Self::only`].
+    /// Ground truth is unchanged.
     ///
     /// # Errors
     /// [`ChainFailure`] if a slice cannot be captured.
@@ -147,8 +147,8 @@ impl Link {
     }
 }
 
-/// Returns a laboratory's detectors with exposures that suit an observation's slices captured through a
-/// scheme.
+/// Returns a laboratory's detectors. Their exposures are chosen for an observation's slices, captured
+/// with a scheme.
 ///
 /// # Errors
 /// [`ChainFailure::Slice`] if a slice cannot be captured.
@@ -183,7 +183,7 @@ fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     names(a) == names(b)
 }
 
-/// Minimum standard deviation of a sample's readings, for rounding errors if there is no noise.
+/// Minimum standard deviation of a sample's readings. Accounts for rounding errors in captures without noise.
 const ROUNDING: f64 = 1e-6;
 
 /// Calibrates the elements from simulated captures of known samples, with the algorithm of

@@ -28,7 +28,7 @@ pub struct Point {
     pub baseline: bool,
 }
 
-/// Returns the points of a sweep or of few captures; for other links, an empty list.
+/// Returns the points of a sweep or of a comparison of capture counts; otherwise an empty list.
 pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -37,7 +37,7 @@ pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     }
 }
 
-/// Returns the points of a sweep: all methods through every link.
+/// Returns the points of a sweep: one for each method and each capture configuration.
 fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
     let mut out = vec![];
     for t in &report.through {
@@ -59,13 +59,13 @@ fn is_baseline(t: &Through, method: &str) -> bool {
     t.task.as_ref().is_none_or(|task| task.baselines.contains(&method))
 }
 
-/// Returns the results and the task of the link with all captures.
+/// Returns the results and the task of the configuration with all captures.
 fn whole(report: &Report) -> Option<(&Through, &Task)> {
     let found = report.through.iter().find(|t| t.place.series == WHOLE)?;
     Some((found, found.task.as_ref()?))
 }
 
-/// Returns the points of few captures: the first method through every link, and baselines with all captures.
+/// Returns the points of a comparison of capture counts. Baselines are evaluated with all captures only.
 fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -97,22 +97,22 @@ fn better(metric: Metric, difference: f64) -> f64 {
     if metric.more_is_better { difference } else { -difference }
 }
 
-/// Returns whether the difference `d` is a significant win of the first method.
+/// Returns whether the score difference `d` shows that the first method is significantly better.
 fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
 
-/// The range in which the first method beats a baseline.
+/// The range of parameter values or capture counts in which the first method beats a baseline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verdict {
     pub series: String,
     pub baseline: String,
-    /// Description of the range. For a sweep, it is the last value, from best to worst, at which the first
-    /// method wins, or all such values. For few captures, it is the smallest number of captures.
+    /// Description of the range. For a sweep, the last value (from best to worst) at which the first method
+    /// wins, or all such values. For a comparison of capture counts, the smallest count at which it wins.
     pub words: String,
 }
 
-/// Returns all verdicts of a sweep or of few captures, series by series.
+/// Returns all verdicts of a sweep or of a comparison of capture counts, series by series.
 pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -162,7 +162,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
             } else if wins == first {
                 format!("down to {}", part.shown(all[first - 1].0))
             } else {
-                // Wins are not always at the best values, because baselines degrade too.
+                // The first method may win only at worse values, because baselines degrade too.
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
@@ -172,8 +172,8 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
     out
 }
 
-/// Returns, for each baseline and each choice of captures, the smallest number of captures with
-/// which the first method wins. Baselines use all captures.
+/// Returns the smallest number of captures with which the first method wins, for each baseline and each
+/// way of choosing captures. Baselines use all captures.
 fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -231,7 +231,7 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
 /// Maximum number of labelled capture counts on an axis.
 const MOST_NAMED: usize = 12;
 
-/// Returns the labelled axis of a sweep or of few captures; for other links, an empty axis.
+/// Returns the labelled axis of a sweep or of a comparison of capture counts; otherwise an empty axis.
 pub fn axis(links: &Links) -> ChartAxis {
     let (label, log, named) = match links {
         Links::None | Links::Chain(_) => ("", false, vec![]),
@@ -242,7 +242,7 @@ pub fn axis(links: &Links) -> ChartAxis {
             (part.label(), log, named)
         }
         Links::Few(_, range) => {
-            // The axis has integers only; at most MOST_NAMED of them are labelled.
+            // The axis contains only integers, of which at most MOST_NAMED are labelled.
             let step = range.clone().count().div_ceil(MOST_NAMED).max(1);
             let whole = range.clone().step_by(step).map(|n| (n as f64, n.to_string()));
             ("captures", false, whole.collect())
@@ -251,8 +251,8 @@ pub fn axis(links: &Links) -> ChartAxis {
     ChartAxis { label: label.into(), log, named, ..ChartAxis::default() }
 }
 
-/// Returns points with the names of their curves. The name is the method for a sweep, and the
-/// choice of captures for few captures. A method with all captures becomes a horizontal line.
+/// Returns points with the names of their curves: the method for a sweep, or the way of choosing captures
+/// for a comparison of capture counts. A method with all captures becomes a horizontal line.
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
         return points.into_iter().map(|p| (p.method.clone(), p)).collect();
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Tests that a difference of two standard errors is not a win, and that a slightly larger difference is.
+    /// Tests that a difference of two standard errors is not a win, but that a slightly larger difference is.
     #[test]
     fn a_win_needs_more_than_two_standard_errors() {
         let mut all = vec![];
@@ -346,7 +346,7 @@ mod tests {
         };
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
         message(METRIC, Part::Photons, photons);
-        // For axes, small errors come first.
+        // The smallest axis error is the best.
         message(METRIC, Part::Axis, ["at 1000° alone", "always", "at 100° alone", "never"]);
         let less = Metric::new("m", "", false);
         message(less, Part::Photons, ["never", "never", "never", "always"]);

@@ -1,5 +1,5 @@
-//! Defines capture configurations for applications: a chain with each of its beliefs, a sweep of
-//! one parameter, or few captures.
+//! Defines capture configurations for applications: a chain with each of its beliefs (assumed element
+//! parameters), a sweep of one parameter, or a comparison of capture counts.
 
 use super::chain::{ChainFailure, Link, exposed, wavelengths};
 use apply::application::{Application, Score};
@@ -22,7 +22,7 @@ pub enum LinksError {
     /// The application's methods refuse their input.
     #[error(transparent)]
     Apply(#[from] ApplyError),
-    /// The application's methods refuse the slices that one link captured.
+    /// The application's methods refuse the slices that one configuration captured.
     #[error("captured, {label}: {cause}")]
     Captured { label: String, cause: ApplyError },
     #[error("stopped; run the same command again to resume")]
@@ -88,13 +88,13 @@ impl Part {
         let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
-            format!("unknown part `{name}`; use {known}")
+            format!("unknown parameter `{name}`; use one of: {known}")
         })?;
         let Some(values) = values else {
             return Ok((part, part.values().to_vec()));
         };
         if part == Self::Calibration {
-            return Err(format!("part `{name}` takes no values; remove the values"));
+            return Err(format!("parameter `{name}` takes no values; remove the values"));
         }
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();
@@ -104,7 +104,7 @@ impl Part {
         };
         let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
         if values.len() > MOST_VALUES {
-            return Err(format!("{} values for `{name}`; use at most {MOST_VALUES}", values.len()));
+            return Err(format!("parameter `{name}` has {} values; use at most {MOST_VALUES}", values.len()));
         }
         if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
             return Err(format!("`{name}` lists {v} twice; list each value once"));
@@ -140,8 +140,8 @@ impl Part {
         }
     }
 
-    /// Returns a copy of a chain with this value of the parameter. Returns `None` if the chain
-    /// reads its elements from a file, because such elements have no tolerances.
+    /// Returns a copy of a chain with this value of the parameter. Returns `None` for a tolerance if the
+    /// chain reads its elements from a file, because such elements have no tolerances.
     pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
         let mut out = chain.clone();
         let Laboratory { optics, exposure, .. } = &mut out.laboratory;
@@ -163,10 +163,10 @@ impl Part {
 /// Maximum number of values in a sweep.
 const MOST_VALUES: usize = 100;
 
-/// Maximum number of captures in a configuration with few captures.
+/// Maximum number of captures in a comparison of capture counts.
 const MOST_CAPTURES: usize = 64;
 
-/// Parses a range of numbers of captures, such as `1-8`.
+/// Parses a range of capture counts, such as `1-8`.
 ///
 /// # Errors
 /// A message with the fault and the fix.
@@ -174,7 +174,7 @@ pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
     pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES).map(|(a, b)| a..=b).ok_or_else(|| {
-        format!("expected a range of numbers of captures within 1-{MOST_CAPTURES}, such as 1-16")
+        format!("expected a range of capture counts within 1-{MOST_CAPTURES}, such as 1-16; got `{text}`")
     })
 }
 
@@ -186,15 +186,15 @@ pub enum Links {
     /// No capture: only the rendered slices.
     #[default]
     None,
-    /// A capture chain with each of its beliefs.
+    /// A capture chain with each of its beliefs (assumed element parameters).
     Chain(Chain),
     /// A capture chain with several values of one parameter.
     Sweep(Chain, Part, Vec<f64>),
-    /// A capture chain with few captures.
+    /// A comparison of capture counts: a capture chain with each number of captures in the range.
     Few(Chain, RangeInclusive<usize>),
 }
 
-/// The position of a link in a sweep.
+/// The position of a capture configuration in a sweep or a comparison of capture counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// Name of the series.
@@ -203,7 +203,7 @@ pub struct Place {
     pub value: f64,
 }
 
-/// The results through one link.
+/// The results on slices that one configuration captured.
 #[derive(Clone, Debug)]
 pub struct Through {
     pub label: String,
@@ -214,11 +214,11 @@ pub struct Through {
     pub scores: Vec<(u64, Score)>,
     /// Numbers of captured and of clipped pixels.
     pub count: Count,
-    /// The task that was derived for few captures.
+    /// The task for which the captures were chosen, in a comparison of capture counts.
     pub task: Option<Task>,
 }
 
-/// A link with its results so far.
+/// A capture configuration with its results so far.
 pub(super) struct Running {
     link: Link,
     place: Place,
@@ -251,8 +251,8 @@ impl Running {
     }
 }
 
-/// Captures one seed's observations through all links, and runs the application on each. The first seed
-/// determines the links.
+/// Captures one seed's observations with all configurations, and runs the application on each. The first
+/// seed determines the configurations.
 pub(super) fn capture(
     application: &Application,
     links: &Links,
@@ -310,7 +310,7 @@ impl Links {
     }
 }
 
-/// Returns links for each value and each of the chain's beliefs, one series per belief.
+/// Returns a configuration for each value and each of the chain's beliefs. Each belief is one series.
 fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     let mut out = vec![];
     if part == Part::Calibration {
@@ -336,7 +336,7 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
 /// Name of the series with all captures, which baselines use.
 pub const WHOLE: &str = "all captures";
 
-/// Returns a link for the unchanged chain, followed by links with few captures for each choice.
+/// Returns the unchanged chain, then a configuration for each capture count and each way to choose captures.
 fn few(
     chain: &Chain,
     range: RangeInclusive<usize>,
@@ -345,7 +345,7 @@ fn few(
 ) -> Result<Vec<Running>, LinksError> {
     let task = application.task.ok_or_else(|| {
         ApplyError::Empty(format!(
-            "the result of `{}` is not linear in the Mueller matrices, so captures cannot be chosen for it; use metamerism or scattering",
+            "the result of `{}` is not linear in the Mueller matrices, so captures cannot be optimized for this application; use metamerism or scattering",
             application.name
         ))
     })?;

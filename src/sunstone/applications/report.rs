@@ -1,4 +1,4 @@
-//! Writes tables and pictures of a [`Report`] to files.
+//! Writes the tables and images of a [`Report`] to files.
 
 use super::curves::{self, Point, quoted};
 use super::links::Links;
@@ -26,8 +26,8 @@ pub enum ReportError {
 /// Number of maps per row of a page.
 const COLUMNS: usize = 4;
 
-/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, and creates the folder.
-/// Also writes the tables and charts of a sweep and of few captures. Each file is written atomically.
+/// Writes `table.csv`, `scores.csv`, `report.json`, the images, and the tables and charts of a sweep or a
+/// comparison of capture counts. Creates the folder. Each file is written atomically.
 ///
 /// # Errors
 /// [`ReportError`] if a file cannot be drawn or written.
@@ -55,13 +55,13 @@ pub fn write(
     curve(application, report, &settings.links, folder)
 }
 
-/// Returns the verdicts of a sweep, or of few captures, as sentences.
+/// Returns the verdicts of a sweep, or of a comparison of capture counts, as sentences.
 pub fn verdicts(application: &Application, report: &Report, links: &Links) -> Vec<String> {
     let of = |metric| curves::sentences(metric, links, &curves::verdicts(metric, report, links));
     application.metrics.iter().copied().flat_map(of).collect()
 }
 
-/// Writes the table and the charts of a sweep, or of few captures.
+/// Writes the table and the charts of a sweep, or of a comparison of capture counts.
 fn curve(
     application: &Application,
     report: &Report,
@@ -104,7 +104,7 @@ fn cell(v: f64) -> String {
     if v.is_finite() { format!("{v}") } else { String::new() }
 }
 
-/// Returns the rows of the rendered slices, then those of every link.
+/// Returns the table rows of the rendered slices, followed by the table rows of every capture configuration.
 fn tables(report: &Report) -> impl Iterator<Item = (&str, &[Row])> {
     let through = report.through.iter().map(|t| (t.label.as_str(), &t.rows[..]));
     [("", &report.rows[..])].into_iter().chain(through)
@@ -180,10 +180,10 @@ pub fn document(application: &Application, report: &Report) -> Value {
     })
 }
 
-/// The pictures of one page: file name, title, and the labels of the pictures.
+/// The images of one page: file name, title, and the images with their labels.
 type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
 
-/// Groups pictures into pages: pictures with the same unit by variant, all others by method.
+/// Groups images into pages. Images that share a unit are grouped by variant, all others by method.
 fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     let mut all: BTreeMap<(String, String), Vec<(String, &Picture)>> = BTreeMap::new();
     for p in pictures {
@@ -210,7 +210,7 @@ fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), Rep
     for (label, picture) in page {
         let map = &picture.map;
         let channels = map.channels.max(1);
-        // Pictures of learned quantities are drawn for each wavelength; images are averaged over wavelengths.
+        // Images of learned quantities are drawn for each wavelength; others are averaged over wavelengths.
         let apart = picture.variant.is_none() && channels > 1;
         for channel in 0..if apart { channels } else { 1 } {
             let value = |pixel: &[f64]| {

@@ -163,7 +163,7 @@ impl<'a> Applications<'a> {
             let Size { pixels, spp } = run.size(preview);
             let mut name = format!("{}_{pixels}px_{spp}spp_{}seeds", run.application.name, run.seeds);
             if run.links != Links::None {
-                // The whole content of the chain file.
+                // The text contains all parameters of the capture configuration.
                 let links = format!("{:?}", run.links);
                 name += &format!("_{:.8}", kept::digest(links.as_bytes()));
                 inputs += &links;
@@ -175,7 +175,7 @@ impl<'a> Applications<'a> {
                 continue;
             }
             let report = now.report().map_err(|e| match e {
-                // Captures that are impossible need a change of the chain or another view.
+                // If captures are impossible, the chain or the view must be changed.
                 ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
                     let help = "correct the chain, or remove the view";
                     FigureFileError::Input(source.error(run.at, e.to_string(), help))
@@ -328,9 +328,9 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
     let channels = channels.max(1);
     match (view.channel, channels) {
         (Some(c), _) if c >= channels => {
-            return Err(format!("the picture has {channels} channels, counted from 0, and no channel {c}"));
+            return Err(format!("no channel {c}: the image has {channels} channels, numbered from 0"));
         }
-        // Wavelengths ascend: blue comes first.
+        // Channels are in order of ascending wavelength: blue comes first.
         (None, 3) => {
             let colours = |p: &Picture| -> Vec<[f32; 3]> {
                 let pixels = p.data.chunks_exact(3);
@@ -343,7 +343,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
             };
             tile::of_colours(&named(picture), width, colours(picture), white)
         }
-        (None, n) if n > 1 => return Err(format!("the picture has {n} channels; choose one with `channel`")),
+        (None, n) if n > 1 => return Err(format!("the image has {n} channels; choose one with `channel`")),
         (channel, _) => {
             let channel = channel.unwrap_or(0);
             let values = |p: &Picture| -> Vec<f32> {

@@ -180,7 +180,7 @@ pub fn digest(bytes: &[u8]) -> String {
 /// Returns a digest of this executable; `None` if the executable cannot be read. The digest does
 /// not identify the build if code is loaded dynamically, as by Python.
 pub fn program() -> Option<String> {
-    // This link is valid even if another build replaced the file.
+    // This symbolic link is valid even if another build replaced the executable.
     let own = Path::new("/proc/self/exe");
     let path = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
     Some(digest(&std::fs::read(path).ok()?))
@@ -227,7 +227,7 @@ impl Place {
         values.next().is_none().then_some(fit)
     }
 
-    /// Writes the results; an error is only logged. A file that is not a cache file is not
+    /// Writes the results. Errors are only logged. A file that is not a cache file is not
     /// overwritten.
     pub fn write(&self, fit: &mut Fit) {
         let foreign = match std::fs::read(&self.path) {
@@ -236,7 +236,7 @@ impl Place {
         };
         let shown = self.path.display();
         if foreign {
-            tracing::warn!("{shown} is not a fit of this program, so fits are not kept; rename it");
+            tracing::warn!("{shown} is not a cache file, so results are not cached; rename this file");
             return;
         }
         let Ok(head) = serde_json::to_string(fit) else {
@@ -247,7 +247,7 @@ impl Place {
         let mut bytes = format!("{BEGIN}{}\n", digest(&rest)).into_bytes();
         bytes.extend(rest);
         if let Err(e) = whole_file::write(&self.path, &bytes) {
-            tracing::warn!("cannot keep {shown}: {e}; methods will be fitted again next time");
+            tracing::warn!("cannot write {shown}: {e}; the next run will fit the methods again");
         }
     }
 }
@@ -306,10 +306,10 @@ mod tests {
         assert_eq!(own.read(), None);
         own.write(&mut fit());
         assert_eq!(own.read(), Some(fit()));
-        // Another build, other renders.
+        // The cache of another build, or of other renders, is empty.
         assert_eq!(place("q", "i").read(), None);
         assert_eq!(place("p", "j").read(), None);
-        // They replace the file: one file per run.
+        // New results replace the file: there is one file per run.
         place("q", "i").write(&mut Fit::default());
         assert_eq!(own.read(), None);
         assert_eq!(place("q", "i").read(), Some(Fit::default()));

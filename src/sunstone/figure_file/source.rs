@@ -162,7 +162,7 @@ impl Source {
             }
             if view.application().is_some() {
                 let help = "remove the scale bar: only views of a scene have a scale bar";
-                return Err(self.error(bar, "a picture of an application has no scale bar", help));
+                return Err(self.error(bar, "the image of an application has no scale bar", help));
             }
         }
         match (view.application(), &panel.scene) {
@@ -217,8 +217,8 @@ impl Source {
         let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
         if !near(arrow.from) || !near(arrow.to) || arrow.from == arrow.to {
-            let help = "set different points from and to, as [x, y] fractions of the picture, 0 to 1";
-            return Err(self.error(at, "the arrow has no length, or a point far outside the picture", help));
+            let help = "set different points from and to, as [x, y] fractions of the image, 0 to 1";
+            return Err(self.error(at, "the arrow has no length, or an end far outside the image", help));
         }
         Ok(arrow)
     }

@@ -165,7 +165,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
             let high = if high > low { high } else { low + 1.0 };
             tile::of_values(&name, width, all, Scale::Linear { low, high })
         }
-        // The usual colours of normals: (1 + n) / 2 in 0 to 1.
+        // Normals n are drawn in the usual colours (1 + n) / 2, from 0 to 1.
         (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
             colours(all.chunks_exact(3).map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v)).collect())
         }
@@ -189,15 +189,15 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     let at = DVec2::new(bar.of[0] * w, bar.of[1] * h);
     let sight = Viewer::new(scene).look(at, true).ok_or_else(|| {
         (
-            "the scale bar has no depth: no surface is visible there".to_owned(),
-            "choose another position with of = [x, y], fractions of the picture".to_owned(),
+            "no surface is visible at the scale bar's point, so its depth is unknown".to_owned(),
+            "choose another position with of = [x, y], fractions of the image".to_owned(),
         )
     })?;
     let depth = (sight.at - camera.origin.as_dvec3()).dot(camera.axes.z_axis.as_dvec3());
     let share = bar.length_mm / 1000.0 / depth * camera.focal.x / w;
     if !(0.001..=0.9).contains(&share) {
         return Err((
-            format!("{} mm at this depth correspond to {share:.3e} of the picture's width", bar.length_mm),
+            format!("{} mm at this depth correspond to {share:.3e} of the image's width", bar.length_mm),
             format!("use a {} length_mm", if share > 0.9 { "shorter" } else { "longer" }),
         ));
     }

@@ -64,7 +64,7 @@ impl Prepared {
     /// Reads a plan, and the rig file `rig` or the rig file that the plan names.
     ///
     /// # Errors
-    /// [`PrepareError`]: a file is wrong, or no rig is named.
+    /// [`PrepareError`]: a file is invalid, or no rig is named.
     pub fn load(path: &Path, rig: Option<&PathBuf>) -> Result<Self, PrepareError> {
         let plan = plan::load(path)?;
         let named = rig.or(plan.rig.as_ref()).cloned().ok_or_else(|| {
@@ -83,7 +83,7 @@ impl Prepared {
             .ok_or_else(|| wrong(format!("unknown sample `{sample}`; use air, mirror or polarizer")))?;
         if let Some(bench) = &mut self.rig.bench {
             bench.scene = Scene::Sample(mueller);
-            // Another sample has other noise.
+            // Each sample gets its own noise.
             let letters = std::array::from_fn(|i| sample.as_bytes().get(i).copied().unwrap_or(0));
             bench.seed = bench.seed.wrapping_add(u64::from_le_bytes(letters));
         }

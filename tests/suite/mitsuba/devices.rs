@@ -66,7 +66,7 @@ fn heterogeneous_media_keep_their_boxes() {
         assert!(same, "{found:?}, {want:?}");
     };
     let own = "<boolean name=\"use_grid_bbox\" value=\"true\"/>";
-    // A mean density of 0.75 over 1 m; at 0.7 it is 0.95.
+    // A mean density of 0.75 over 1 m; at x = 0.7 the density is 0.95.
     near(depths(&scene(&volume("sigma_t", ""))), [3.0, 0.0, 4.0 * 0.95 * 0.75]);
     // The file's box is 2 m wide, so it also covers 1.5 m.
     near(depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(), [3.0, 3.0, 4.0 * 0.95 * 0.75]);
@@ -163,7 +163,7 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// Tests that the image of a spot covers the square around its cone; its up direction is the emitter's +y.
+/// Tests that the image of a spot covers the square around its cone. Up in the image is the emitter's +y.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();

@@ -133,7 +133,7 @@ fn existing_files_are_replaced_only_on_request() {
     export.write(&out, true).unwrap();
     assert_eq!(std::fs::read_to_string(out.join("scene.xml")).unwrap(), export.xml);
     assert_eq!(std::fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
-    // If a file cannot be copied, nothing is written.
+    // If one file cannot be copied, no file is written.
     std::fs::remove_file(folder.path().join("table.pbsdf")).unwrap();
     let fresh = folder.path().join("fresh");
     assert!(export.write(&fresh, false).is_err());

@@ -1,4 +1,4 @@
-//! Tests shapes that become mesh files next to the scene file: curves and grids of distances.
+//! Tests shapes that become mesh files next to the scene file: curves and signed-distance grids.
 
 use super::{imported, imported_whole};
 use glam::Vec3A;

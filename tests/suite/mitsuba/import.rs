@@ -43,7 +43,7 @@ fn a_handwritten_scene_is_read() {
     assert!(import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.3, 0.2, 0.1]\n"), "{}", import.toml);
     let ray = |x: f32, y: f32| Ray { origin: Vec3A::new(x, y, 4.0), dir: Vec3A::NEG_Z };
     let depth = |x, y| scene.geometry.intersect(&ray(x, y), 100.0).map(|h| h.t);
-    // Scaled along x, then rotated: it is tall.
+    // The shape is scaled along x and then rotated, so it is tall.
     assert_eq!((depth(0.0, -1.9), depth(-1.1, 0.0)), (Some(5.0), None));
     assert!((depth(1.0, 2.0).unwrap() - 3.5).abs() < 1e-6);
     let define = BTreeMap::from([
@@ -124,7 +124,7 @@ fn unsupported_items_are_reported_with_their_position() {
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
 }
 
-/// Tests that all faults are reported in order, each with its line.
+/// Tests that all faults are reported in order, each with the line of the fault.
 #[test]
 fn all_errors_are_reported_at_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,7 +197,7 @@ fn flipped_rectangles_face_the_other_way() {
     }
 }
 
-/// Returns 1 if the normals of a shape that is hit from outside face the ray, -1 if they point away.
+/// Returns 1 if the normals of a shape that is hit from outside point toward the ray's origin, otherwise -1.
 fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
@@ -214,9 +214,9 @@ fn facing(folder: &Path, shape: &str) -> f32 {
 const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
-/// Tests that the orientation is as in Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`):
-/// mirroring turns spheres and meshes with computed normals inside out, but not other shapes; `flip_normals`
-/// turns all.
+/// Tests that orientations are those of Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
+/// Mirroring turns spheres and meshes with computed normals inside out, but no other shapes. `flip_normals`
+/// turns all shapes inside out.
 #[test]
 fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -287,8 +287,8 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     assert!((flat - Vec3A::new(-1.0, 1.0, 0.0).normalize()).length() < 1e-6, "{flat}");
 }
 
-/// Tests that names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note; each included
-/// file is read by its own version.
+/// Tests that names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note. Each included
+/// file is read according to its own version.
 #[test]
 fn old_files_are_upgraded() {
     let folder = tempfile::tempdir().unwrap();
@@ -318,8 +318,8 @@ fn old_files_are_upgraded() {
     assert!(imported(folder.path(), &text).unwrap().toml.contains("3.0"));
 }
 
-/// Tests the search order if several folders contain a file: the last `<path>` has precedence; the scene's
-/// own folder is last.
+/// Tests the search order if several folders contain a file: the last `<path>` has precedence over earlier
+/// ones, and the scene's own folder is searched last.
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -365,7 +365,7 @@ fn rotations_about_long_axes_match_mitsuba() {
     assert!(e.message.contains("no axis"), "{e}");
 }
 
-/// Tests that the window of a cropped film is the same window of the full film's image.
+/// Tests that the crop window of a film shows the same window of the full film's image.
 #[test]
 fn cropped_films_are_windows_of_the_whole_image() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Tests groups and instances: Mitsuba's `shapegroup` and `instance`, in both directions; files of
-//! placements; faults by name.
+//! Tests groups and instances (Mitsuba's `shapegroup` and `instance`) for import and export, files of
+//! placements, and the messages of faults.
 
 use super::{exported, imported};
 use glam::Vec3A;
@@ -76,14 +76,14 @@ fn shape_groups_are_read() {
         let ray = Ray { origin: Vec3A::new(x, y, 9.0), dir: Vec3A::NEG_Z };
         scene.geometry.intersect(&ray, 100.0).map(|h| h.t)
     };
-    // The first tree's ball; the second's, which is on the left and 1 wide and 2 high; the third's.
+    // Spheres of the first tree; of the second tree, on the left, 1 wide and 2 high; of the third tree.
     assert!((meets(0.0, 1.0).unwrap() - 8.5).abs() < 1e-5);
     assert!(meets(2.5, 0.9).is_some() && meets(2.5, 1.1).is_none() && meets(2.2, 0.0).is_none());
     assert!((meets(-2.0, 0.0).unwrap() - 8.5).abs() < 1e-5);
     // In the mirror image the cube is on the opposite side.
     assert!(meets(-2.7, -1.0).is_some() && meets(-1.3, -1.0).is_none());
-    // The same without instances, except for uneven scales, which copies apply to spheres and Mitsuba's
-    // spheres do not.
+    // The same scene without instances. It has no uneven scales, because copies apply such scales to spheres
+    // and Mitsuba's spheres do not.
     let even = HAND.replace(r#"<scale x="2" y="0.5"/>"#, r#"<scale value="2"/>"#);
     let import = imported(folder.path(), &even).unwrap();
     let scene = sunstone::scene::from_text(&path, &import.toml).unwrap();
@@ -232,7 +232,7 @@ fn placements_are_lists_or_arrays() {
     let one = [1., 0., 0., -2., 0., 1., 0., 0., 0., 0., 1., 0.];
     let two = [0.5, 0., 0., 1., 0., 0.7, 0., 0., 0., 0., -0.5, 0.];
     let rows = [one, two].concat();
-    // The same with the first index running fastest.
+    // The same array, with the first index varying fastest.
     let columns: Vec<f64> = (0..24).map(|k| [one, two][k % 2][(k / 2 % 3) * 4 + k / 6]).collect();
     for bytes in [npy("(2, 3, 4)", false, &rows), npy("(2, 3, 4)", true, &columns)] {
         write(&bytes);

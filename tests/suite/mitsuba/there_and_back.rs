@@ -59,7 +59,7 @@ fn the_mirror_room_round_trips() {
     let toml = folder.path().join("back.toml");
     let back = Import::load(&out.join("scene.xml"), &toml, &BTreeMap::new()).unwrap();
     back.write(&toml, false).unwrap();
-    // The knot has correlated masking there; Mitsuba's is separable.
+    // The material of the knot has correlated masking in the scene; Mitsuba's masking is separable.
     let text = std::fs::read_to_string(&path)
         .unwrap()
         .replace("alpha = 0.18", "alpha = 0.18, masking = \"separable\"");
