@@ -46,7 +46,7 @@ pub struct OpticalConstants {
 /// Reasons why a lookup fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
-    #[error("unknown optical constants `{name}`; use one of these names: {known}")]
+    #[error("unknown optical constants `{name}`; known names: {known}")]
     Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range { name: String, nm: f64, first: f64, last: f64 },
