@@ -344,7 +344,7 @@ impl Connector<'_> {
 
     /// For a light subpath that starts with interfaces, returns the index of the first vertex behind the
     /// interfaces at which connections can end, and the density per area with which light reaches this
-    /// vertex. The density is `None` if the path cannot be found from the vertex.
+    /// vertex. Returns `None` if the path cannot be found from that vertex.
     #[inline]
     pub fn seen_through(&mut self, light: &[Vertex], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
