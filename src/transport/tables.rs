@@ -37,7 +37,7 @@ pub struct SceneTables {
     pub environment: Option<Environment>,
     /// Emissive surfaces, an image of the sky, and directional lights.
     pub lights: Lights,
-    /// The slices of the tensor that are kept.
+    /// The slices of the tensor that the render stores.
     pub slices: Vec<Slice>,
     pub settings: Settings,
     /// SHA-256 hash, in hexadecimal, of the scene file and of all files to which it refers, in order.

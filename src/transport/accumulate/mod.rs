@@ -210,7 +210,7 @@ impl TileSums<'_> {
     /// Writes all values to a sink, and the tile record last.
     ///
     /// # Errors
-    /// If the sink fails to store a piece.
+    /// Returns the error of the sink if the sink cannot store a piece.
     pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
         for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
             values.put(number, plan, sink, &mut self.scratch)?;
@@ -225,7 +225,7 @@ impl TileSums<'_> {
     }
 }
 
-/// Accumulates all slices over one tile, pixel by pixel and sample by sample.
+/// Accumulates the contributions to all slices in one tile, pixel by pixel and sample by sample.
 pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,

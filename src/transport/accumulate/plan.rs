@@ -20,7 +20,7 @@ pub struct Contribution {
     /// Distance of s' from the epipolar line of s in projector pixels; set only if a slice is epipolar.
     pub epipolar_px: f32,
     pub bounces: u32,
-    /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
+    /// Path label as defined in [`tensor::label`]; unspecified if no slice has labels.
     pub label: u8,
     /// `EVERY`, or the index of the only slice to which the contribution counts, because the path was
     /// sampled for an s' of this slice.
@@ -79,7 +79,7 @@ pub const NO_PIXEL: u32 = u32::MAX;
 /// Value of [`Contribution::slice`] for light that counts for all slices.
 pub(super) const EVERY: u32 = u32::MAX;
 
-/// Marks a row or column that a slice does not keep.
+/// Table entry that marks a row or column of pixels that a slice does not keep.
 pub(super) const DROPPED: u32 = u32::MAX;
 
 /// Maps contributions to the elements of one slice. The tables are computed once per render and shared by

@@ -186,7 +186,7 @@ impl TileValues {
     /// Writes the tile to a sink as slice number `number`.
     ///
     /// # Errors
-    /// If the sink fails to store a piece.
+    /// Returns the error of the sink if the sink cannot store a piece.
     pub(super) fn put<S: Sink>(
         &self,
         number: usize,

@@ -81,7 +81,7 @@ pub struct Geometry {
     pub(super) quadrics: Vec<Quadric>,
     /// Object indices of the triangles and of the quadrics.
     pub(super) objects: [Vec<u32>; 2],
-    /// Indices of triangles in their meshes, for the meshes that need these indices.
+    /// Index of each triangle in its mesh, for emissive meshes only.
     pub(super) facets: Facets,
     /// Instances of groups in the world, and the groups. A leaf of the tree whose index exceeds those of the
     /// quadrics is an instance.

@@ -52,7 +52,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The bounds of an empty pyramid.
+    /// The bounds of a pyramid that contains no primitive.
     const NOTHING: Self =
         Self { leaf: NOTHING, nearest: f32::INFINITY, others: f32::INFINITY, cover: f32::INFINITY };
 }

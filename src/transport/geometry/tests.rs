@@ -193,7 +193,7 @@ fn hits_are_bit_identical_on_all_processors() {
     };
     let (fast, plain) = (build(), build().plain());
     assert!(!plain.avx2);
-    // FNV-1a over the bits of all hits.
+    // Compute the FNV-1a hash of the bits of all hits.
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let (mut hits, mut hidden) = (0, 0);
     for _ in 0..30_000 {

@@ -29,7 +29,7 @@ impl Pyramid {
         Self {
             leaf: bounds.leaf,
             others: (bounds.others.to_bits() >> 16) as u16,
-            // Round up; incrementing infinity would give NaN.
+            // Round up. Infinity is excluded, because incrementing its bits would give NaN.
             cover: if bounds.cover < f32::MAX / 2.0 {
                 (bounds.cover.to_bits() >> 16) as u16 + 1
             } else {

@@ -72,7 +72,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The choice of no light.
+    /// A complete choice of no light.
     pub const NONE: Self = Self { number: LEAF, chance: 0.0, which: 0.0 };
 
     /// Begins a choice by a uniform random number `which`. `chance` is the probability of using the tree.

@@ -19,7 +19,7 @@ pub struct Blend {
     pub weight: Scalar,
 }
 
-/// Adds the interactions of two materials between the same two directions.
+/// Adds the scattering matrices of two materials for the same pair of directions.
 #[inline]
 fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
     match (a, b) {

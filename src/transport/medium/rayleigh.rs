@@ -66,7 +66,7 @@ impl Rayleigh {
     /// Cardano's formula solves the cubic equation μ³ + p μ = q of the cumulative distribution.
     #[inline]
     pub fn sample(self, u: f32) -> Angle {
-        // A third of p = 3 + 4 (1 - Δ)/Δ, and half of q = 8 (u - 1/2)/Δ.
+        // Compute p/3 for p = 3 + 4 (1 - Δ)/Δ, and q/2 for q = 8 (u - 1/2)/Δ.
         let p = 1.0 + 4.0 / 3.0 * (1.0 - self.dipole) / self.dipole;
         let q = (4.0 * u - 2.0) / self.dipole;
         let root = (q.abs() + (q * q + p * p * p).sqrt()).cbrt();

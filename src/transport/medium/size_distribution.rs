@@ -56,7 +56,7 @@ const WORK: f64 = 2.6e11;
 /// Fraction of the integrand's maximum below which the integrand is neglected at both ends.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// Returns the error `error` if `good` is false.
+/// Returns `error` if `good` is false.
 fn refuse_unless(good: bool, error: SizeError) -> Result<(), SizeError> {
     if good { Ok(()) } else { Err(error) }
 }

@@ -14,7 +14,7 @@ use optics::spectrum::Spectral;
 pub(super) struct Odds {
     /// True if roulette has started; until then, only paths without light are terminated.
     pub plays: bool,
-    /// Throughput of a path without losses. A path with this throughput survives with probability `most`.
+    /// Throughput of a path that has lost no light. Such a path survives with probability `most`.
     pub full: f32,
     /// Maximum survival probability; less than 1, so that all paths end.
     pub most: f32,

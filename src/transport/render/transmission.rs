@@ -38,7 +38,7 @@ pub(super) struct Allowed {
     pub lane: usize,
 }
 
-/// An unblocked line.
+/// Properties of an unblocked line.
 pub(super) struct UnblockedLine {
     pub optical_m: f64,
     pub sheets: u32,

@@ -217,7 +217,7 @@ mod tests {
             fs::write(&file, damaged).expect("writes");
             assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
         }
-        // Values of another render are not used.
+        // A part must not use the values of another render.
         let other = SharedLight::new(&folder.path().join("light"), "other".into(), 1, 2);
         assert_eq!(other.number("threshold", || 1.0).to_bits(), 1.0_f32.to_bits());
     }

@@ -75,7 +75,7 @@ impl Counts {
     }
 }
 
-/// Chunks of subpaths, which are the unit of parallel work.
+/// Divides subpaths into chunks, which are the units of parallel work.
 pub(super) mod chunk {
     use rayon::prelude::*;
     use std::ops::Range;

@@ -60,7 +60,7 @@ fn flats_chance(scene: &Scene, point: &Vertex) -> f32 {
     }
 }
 
-/// Returns the mean number of searches for a path from a vertex.
+/// Returns the expected number of searches for a path from a vertex.
 #[inline]
 fn tries(scene: &Scene, point: &Vertex, path: &SpecularPath) -> f32 {
     if path.reflects() { flats_chance(scene, point) } else { 1.0 }

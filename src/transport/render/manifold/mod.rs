@@ -95,7 +95,7 @@ pub(super) struct SpecularPath {
     start: Start,
 }
 
-/// The end that a specular path must reach.
+/// The camera or emitter position that a specular path must reach.
 #[derive(Clone, Copy)]
 pub(super) struct Goal {
     pub to: Vec3A,

@@ -427,7 +427,7 @@ impl Path {
         connect_drawn_point(&self.vertex(scene, bounces), (number, choice.chance), out)
     }
 
-    /// Records the sampling of the next direction `wi`; `delta` is true for a delta lobe.
+    /// Records how the next direction `wi` was sampled; `delta` is true for a delta lobe.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
         let surface = &self.surface;

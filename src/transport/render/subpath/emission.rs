@@ -114,7 +114,7 @@ pub(crate) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut ray = Ray { origin: p, dir };
     let mut net = vec![0_i32; scene.boundaries.len()];
     let mut left = vec![];
-    // The number is limited, because a grazing ray could loop forever.
+    // The number of surfaces is limited, because a grazing ray could loop forever.
     for _ in 0..10_000 {
         let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
             break;

@@ -160,7 +160,7 @@ pub(crate) struct Toward {
     straight: f32,
     /// Density per steradian, by lane, with which guided scattering samples the direction.
     turned: Spectral,
-    /// Expected light from the direction, relative to other directions, by lane.
+    /// Expected radiance from the direction, relative to other directions, by lane.
     pub hopes: Spectral,
 }
 

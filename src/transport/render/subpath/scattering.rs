@@ -24,7 +24,7 @@ pub(crate) struct Progress {
     pub chosen: DirectionSampling,
     /// Throughput of the subpath if nothing had absorbed light.
     pub full: f32,
-    /// Expected light from the current direction, relative to other directions.
+    /// Expected radiance from the current direction, relative to other directions.
     pub hope: f32,
     pub interactions: u32,
     pub labelled: bool,

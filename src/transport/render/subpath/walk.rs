@@ -29,7 +29,7 @@ pub(crate) struct Walk {
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with earlier branches.
     pub fresh: usize,
-    /// The branch taken at each split, one bit per split, the first split in the lowest bit.
+    /// The branch that was taken at each split: one bit per split, with the first split in the lowest bit.
     pub lineage: u8,
     /// Branches that have not been traced yet.
     pending: Vec<Branch>,
