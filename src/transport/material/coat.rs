@@ -179,7 +179,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The result is for a single α. For an image, α is half of the image's maximum. In the facets model,
+/// The result is for a single α. For an image, α is half of the image's factor. In the facets model,
 /// reciprocity gives the result from outside directions, without an integral over inside directions.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
