@@ -4,12 +4,12 @@
 //! transmittance at angle θ:
 //!
 //! - smooth: the Fresnel transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
-//!    `pplastic`);
+//!   `pplastic`);
 //! - facets: the fraction of light that the facets do not reflect, T(θ) = 1 - E(θ), where E is the directional
-//!    albedo of the coat. A coat over a white body reflects all light;
+//!   albedo of the coat. A coat over a white body reflects all light;
 //! - single passage: light that is refracted by one facet and not masked by another, and internal light that is
-//!    reflected by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1,
-//!    two thirds at α = 1.
+//!   reflected by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1,
+//!   two thirds at α = 1.
 //!
 //! Let D_v be the density of the normals h that are visible from `wo`. Then E = ∫ D_v F(wo·h) G2/G1 dh, and
 //! T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the transmission is also a mean over

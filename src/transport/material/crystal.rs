@@ -23,7 +23,7 @@
 //! The model neglects:
 //!
 //! - the separation of the two rays (walk-off, double images); `double_refraction` makes the
-//!    opposite approximation,
+//!   opposite approximation,
 //! - the difference between the Fresnel factors of the two waves (both use the mean index),
 //! - the wavelength dependence of n_e - n_o within the line,
 //! - coherence between successive segments (each segment is averaged over the line separately),

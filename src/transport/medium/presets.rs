@@ -5,14 +5,14 @@
 //! with the numbers of Frisvad's program of 2009:
 //!
 //! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030), where w is the percentage
-//!    by weight of fat or of protein,
+//!   by weight of fat or of protein,
 //! - fat: log-normal, with area-weighted mean radius r43/(c² + 1) and coefficient of variation c = 0.6. r43
-//!    decreases with the homogenization pressure P in MPa as log r43 = log r_0 - log(r_0/r_50)/log(50) log P.
-//!    r_0 is a fit for untreated milk and r_50 a fit for 50 MPa (Walstra 1975; Olson, White & Richter 2004),
+//!   decreases with the homogenization pressure P in MPa as log r43 = log r_0 - log(r_0/r_50)/log(50) log P.
+//!   r_0 is a fit for untreated milk and r_50 a fit for 50 MPa (Walstra 1975; Olson, White & Richter 2004),
 //! - casein: the volume-weighted distribution of t = r/(150 nm - r) is log-normal with mean 43/107 and
-//!    standard deviation 0.23; the index is 1.503,
+//!   standard deviation 0.23; the index is 1.503,
 //! - riboflavin (vitamin B2): the water contains 0.17 mg per 100 g of milk. The absorbance (Du et al. 1998,
-//!    33 000 per M and cm at 266.5 nm) makes milk yellowish.
+//!   33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
 //! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs,
 //! Yang & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). The absorption of polystyrene is negligible.

@@ -6,13 +6,13 @@
 //! good initial guess.
 //!
 //! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light to
-//!    a point is reflected. Each group and each pair of groups therefore has one candidate path. Sequences of
-//!    three or more groups are tried only if no other strategy samples their light.
+//!   a point is reflected. Each group and each pair of groups therefore has one candidate path. Sequences of
+//!   three or more groups are tried only if no other strategy samples their light.
 //! - Curved mirrors: any number of specular paths may exist. One initial guess is sampled at random. If a
-//!    fraction p of all guesses leads to a path, its weight is 1/p. The number of further guesses until the path
-//!    is found again has the mean 1/p.
+//!   fraction p of all guesses leads to a path, its weight is 1/p. The number of further guesses until the path
+//!   is found again has the mean 1/p.
 //! - Sequences that include a curved mirror, and curved glass: the same as for curved mirrors, but the guesses
-//!    come from traced rays ([`super::initial_guess`]).
+//!   come from traced rays ([`super::initial_guess`]).
 
 pub(super) mod glints;
 mod instances;
