@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Path of a shipped scene file, independent of the working directory.
+/// Returns the path of a scene file in `scenes/`, independent of the working directory.
 pub fn shipped(scene: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(scene).join("scene.toml")
 }

@@ -1,4 +1,4 @@
-//! One evaluation and one sample of each material at 4 wavelengths, for directions in general position.
+//! Measures `eval` and `sample` of each material at 4 wavelengths, for directions in general position.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
@@ -10,7 +10,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::Lanes;
 
-/// One line per material: its name in the report and its definition in a scene file.
+/// Name in the report and definition in a scene file of each measured material.
 const MATERIALS: &[(&str, &str)] = &[
     ("diffuse", "diffuse.albedo = 0.5"),
     ("conductor", "conductor = { n = 0.4, k = 2.4 }"),
@@ -45,7 +45,7 @@ const MATERIALS: &[(&str, &str)] = &[
     ("normal_map", "normal_map = { material = \"metal\", image = \"IMAGE\" }"),
 ];
 
-/// Materials that composed materials refer to.
+/// Definitions of the materials to which composed materials refer.
 const PARTS: &str = "metal.rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }\nwhite.diffuse.albedo = 0.5\n";
 
 fn materials(c: &mut Criterion) {
@@ -63,16 +63,16 @@ fn materials(c: &mut Criterion) {
     };
     let above: Vec<_> = (0..256).map(|_| warp::cosine_hemisphere(stream.uniform2())).collect();
     let below: Vec<_> = above.iter().map(|w| -*w).collect();
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir().expect("cannot create a temporary folder");
     let normals = folder.path().join("normals.png");
     let picture = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([100 + x as u8, 100 + y as u8, 240]));
-    picture.save(&normals).expect("a picture");
+    picture.save(&normals).expect("cannot write the normal map");
     let normals = normals.display().to_string();
     let mut group = c.benchmark_group("materials");
     for (name, definition) in MATERIALS {
         let definition = definition.replace("IMAGE", &normals);
         let text = format!("wavelengths_nm = [450, 520, 590, 660]\n[materials]\n{PARTS}m.{definition}\n");
-        let set = MaterialSet::from_text(Path::new("bench.toml"), &text).expect("the material is sound");
+        let set = MaterialSet::from_text(Path::new("bench.toml"), &text).expect("the material is valid");
         let (m, id) = (&set.materials, set.names["m"]);
         let mut eval = |what: &str, directions: &[Vec3A]| {
             let mut next = directions.iter().cycle();

@@ -1,4 +1,4 @@
-//! A measured material: one evaluation, one sample, and the opening of a table.
+//! Measures `eval`, `pdf` and `sample` of a measured material, and the time to open its table.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
@@ -17,7 +17,7 @@ use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
 fn pbsdf(c: &mut Criterion) {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir().expect("cannot create a temporary folder");
     let path = folder.path().join("metal.pbsdf");
     let metal = Materials {
         list: vec![Material::RoughConductor(RoughConductor {
@@ -32,15 +32,15 @@ fn pbsdf(c: &mut Criterion) {
         })],
         ..Materials::default()
     };
-    // 38 MB: larger than the caches.
+    // The table occupies 38 MB, more than the processor caches.
     let axes = Axes::even([91, 46, 46], vec![450, 550, 650]);
-    tabulate(&path, &axes, &[(&metal, 0)]).expect("a table");
+    tabulate(&path, &axes, &[(&metal, 0)]).expect("cannot write the table");
     let open = |nm: &[f64]| {
         let options = Options {
-            wavelengths: Some(Wavelengths::new(nm.to_vec()).expect("wavelengths")),
+            wavelengths: Some(Wavelengths::new(nm.to_vec()).expect("the wavelengths are valid")),
             ..Options::default()
         };
-        Table::open(&path, &options).expect("the table just written")
+        Table::open(&path, &options).expect("cannot open the table")
     };
     c.bench_function("open", |b| b.iter(|| open(&[450.0, 550.0, 650.0])));
     let at = Surface {

@@ -1,13 +1,13 @@
-//! Traces rays from a file against a mesh from a file: Sunstone's side of `validation/rays.py`, which times
-//! Embree on the same input.
+//! Finds the nearest hits of rays from one file on a mesh from another file. `validation/rays.py` runs this
+//! program and times Embree on the same input.
 //!
 //!     rays MESH.ply RAYS.f32 HITS.f32
 //!
-//! RAYS.f32 holds little-endian f32, six per ray: origin, then unit direction. Every line on standard input
-//! is a number of threads. The answer is the time in seconds for the nearest hits of all rays. At the end of
-//! the input the last hits are written, four f32 per ray: distance (infinite for none), the barycentric
-//! coordinates of the second and third vertex, and 0 (in place of the primitive, whose index belongs to
-//! Sunstone's tree).
+//! RAYS.f32 holds six little-endian f32 values per ray: origin, then unit direction. Each line on standard
+//! input is a number of threads. For each line, the program prints the time in seconds to find the nearest
+//! hits of all rays. At the end of the input, the program writes the last hits to HITS.f32, four f32 values
+//! per hit: distance (infinite for a miss), barycentric coordinates of the second and the third vertex, and 0
+//! (the primitive index would only be meaningful in Sunstone's tree).
 
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
     let begun = Instant::now();
     let geometry = builder.build();
     let rays = rays(from)?;
-    eprintln!("{} triangles in {:.2} s", geometry.counts().0, begun.elapsed().as_secs_f64());
+    eprintln!("tree of {} triangles built in {:.2} s", geometry.counts().0, begun.elapsed().as_secs_f64());
     let mut hits = vec![None; rays.len()];
     for line in std::io::stdin().lock().lines() {
         let threads: usize = line?.trim().parse()?;
@@ -70,7 +70,7 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let [mesh, from, into] = &arguments[..] else {
-        println!("rays: run by validation/rays.py");
+        println!("usage: rays MESH.ply RAYS.f32 HITS.f32 (validation/rays.py runs this program)");
         return;
     };
     if let Err(e) = run(mesh, from, into) {

@@ -1,4 +1,4 @@
-//! Reconstruction of an image in memory, compared with one pass over its intensities; learning.
+//! Measures image reconstruction in memory, one pass over the same intensities, and a loss with gradient.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use sunstone::polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
 const PIXELS: usize = 1224 * 1024;
 
-/// Sum of numbers in independent partial sums: the cost of reading them.
+/// Returns the sum of `values`, computed with 32 partial sums, so that reading the values limits the speed.
 fn sum(values: &[f32]) -> f32 {
     let mut sums = [0.0; 32];
     for some in values.as_chunks::<32>().0 {
@@ -24,7 +24,7 @@ fn sum(values: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// 1224 x 1024 pixels of 36 captures, all in memory.
+/// Measures the reconstruction of 1224 × 1024 pixels from 36 captures, all in memory.
 fn image(c: &mut Criterion) {
     let Ok(scheme) = Scheme::drr(36, false) else {
         return;
@@ -49,7 +49,7 @@ fn image(c: &mut Criterion) {
     });
 }
 
-/// One evaluation of the loss of 16 captures with its gradient for 64 angles.
+/// Measures one evaluation of the reconstruction loss of 16 captures, with the gradient for 64 angles.
 fn loss(c: &mut Criterion) {
     let Ok(scheme) = Scheme::qrpr(16, false) else {
         return;

@@ -1,4 +1,4 @@
-//! BVH traversal: primary and diffuse bounce rays of the mirror room.
+//! Measures BVH traversal in the mirror room: primary rays, diffuse bounce rays and shadow rays.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, Vec3A};
@@ -9,7 +9,7 @@ use sunstone::transport::geometry::ray::Ray;
 use sunstone_benches::shipped;
 
 fn traversal(c: &mut Criterion) {
-    let scene = sunstone::scene::load(&shipped("mirror_room")).expect("the shipped scene loads");
+    let scene = sunstone::scene::load(&shipped("mirror_room")).expect("cannot load the shipped scene");
     let mut stream = Stream::new(0, 0, 0);
     let mut primary = Vec::new();
     let mut bounce = Vec::new();

@@ -1,8 +1,8 @@
-//! Chooses the integrator from the surfaces that the projector and the point emitters illuminate first.
+//! Chooses the integrator from the surfaces that the projector and the point emitters illuminate directly.
 //!
-//! Projector, point emitters and camera have no extent. Paths from the camera therefore never find light of
-//! these emitters that a mirror or smooth glass has redirected. If an emitter illuminates such a surface
-//! first, another integrator is needed.
+//! The projector, point emitters and the camera have no spatial extent. Paths from the camera therefore never
+//! find light that such an emitter sends via a mirror or smooth glass. If an emitter illuminates such a
+//! surface directly, another integrator is needed.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
@@ -13,24 +13,24 @@ use glam::{DVec2, Vec3A};
 use optics::spectrum::max_lane;
 use rayon::prelude::*;
 
-/// Number of rays along each side of a device's image that are traced to their first surface.
+/// Number of rays along each side of a device's image, each traced to the first surface.
 const GRID: u32 = 96;
 const LEAST_GRID: f32 = 8.0;
 
-/// Maximum number of sheets and null boundaries that a ray passes.
+/// Maximum number of sheets and null boundaries through which a ray continues.
 const MOST_SHEETS: u32 = 64;
 
-/// Kinds of surfaces that redirect light of one direction into single directions.
+/// Kinds of surfaces that redirect light into discrete directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Redirects {
     Mirror,
-    /// A smooth interface, through which manifold connections can follow light.
+    /// A smooth interface, through which manifold connections can find light paths.
     Interface,
-    /// A surface that splits a ray in two.
+    /// A surface that splits a ray into two.
     Split,
 }
 
-/// Fractions of a device's rays that hit each kind of redirecting surface first.
+/// Fraction of a device's rays that hit each kind of redirecting surface first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Meets {
     pub mirror: f64,
@@ -50,8 +50,8 @@ fn mirrors(materials: &Materials, at: &Surface, wo: Vec3A) -> bool {
     found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
 }
 
-/// Returns the kind of the first redirecting surface along a ray, if any. Sheets and null boundaries let
-/// the ray pass.
+/// Returns the kind of the first redirecting surface along a ray, if any. The ray continues through sheets
+/// and null boundaries.
 pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects> {
     let (geometry, materials) = (&tables.geometry, &tables.materials);
     for _ in 0..MOST_SHEETS {
@@ -75,7 +75,7 @@ pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects>
     None
 }
 
-/// Returns the fractions of a device's rays that hit each kind of redirecting surface first.
+/// Returns the fraction of a device's rays that hit each kind of redirecting surface first.
 pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     let [w, h] = device.resolution.map(f64::from);
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
@@ -96,9 +96,9 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     Meets { mirror, interface, split }
 }
 
-/// Returns true if light of a point emitter hits a redirecting surface first.
+/// Returns true if light of some point emitter hits a redirecting surface first.
 fn points_meet(tables: &SceneTables) -> bool {
-    // With many emitters, each gets fewer rays.
+    // If there are many emitters, trace fewer rays from each.
     let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
     let at = |i: u32| (i as f32 + 0.5) / side as f32;
     tables.points.iter().any(|point| {
@@ -110,7 +110,7 @@ fn points_meet(tables: &SceneTables) -> bool {
     })
 }
 
-/// Returns the integrator for the scene's settings, and the reason for the choice.
+/// Returns the integrator for the scene's settings, and the reason if it is not the requested one.
 pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();
@@ -119,14 +119,14 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     }
     match asked {
         Integrator::Caustics if walks => {
-            (Integrator::Bidirectional, "with media or lenses, paths are traced from both ends")
+            (Integrator::Bidirectional, "scenes with media or lenses need paths traced from both ends")
         }
         Integrator::Path | Integrator::Caustics | Integrator::Bidirectional => (asked, ""),
         Integrator::Auto => {
             if tables.projector.is_none() && tables.points.is_empty() {
                 return (
                     Integrator::Path,
-                    "there is no point emitter, and paths from the camera find all emitters with extent",
+                    "there is no point emitter, and paths from the camera find all extended emitters",
                 );
             }
             let any = tables.materials.any_redirecting() || tables.materials.any_straight();
@@ -141,12 +141,12 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
             if walks {
                 return (
                     Integrator::Bidirectional,
-                    "a projector or point emitter illuminates mirrors, smooth glass or crystals directly, with media or lenses",
+                    "a projector or point emitter directly illuminates mirrors, smooth glass or crystals, in a scene with media or lenses",
                 );
             }
             (
                 Integrator::Caustics,
-                "a projector or point emitter illuminates mirrors, smooth glass or crystals directly",
+                "a projector or point emitter directly illuminates mirrors, smooth glass or crystals",
             )
         }
     }

@@ -1,7 +1,7 @@
-//! The renderer: traces a scene in memory and returns finished tiles of T.
+//! The renderer: traces a scene in memory and returns finished tiles of the transport tensor T.
 //!
-//! The results are Mueller matrices, independent of the polarization of the illumination. For speed, the
-//! crate uses plain-data tables and enums. The only files that it reads are measured tables, which it maps
+//! T contains Mueller matrices, which are independent of the polarization of the illumination. For speed,
+//! this crate uses tables of plain data and enums. It reads no files except measured tables, which it maps
 //! into memory.
 
 pub mod geometry;

@@ -1,20 +1,20 @@
 //! Names of a scene's objects and materials.
 
-/// Names of objects and materials by number.
+/// Names of objects and materials by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
-    /// Object names by the number that [`Geometry::object`](crate::geometry::bvh::Geometry::object) returns.
+    /// Object names by the index that [`Geometry::object`](crate::geometry::bvh::Geometry::object) returns.
     /// An object without a name is called `objects[3]` (counted from 0, as in the file). Names of objects in
-    /// a group begin with the group's name: `tree/leaf`.
+    /// a group begin with the name of the group: `tree/leaf`.
     pub objects: Vec<String>,
     pub materials: Vec<String>,
-    /// Index into `materials` for each material number. Filled and emitting objects have separate material
-    /// numbers.
+    /// Index into `materials` for each material index of the scene. Objects that are filled or emit light
+    /// have separate material indices.
     pub material_of: Vec<u32>,
 }
 
 impl Names {
-    /// Returns the index into `materials` for a material number; `None` if the material has no name.
+    /// Returns the index into `materials` for a material index of the scene; `None` if it has no name.
     pub fn material(&self, number: u32) -> Option<u32> {
         self.material_of.get(number as usize).copied()
     }

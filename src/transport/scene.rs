@@ -1,4 +1,4 @@
-//! The scene in the form that the tracer uses.
+//! The scene in the form that the renderer uses.
 
 use crate::device::emitter::PointEmitter;
 use crate::integrator_choice::choose;
@@ -10,23 +10,23 @@ use std::ops::Deref;
 use tensor::axes::Extents;
 use tensor::slice::Slice;
 
-/// A scene ready to render: the tables and the quantities derived from them.
+/// A scene that is ready to render: the tables and the quantities that are derived from them.
 pub struct Scene {
     tables: SceneTables,
-    /// True if some material transmits light without deflection, so that connections may pass sheets.
+    /// True if some material transmits light without deflection, so that connections may cross sheets.
     pub(crate) sheets: bool,
-    /// True if some object is filled or some boundary is null, so that paths must track their media.
+    /// True if some object is filled or some boundary is null, so that paths must track the medium.
     pub(crate) filled: bool,
-    /// A distance in metres that exceeds every distance between surfaces and devices.
+    /// A distance in metres that exceeds all distances between surfaces and devices.
     pub(crate) far: f32,
-    /// Light tree over the point emitters, if there are too many to connect each path vertex to all.
+    /// Light tree over the point emitters, if there are too many to connect each path vertex to all of them.
     pub(crate) point_tree: Option<LightTree>,
-    /// The reason for the choice of the integrator; `None` if the scene file chose it.
+    /// Reason for the choice of the integrator; `None` if the scene file selects it.
     why: Option<&'static str>,
 }
 
-/// Maximum number of point emitters for which each path vertex is connected to all. With more, each vertex
-/// is connected to one emitter chosen at random.
+/// Maximum number of point emitters for which each path vertex is connected to all of them. If there are
+/// more, each vertex is connected to one emitter chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -38,7 +38,7 @@ impl Deref for Scene {
 }
 
 impl Scene {
-    /// Derives all quantities from the tables and chooses the integrator.
+    /// Computes the derived quantities from the tables, and chooses the integrator.
     pub fn new(tables: SceneTables) -> Self {
         let mut scene = Self { tables, sheets: false, filled: false, far: 0.0, point_tree: None, why: None };
         scene.derive();
@@ -46,18 +46,18 @@ impl Scene {
         scene
     }
 
-    /// Replaces the integrator `auto` by the integrator that the scene needs, and `caustics` if necessary.
+    /// Replaces the integrator `auto`, and if necessary `caustics`, by the integrator that the scene needs.
     fn choose_integrator(&mut self) {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {
             self.why = Some(why);
             self.tables.settings.integrator = integrator;
-            // Paths from the camera alone need no manifold connections.
+            // Unidirectional paths from the camera need no manifold connections.
             self.tables.settings.manifold &= integrator != Integrator::Path;
         }
     }
 
-    /// Sets the integrator. [`Integrator::Auto`] selects the integrator that the scene needs.
+    /// Sets the integrator. [`Integrator::Auto`] selects the one that the scene needs.
     pub fn set_integrator(&mut self, integrator: Integrator) {
         self.why = None;
         self.change_settings(|s| (s.manifold, s.integrator) = (integrator != Integrator::Path, integrator));
@@ -86,7 +86,7 @@ impl Scene {
         self.why
     }
 
-    /// Replaces all materials. The material numbers of surfaces and boundaries remain valid.
+    /// Replaces all materials. The material indices of surfaces and boundaries remain valid.
     pub fn set_materials(&mut self, materials: Materials) {
         self.tables.materials = materials;
         self.derive();
@@ -95,7 +95,7 @@ impl Scene {
         }
     }
 
-    /// Computes texture coordinates even if no texture needs them, until the materials are replaced.
+    /// Enables texture coordinates even if no texture needs them, until the materials are replaced.
     pub fn keep_texture_coordinates(&mut self) {
         self.tables.geometry.textured = true;
     }
@@ -123,7 +123,7 @@ impl Scene {
         self.far = 2.0 * seen[0].max(seen[1]).max((high - low).length()).max(1.0);
     }
 
-    /// Returns the lanes of all wavelengths of the scene.
+    /// Returns the set of lanes of all wavelengths in the scene.
     #[inline]
     pub fn lanes(&self) -> Lanes {
         Lanes::first(self.wavelengths.count())

@@ -1,4 +1,4 @@
-//! The path-sampling strategies, one list for all integrators.
+//! The path-sampling strategies of all integrators.
 
 use std::fmt;
 
@@ -8,16 +8,16 @@ use std::fmt;
 pub enum Strategy {
     /// Next-event estimation: connects a camera path to the emitter.
     NextEvent,
-    /// Next-event estimation through a rough interface, near a particle that scatters the light.
+    /// Next-event estimation from a medium vertex through a nearby rough interface.
     RoughInterface,
     /// Manifold connections through smooth refracting interfaces, to emitters and to the camera.
     SmoothInterfaces,
     FlatMirrors,
-    /// Connections over curved mirrors, by further paths through curved glass, and through crystals.
+    /// Connections over curved mirrors, over all paths through curved glass, and through crystals.
     CurvedMirrors,
     /// Light tracing: connects a light path to the camera.
     LightTracing,
-    /// Connects a camera path to a light path at inner vertices.
+    /// Vertex connection: connects inner vertices of a camera path and a light path.
     VertexConnection,
 }
 
@@ -35,7 +35,7 @@ impl Strategy {
         Self::VertexConnection,
     ];
 
-    /// Returns the standard term for the strategy.
+    /// Returns the usual name of the strategy.
     pub fn name(self) -> &'static str {
         match self {
             Self::NextEvent => "next event",
@@ -98,7 +98,7 @@ impl fmt::Display for Strategies {
 mod tests {
     use super::*;
 
-    /// Verifies that every strategy has a distinct bit.
+    /// Verifies that each strategy has its own bit.
     #[test]
     fn strategies_have_distinct_bits() {
         for s in Strategy::LIST {

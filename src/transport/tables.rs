@@ -1,4 +1,4 @@
-//! The plain-data tables that describe a scene, and the render settings.
+//! Plain-data tables that describe a scene, and the render settings.
 
 use crate::device::emitter::{Environment, PointEmitter};
 use crate::device::pinhole::Pinhole;
@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tensor::slice::Slice;
 
-/// The complete description of a scene, from which [`crate::scene::Scene::new`] builds a scene.
+/// Complete description of a scene, from which [`crate::scene::Scene::new`] builds the scene.
 pub struct SceneTables {
-    /// Short name, used in titles and default file names.
+    /// Short name, which is used in titles and in default file names.
     pub name: String,
     /// Wavelengths of all spectral values, one per lane.
     pub wavelengths: Wavelengths,
@@ -27,32 +27,32 @@ pub struct SceneTables {
     /// Materials, indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
     pub media: Media,
-    /// The boundary for each material number; [`Boundary::NONE`] if the object is not filled.
+    /// The boundary for each material index; [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
     pub names: Names,
     pub camera: Pinhole,
     pub projector: Option<Projector>,
     pub points: Vec<PointEmitter>,
-    /// Uniform light from outside the scene.
+    /// Uniform radiance from outside the scene.
     pub environment: Option<Environment>,
     /// Emissive surfaces, an image of the sky, and directional lights.
     pub lights: Lights,
-    /// The slices of the tensor that are kept.
+    /// The slices of the tensor that the render stores.
     pub slices: Vec<Slice>,
     pub settings: Settings,
-    /// SHA-256 hash, in hexadecimal, of the scene file and of all files that it refers to, in order.
+    /// SHA-256 hash, in hexadecimal, of the scene file and of all files to which it refers, in order.
     pub sha256: String,
     /// Text of the scene file, which is stored with the results.
     pub text: String,
-    /// The variant of the scene file; `None` for the scene as written.
+    /// Variant of the scene file; `None` for the scene file as written.
     pub variant: Option<Variant>,
-    /// Notes on contents of the scene's files that are ignored or were corrected, one sentence each.
+    /// Notes on contents of the scene's files that are ignored or corrected, one sentence each.
     pub notes: Vec<String>,
-    /// Files that the scene was built from, sorted, as paths relative to the scene's folder.
+    /// Files from which the scene was built, sorted, as paths relative to the scene folder.
     pub files: Vec<String>,
 }
 
-/// One variant of a scene file.
+/// A variant of a scene file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Variant {
     pub number: u64,
@@ -97,32 +97,32 @@ impl Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     pub spp: u32,
-    /// Minimum number of independent groups of stratified samples; see [`Self::group`].
+    /// Minimum number of independent groups of stratified samples (see [`Self::group`]).
     pub replicates: u32,
-    /// Maximum path depth as Mitsuba counts it: 1 + the largest number of surface interactions.
+    /// Maximum path depth as defined by Mitsuba: 1 + the maximum number of surface interactions.
     pub max_depth: u32,
     /// Number of surface interactions after which Russian roulette starts.
     pub rr_depth: u32,
     pub integrator: Integrator,
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
-    /// Restricts bidirectional tracing to one unweighted strategy: the number of vertices on the light path
-    /// and on the camera path, both ends included. This setting is for tests; other paths are missing from
-    /// the result.
+    /// Restricts bidirectional path tracing to one unweighted strategy: the number of vertices on the light
+    /// subpath and on the camera subpath, ends included. This setting is for tests; the result lacks all
+    /// other paths.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that may be used. A subset is for tests; paths that only other strategies can sample are
-    /// missing.
+    /// Strategies that may be used. A subset is for tests; the result lacks paths that only other strategies
+    /// can sample.
     pub strategies: Strategies,
     /// Seed of the random streams.
     pub seed: u64,
-    /// Edge length of a square tile, in camera pixels.
+    /// Edge length of square tiles, in camera pixels.
     pub tile: u32,
 }
 
 impl Settings {
-    /// Returns the number of samples of a pixel that are stratified together. The result is the largest
-    /// number that leaves at least `replicates` independent groups. Standard errors are estimated from
-    /// these groups (randomized quasi-Monte Carlo: Owen 1997).
+    /// Returns the number of samples of a pixel that are stratified together. This is the largest number that
+    /// leaves at least `replicates` independent groups, from which standard errors are estimated (randomized
+    /// quasi-Monte Carlo: Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

@@ -228,7 +228,7 @@ fn errors_name_the_fault_and_fix() {
     };
     check("not a tensor file", b"");
     check("not a tensor file", &edited(0, b'T'));
-    check("version 1.0, got 1.7", &edited(13, 7));
+    check("version 1.7, expected 1.0", &edited(13, 7));
     check("the header is truncated", &{
         let mut fields = fields();
         fields.truncate(5);

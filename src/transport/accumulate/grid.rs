@@ -1,10 +1,10 @@
-//! The chunk grid of a slice's axes between the camera axes and the Stokes axes.
+//! Divides the axes of a slice between the camera axes and the Stokes axes into chunks.
 
 use tensor::axes::SliceLayout;
 
-/// A range of neighbouring axes of a layout and their division into chunks.
+/// A range of adjacent axes of a layout, divided into chunks.
 pub(super) struct Grid {
-    /// Length of each axis and chunk length along the axis.
+    /// Number of cells and number of cells per chunk, for each axis.
     axes: Vec<[u64; 2]>,
     pub chunks: u64,
 }
@@ -15,8 +15,8 @@ impl Grid {
         Self { chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(), axes }
     }
 
-    /// Returns the chunk that contains a cell (row-major over the axes), the position of the cell in the
-    /// chunk, and the chunk's volume.
+    /// Returns the index of the chunk that contains cell `cell` (row-major over the axes), the position of
+    /// the cell in the chunk, and the volume of the chunk in cells.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();
@@ -36,7 +36,7 @@ impl Grid {
         (chunk, at as usize, volume as usize)
     }
 
-    /// Appends the first index and the length of a chunk along each axis to `start` and `shape`.
+    /// Appends the first index and the length along each axis of chunk `chunk` to `start` and `shape`.
     pub fn extend(&self, mut chunk: u64, start: &mut Vec<u64>, shape: &mut Vec<u64>) {
         let at = start.len();
         for [len, size] in self.axes.iter().rev() {
@@ -53,7 +53,7 @@ impl Grid {
 mod tests {
     use super::*;
 
-    /// Every cell of uneven axes has a distinct position that agrees with its chunk's box.
+    /// Verifies that the cells of unevenly divided axes have distinct positions that agree with their chunks.
     #[test]
     fn cell_positions_agree_with_chunk_boxes() {
         let grid = Grid { axes: vec![[5, 2], [3, 3], [7, 4]], chunks: 6 };

@@ -1,9 +1,9 @@
 //! Accumulates path contributions into means and standard errors of every slice, in one pass.
 //!
-//! The independent random variable is a camera sample or a group of samples that are stratified together.
-//! All contributions of a group to an element are added before they are squared, so the variance is that of
-//! independent variables. Each pixel is finished before the next begins. Memory therefore contains only the
-//! cells of one pixel (sparse, f64) and the finished values of one tile (sparse, f32).
+//! Estimates treat each camera sample, or each group of jointly stratified samples, as one independent random
+//! variable. All contributions of a group to an element are added before the sum is squared. Each pixel is
+//! finished before the next begins. Memory therefore contains only the cells of one pixel (sparse, f64) and
+//! the finished values of one tile (sparse, f32).
 
 mod grid;
 pub mod plan;
@@ -22,10 +22,10 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Maximum number of possible cells for which a plain table, not a hash map, indexes the cells of a pixel.
+/// Maximum number of cells of a pixel that a plain table indexes; more cells are indexed by a hash map.
 const DIRECT_CELLS: u64 = 1 << 16;
 
-/// Maps a cell key to the cells of one pixel.
+/// Maps the key of a cell to the index of the cell among those of the current pixel.
 enum CellIndex {
     Direct(Vec<u32>),
     Hashed(KeyMap),
@@ -34,14 +34,14 @@ enum CellIndex {
 /// One cell of the current pixel that has received contributions.
 struct Cell {
     key: u64,
-    /// Group of samples whose contributions are pending.
+    /// Group of samples whose contributions have not been folded into the sums yet.
     group: u32,
-    /// Index of the cell's first element in the sums; `extent` is the number of matrix rows and columns.
+    /// Index in [`PixelSums::sums`] of the cell's first element; the cell has `extent` rows and columns.
     first: u32,
     extent: Extent,
 }
 
-/// The sums of one matrix element of a cell.
+/// Sums of the contributions to one matrix element of a cell.
 #[derive(Clone, Copy)]
 struct Sums {
     pending: Spectral,
@@ -52,7 +52,7 @@ struct Sums {
 impl Sums {
     const ZERO: Self = Self { pending: Spectral::ZERO, sum: f64x4::ZERO, square: f64x4::ZERO };
 
-    /// Moves the pending group of samples into the sums.
+    /// Adds the sum of the pending group of samples, and its square, to the totals.
     #[inline]
     fn fold(&mut self) {
         let p = widen(self.pending);
@@ -98,7 +98,7 @@ impl PixelSums {
         }
     }
 
-    /// Enlarges a cell to hold elements of more rows or columns.
+    /// Enlarges cell number `slot`, so that the cell also holds elements of `extent`.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];
@@ -122,7 +122,7 @@ impl PixelSums {
         }
         let slot = *entry as usize;
         if let ([value], 1) = (values, self.cells[slot].extent.count()) {
-            // Fast path: most contributions are intensities only.
+            // Fast path, because most contributions have only one element, M00.
             let cell = &mut self.cells[slot];
             let sums = &mut self.sums[cell.first as usize];
             if cell.group != group {
@@ -158,8 +158,8 @@ impl PixelSums {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
         let per_sample = f64x4::splat(1.0 / samples);
         let per_group = f64x4::splat(1.0 / groups);
-        // Variance of the mean of groups, whose sums are samples / groups times larger. NaN for a single
-        // group.
+        // Variance of the mean over groups. The sum of a group is samples / groups times as large as a
+        // sample. The variance is NaN for a single group.
         let size = samples / groups;
         let per_degree = f64x4::splat(1.0 / ((groups - 1.0) * groups * size * size));
         let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
@@ -194,12 +194,12 @@ impl PixelSums {
     }
 }
 
-/// The finished values of all slices over one tile, as a back end returns them.
+/// The finished values of all slices in one tile, as a back end returns them.
 pub struct TileSums<'a> {
     plans: &'a [SlicePlan],
     slices: Vec<TileValues>,
     scratch: Scratch,
-    /// First and one past last camera pixel (x, y).
+    /// First camera pixel (x, y) of the tile, and one past the last in x and y.
     pixels: [[u32; 2]; 2],
     /// Number of valid samples per pixel, row-major.
     counts: Vec<u32>,
@@ -210,7 +210,7 @@ impl TileSums<'_> {
     /// Writes all values to a sink, and the tile record last.
     ///
     /// # Errors
-    /// If the sink fails to store a piece.
+    /// Returns the error of the sink if the sink cannot store a piece.
     pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
         for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
             values.put(number, plan, sink, &mut self.scratch)?;
@@ -225,7 +225,7 @@ impl TileSums<'_> {
     }
 }
 
-/// Accumulates all slices over one tile, pixel by pixel and sample by sample.
+/// Accumulates the contributions to all slices in one tile, pixel by pixel and sample by sample.
 pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
@@ -233,9 +233,9 @@ pub struct TileAccumulator<'a> {
     /// Row-major index of the current camera pixel.
     pixel: u32,
     keeping: Vec<usize>,
-    /// True if some slice samples projector pixels of its own.
+    /// True if some slice samples paths for selected projector pixels.
     aimed: bool,
-    /// Probability of each s' in the epipolar band of the current camera pixel, per slice; 0 without a band.
+    /// Probability of each s' in the epipolar band of the current camera pixel, per slice (0 without a band).
     in_band: Vec<f32>,
 }
 
@@ -261,7 +261,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts tile number `tile`, which covers camera pixels x0..x1, y0..y1.
+    /// Starts tile number `tile`, which covers camera columns x0..x1 and rows y0..y1.
     pub fn begin_tile(&mut self, tile: u32, [x0, y0]: [u32; 2], [x1, y1]: [u32; 2]) {
         self.tile.pixels = [[x0, y0], [x1, y1]];
         self.tile.counts.clear();
@@ -280,7 +280,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts camera pixel (x, y). Returns false if no slice keeps it; the pixel is then already finished.
+    /// Starts camera pixel (x, y). Returns false if no slice keeps the pixel, which is then already finished.
     #[inline]
     pub(crate) fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
         self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
@@ -293,7 +293,7 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Sets the projector pixels s' of each slice's band for the current pixel; empty without a band.
+    /// Sets the projector pixels s' of each slice's band for the current pixel (none without a band).
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {
@@ -317,7 +317,7 @@ impl<'a> TileAccumulator<'a> {
         self.add_to::<true>(group, list, elements);
     }
 
-    /// Implements [`Self::add_sample`]; `AIMED` if some contributions belong to a single slice.
+    /// Implements [`Self::add_sample`]. `AIMED` is true if some contributions belong to a single slice.
     #[inline(always)]
     fn add_to<const AIMED: bool>(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         let pixel = self.pixel;
@@ -333,7 +333,7 @@ impl<'a> TileAccumulator<'a> {
                         weight *= plan.share(c, self.in_band[*k]);
                     }
                     let (extent, values) = if plan.elements == 1 {
-                        // The slice keeps only the intensity of the matrix.
+                        // The slice keeps only element M00.
                         (Extent { rows: 1, cols: 1 }, &c.of(elements)[..1])
                     } else {
                         (c.extent, c.of(elements))

@@ -1,4 +1,4 @@
-//! Maps each path contribution to an element of a slice, by tables that are computed once per render.
+//! Maps each path contribution to an element of a slice, with tables that are computed once per render.
 
 use super::selected::Selected;
 use optics::polarization::extent::Extent;
@@ -6,28 +6,28 @@ use optics::spectrum::Spectral;
 use tensor::axes::{AxisKind, Extents, SliceLayout};
 use tensor::slice::{CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// The light of one path that arrives at the camera per unit projector drive.
+/// Light that reaches the camera along one path, per unit projector drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
     /// Index of the contribution's first Mueller element in [`Contributions::elements`].
     pub first: u32,
     /// Number of matrix rows and columns.
     pub extent: Extent,
-    /// Travel time in picoseconds; infinite for light without a travel time.
+    /// Travel time in picoseconds; infinite for emitters whose light has no travel time.
     pub time_ps: f64,
-    /// Row-major projector pixel s'; [`NO_PIXEL`] for light of other emitters.
+    /// Row-major index of projector pixel s'; [`NO_PIXEL`] for light of other emitters.
     pub pixel: u32,
-    /// Distance of s' from the epipolar line of s, in projector pixels (used only by epipolar slices).
+    /// Distance of s' from the epipolar line of s in projector pixels; set only if a slice is epipolar.
     pub epipolar_px: f32,
     pub bounces: u32,
-    /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
+    /// Path label as defined in [`tensor::label`]; unspecified if no slice has labels.
     pub label: u8,
-    /// Index of the slice for whose s' the path was sampled, if the path counts only for this slice; or
-    /// `EVERY`.
+    /// `EVERY`, or the index of the only slice to which the contribution counts, because the path was
+    /// sampled for an s' of this slice.
     pub slice: u32,
-    /// Ratio of two densities of this path: the density of sampling the path for a given s' (chosen with
-    /// probability 1), divided by the density of sampling the path for all slices. The ratio is 0 if the
-    /// path cannot be sampled for an s'.
+    /// Ratio of two densities of this path: the density of sampling the path for a given s', divided by the
+    /// density of sampling the path for all slices. The first density excludes the probability of selecting
+    /// s'. The ratio is 0 if the path cannot be sampled for a given s'.
     pub rival: f32,
 }
 
@@ -36,9 +36,9 @@ pub struct Contributions<'a> {
     /// The contributions, in the order in which the path produced them.
     pub list: &'a mut Vec<Contribution>,
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
-    /// non-zero are stored, e.g. only M00 for depolarized light. The buffer is shared with other samples.
+    /// non-zero are stored, e.g. only M00 for depolarized light. Other samples share the buffer.
     pub elements: &'a mut Vec<Spectral>,
-    /// True if some slice needs path labels. Each kind of lobe then becomes a separate contribution.
+    /// True if some slice needs path labels. Each kind of scattering lobe is then a separate contribution.
     pub labelled: bool,
 }
 
@@ -48,7 +48,7 @@ impl<'a> Contributions<'a> {
         Self { list, elements, labelled }
     }
 
-    /// Appends a contribution whose elements are the last ones in the list of elements.
+    /// Appends a contribution whose elements are already at the end of the list of elements.
     #[inline(always)]
     pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32, label: u8) {
         self.list.push(Contribution {
@@ -73,27 +73,27 @@ impl Contribution {
     }
 }
 
-/// [`Contribution::pixel`] of light that comes from no projector pixel.
+/// Value of [`Contribution::pixel`] for light that does not come from a projector pixel.
 pub const NO_PIXEL: u32 = u32::MAX;
 
-/// [`Contribution::slice`] of light that counts for all slices.
+/// Value of [`Contribution::slice`] for light that counts for all slices.
 pub(super) const EVERY: u32 = u32::MAX;
 
-/// Marks a row or column that a slice does not keep.
+/// Table entry that marks a row or column of pixels that a slice does not keep.
 pub(super) const DROPPED: u32 = u32::MAX;
 
 /// Maps contributions to the elements of one slice. The tables are computed once per render and shared by
 /// all threads.
 pub struct SlicePlan {
     slice: Slice,
-    /// Projector pixels that the slice samples separately; `None` if the slice keeps too many.
+    /// Projector pixels for which the slice samples separate paths; `None` if there are too many.
     selected: Option<Selected>,
     pub layout: SliceLayout,
-    /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
+    /// Index along `y` of each camera row and index along `x` of each camera column, or [`DROPPED`].
     pub(super) camera: [Vec<u32>; 2],
-    /// Number of pixels averaged along each axis, per index (1 unless binned).
+    /// Number of pixels averaged per index along `y` and `x` (1 unless the camera axes are binned).
     pub(super) per_index: [Vec<u32>; 2],
-    /// Projector row and column → index along `v`, `u`, or [`DROPPED`]; empty if s' is not resolved.
+    /// Index of each projector row along `v` and column along `u`, or [`DROPPED`]; empty if s' is unresolved.
     projector: [Vec<u32>; 2],
     projector_width: u32,
     pub(super) camera_width: u32,
@@ -102,15 +102,15 @@ pub struct SlicePlan {
     bounces: u64,
     components: u64,
     labels: u64,
-    /// Number of cells of one camera element inside the time window. The cells of the overflow array follow
-    /// them.
+    /// Number of cells of one camera element inside the time window. The cells outside the window have the
+    /// subsequent indices.
     pub(super) inner: u64,
     pub(super) overflow: u64,
     pub(super) elements: usize,
     pub(super) wavelengths: usize,
 }
 
-/// The pixels that a slice keeps along one axis: a range (first pixel, count, pixels per index) or a list.
+/// Pixels that a slice keeps along one axis: a range (first pixel, count, pixels per index) or a list.
 #[derive(Clone, Copy)]
 enum Kept<'a> {
     Run(u32, u32, u32),
@@ -124,7 +124,7 @@ impl Kept<'_> {
         Self::Run(0, u32::MAX, bin)
     }
 
-    /// Returns the index of each of `n` pixels, or [`DROPPED`].
+    /// Returns the index of each of the `n` pixels along the axis, or [`DROPPED`].
     fn indices(&self, n: u32) -> Vec<u32> {
         let index = |i: u32| match *self {
             Self::List(list) => list.binary_search(&i).map_or(DROPPED, |k| k as u32),
@@ -202,19 +202,19 @@ impl SlicePlan {
         self.inner + self.overflow
     }
 
-    /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).
+    /// Returns the maximum number of camera pixels per element (bins at the border may contain fewer).
     pub fn pixels_per_element(&self) -> u32 {
         let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// Returns the projector pixels that the slice keeps, or `None` if they are too many to sample from.
+    /// Returns the projector pixels for which separate paths are sampled; `None` if there are too many.
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }
 
     /// Returns the balance-heuristic weight of a contribution that can be sampled both for all slices and for
-    /// one s'. `in_band` is as for [`Selected::chance`].
+    /// one s'. The weight is 1 for all other contributions. `in_band` is as in [`Selected::chance`].
     #[inline]
     pub(super) fn share(&self, c: &Contribution, in_band: f32) -> f32 {
         match &self.selected {
@@ -241,7 +241,7 @@ impl SlicePlan {
         )
     }
 
-    /// Returns the indices along `y`, `x` of camera pixel (x, y), or `None` if it is not kept.
+    /// Returns the indices of camera pixel (x, y) along `y`, `x`; `None` if the slice omits the pixel.
     #[inline]
     pub(crate) fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
         let at = [self.camera[0][y as usize], self.camera[1][x as usize]];
@@ -249,7 +249,7 @@ impl SlicePlan {
     }
 
     /// Returns the cell and the weight of a contribution to camera pixel number `camera_pixel`. Cells are
-    /// row-major over v, u, t, bounces, component, label; overflow cells follow.
+    /// row-major over v, u, t, bounces, component, label. The cells outside the time window follow.
     #[inline(always)]
     pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
         let mut weight = 1.0;

@@ -1,34 +1,34 @@
-//! Projector pixels for which separate paths are sampled, for slices that keep few projector pixels per
-//! camera pixel.
+//! Projector pixels for which separate paths are sampled, if a slice keeps few projector pixels per camera
+//! pixel.
 
 use optics::sampling::stream::Stream;
 use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
-/// A slice gets separate paths if it keeps at most this fraction of the projector's pixels for a camera
-/// pixel. Separate paths up to double the render time. For 1/16 of the pixels, this cost exceeds the gain.
+/// Maximum fraction of the projector's pixels that a slice may keep per camera pixel to get separate paths.
+/// Separate paths up to double the render time, which exceeds the gain for a fraction of 1/16.
 const MOST: f64 = 1.0 / 64.0;
 
-/// Maximum fraction as in [`MOST`], for bands around epipolar lines. In twice the time, indirect light has
-/// 3.5 times less variance for 1/256 of the pixels and 1.7 times less for 1/85 (`docs/paths.md`).
+/// The same maximum for bands around epipolar lines. In twice the time, the variance of indirect light is 3.5
+/// times lower for a fraction of 1/256 and 1.7 times lower for 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
 pub enum Selected {
     /// Only the projector pixel with the same row-major index as the camera pixel.
     Own,
-    /// The same projector pixels for all camera pixels.
+    /// Projector pixels that are the same for all camera pixels.
     Listed {
         /// Row-major pixel indices, ascending.
         pixels: Vec<u32>,
-        /// Cumulative sampling probability up to and including each pixel.
+        /// Sum of the sampling probabilities up to and including each pixel.
         cumulative: Vec<f32>,
     },
-    /// A band around the epipolar line, listed for each camera pixel and sampled uniformly.
+    /// A band around the epipolar line of each camera pixel, whose projector pixels are sampled uniformly.
     Band {
         /// Half width of the band in projector pixels.
         half_width_px: f32,
-        /// Maximum number of pixels of a band that gets separate paths.
+        /// Maximum number of pixels in a band; larger bands do not get separate paths.
         most: usize,
     },
 }
@@ -66,11 +66,11 @@ impl Selected {
                     |p: &u32| (b.x..b.x + b.w).contains(&(p % w)) && (b.y..b.y + b.h).contains(&(p / w));
                 all.filter(inside).map(|p| (p, 1.0)).collect()
             }
-            // Bands contain direct light. Unless lines are rows of pixels, its noise at the band's edges
-            // dominates. Separate paths pay only where the slice separates indirect light (`docs/paths.md`).
+            // The noise of direct light at a band's borders dominates, unless epipolar lines are pixel rows.
+            // Separate paths are efficient only if the slice separates indirect light (`docs/paths.md`).
             ProjectorSelect::Epipolar { half_width_px } if slice.bounces || slice.split_first_bounce => {
                 let most = MOST_OF_BAND * f64::from(w) * f64::from(h);
-                // Number of pixels of a band that crosses the shorter side.
+                // Number of pixels in a band that runs along the shorter side of the image.
                 let least = 2.0 * f64::from(*half_width_px) * f64::from(w.min(h));
                 return (least <= most)
                     .then_some(Self::Band { half_width_px: *half_width_px, most: most as usize });
@@ -91,7 +91,7 @@ impl Selected {
         Some(Self::Listed { pixels, cumulative })
     }
 
-    /// Samples a projector pixel for a camera pixel. For a slice with a band, `band` must not be empty.
+    /// Samples a projector pixel for a camera pixel. `band` must contain pixels if the slice has a band.
     #[inline]
     pub fn draw(&self, camera_pixel: u32, band: &[u32], stream: &mut Stream) -> u32 {
         match self {
@@ -107,8 +107,8 @@ impl Selected {
         }
     }
 
-    /// Returns the probability of sampling a kept pixel. `in_band` is the probability of each pixel of a
-    /// band ([`chance_in`]).
+    /// Returns the probability of sampling projector pixel `pixel`. `in_band` is the probability of each
+    /// pixel of a band ([`chance_in`]).
     #[inline]
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
         match self {
@@ -130,7 +130,7 @@ mod tests {
         of_bounces(projector, false)
     }
 
-    /// Selects pixels for a slice that separates light by `bounces`, or does not.
+    /// Returns the selection for a slice with or without the `bounces` axis.
     fn of_bounces(projector: ProjectorSelect, bounces: bool) -> Option<Selected> {
         let slice = Slice {
             name: "s".into(),
@@ -152,8 +152,8 @@ mod tests {
         Selected::of(&slice, &extents)
     }
 
-    /// Verifies that the frequencies in 100,000 samples of a mask with weights 1, 3 and 4 match the
-    /// probabilities (5 sigma).
+    /// Verifies that the frequencies in 100,000 samples of a mask with weights 1, 3 and 4 agree with the
+    /// probabilities within 5 standard deviations.
     #[test]
     fn pixels_are_drawn_with_the_stated_probabilities() {
         let mut weights = vec![0.0; 256];
@@ -180,7 +180,7 @@ mod tests {
         let coaxial = of(ProjectorSelect::Coaxial).expect("one pixel is few");
         assert_eq!((coaxial.draw(9, &[], &mut Stream::new(1, 2, 3)), coaxial.chance(9, 0.0)), (9, 1.0));
         let band = |half_width_px, bounces| of_bounces(ProjectorSelect::Epipolar { half_width_px }, bounces);
-        // 1/128 of the pixels is two pixels; a line crosses 16.
+        // The limit of 1/128 of the pixels is two pixels, but a line crosses 16.
         assert!(matches!(band(0.0625, true), Some(Selected::Band { most: 2, .. })));
         assert!(band(0.0625, false).is_none() && band(0.07, true).is_none());
         let block = |w, h| ProjectorSelect::Block(tensor::slice::Block { x: 14, y: 2, w, h });

@@ -1,7 +1,7 @@
-//! The finished values of one slice over one tile, sparse in memory, and their conversion to chunks.
+//! The finished values of one slice in one tile, stored sparsely, and their conversion to chunks.
 //!
-//! Most of a tensor is zero: bins without light, and elements that no path polarizes. Only non-zero values
-//! are stored, and chunks without values are never visited.
+//! Most elements of a tensor are zero: bins without light, and matrix elements of unpolarized light. Only
+//! non-zero elements are stored, and chunks without values are skipped.
 
 use super::grid::Grid;
 use super::plan::SlicePlan;
@@ -13,7 +13,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::sink::{self, Piece, Sink};
 
-/// Multiplicative hashing of cell keys (Knuth). Keys are small integers that no attacker controls.
+/// Multiplicative hashing of cell keys (Knuth). Keys are small integers that an attacker cannot choose.
 #[derive(Default)]
 pub(super) struct KeyHasher(u64);
 
@@ -36,21 +36,21 @@ impl Hasher for KeyHasher {
 
 pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 
-/// Number of values in a stretch of a chunk.
+/// Number of values in a stretch, the unit in which chunks are marked and cleared.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// Buffers for one chunk of means and one chunk of errors. All values are zero between uses. The buffers
+/// Buffers for one chunk of means and one chunk of errors. All values are zero between chunks. The buffers
 /// are reused, because allocation is slow.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
     errors: Vec<f32>,
-    /// Bit mask with one bit per stretch, set if the stretch was written to.
+    /// One bit per stretch, set if a value in the stretch was written.
     touched: Vec<u64>,
 }
 
 impl Scratch {
-    /// Enlarges the buffers for a chunk of `length` values.
+    /// Enlarges the buffers to at least `length` values.
     fn reserve(&mut self, length: usize) {
         if self.means.len() < length {
             self.means.resize(length, 0.0);
@@ -59,14 +59,14 @@ impl Scratch {
         }
     }
 
-    /// Marks the stretch of a value as written to.
+    /// Marks the stretch that contains value number `number`.
     #[inline]
     fn touch(&mut self, number: usize) {
         let stretch = number / STRETCH;
         self.touched[stretch / 64] |= 1 << (stretch % 64);
     }
 
-    /// Sets all marked stretches to zero.
+    /// Sets all values in marked stretches to zero, and removes the marks.
     fn clear(&mut self) {
         for (word, bits) in self.touched.iter_mut().enumerate() {
             while *bits != 0 {
@@ -84,32 +84,32 @@ impl Scratch {
 type Finished = [Spectral; 2];
 
 struct Entry {
-    /// Key of the entry: local camera index · number of cells + cell.
+    /// Key of the entry: local camera index × number of cells per camera element + cell index.
     key: u64,
-    /// Index of the entry's first element in the values; elements are row-major.
+    /// Index of the entry's first matrix element in the list of values; elements are row-major.
     first: u32,
     extent: Extent,
 }
 
 #[derive(Clone, Copy)]
 struct Placed {
-    /// Index of the chunk within the tile, over the axes between camera and Stokes.
+    /// Index of the chunk within the tile, over the axes between the camera axes and the Stokes axes.
     chunk: u64,
-    /// Position in the chunk, in units of the volume of the remaining axes.
+    /// Position in the chunk, in multiples of the number of values along the remaining axes.
     at: usize,
     entry: u32,
 }
 
-/// The finished values of one slice over one tile, sparse.
+/// The finished values of one slice in one tile, stored sparsely.
 pub(super) struct TileValues {
-    /// First index along `y`, `x`, and number of indices along each.
+    /// First indices along `y` and `x`.
     start: [u64; 2],
     shape: [u64; 2],
     entries: Vec<Entry>,
     values: Vec<Finished>,
-    /// Variance of the mean of the total, per camera element.
+    /// Variance of the mean of the total ([`super::totals`]), per camera element.
     totals: Vec<f64>,
-    /// Entry index by key; present if several pixels (binned cameras) or several passes share a key.
+    /// Entry index by key; present if several pixels (of a binned camera) or several passes share a key.
     shared: Option<KeyMap>,
 }
 
@@ -126,8 +126,8 @@ impl TileValues {
         }
     }
 
-    /// Clears the table, keeps its memory and sets the range of camera elements to `start..start + shape`
-    /// along `y`, `x`.
+    /// Clears the table but keeps its memory, and sets the range of camera elements along `y`, `x` to
+    /// `start..start + shape`.
     pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
         (self.start, self.shape) = (start, shape);
         self.entries.clear();
@@ -145,7 +145,7 @@ impl TileValues {
         (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
     }
 
-    /// Adds a cell's means and variances, row by row. Cells with equal keys are summed.
+    /// Adds the means and variances of a cell's elements, row by row. Cells with equal keys are summed.
     pub(super) fn add(&mut self, key: u64, extent: Extent, finished: impl Iterator<Item = Finished>) {
         let first = self.values.len() as u32;
         let fresh = self.entries.len() as u32;
@@ -160,7 +160,7 @@ impl TileValues {
         self.values.extend(finished);
     }
 
-    /// Adds the variance of a total to the variance of camera element `local`.
+    /// Adds `variance` to the variance of the total of camera element `local`.
     #[inline]
     pub(super) fn add_total(&mut self, local: u64, variance: f64) {
         self.totals[local as usize] += variance;
@@ -186,7 +186,7 @@ impl TileValues {
     /// Writes the tile to a sink as slice number `number`.
     ///
     /// # Errors
-    /// If the sink fails to store a piece.
+    /// Returns the error of the sink if the sink cannot store a piece.
     pub(super) fn put<S: Sink>(
         &self,
         number: usize,
@@ -214,7 +214,7 @@ impl TileValues {
         self.put_totals(number, sink)
     }
 
-    /// Writes the errors of the totals to a sink.
+    /// Writes the standard errors of the totals to a sink.
     fn put_totals<S: Sink>(&self, number: usize, sink: &S) -> Result<(), S::Error> {
         let data: Vec<f32> = self.totals.iter().map(|v| v.sqrt() as f32).collect();
         if data.is_empty() {
@@ -230,13 +230,13 @@ impl TileValues {
         })
     }
 
-    /// Writes one part of the slice to a sink, chunk by chunk.
+    /// Writes one part of the slice to a sink, one chunk at a time.
     ///
-    /// Code that is generic over the sink is compiled in the sink's crate, at that crate's optimization
-    /// level. Loops over entries are therefore separate functions that do not depend on the sink.
+    /// Code that is generic over the sink is compiled in the sink's crate, at the optimization level of that
+    /// crate. Loops over entries are therefore separate functions that do not depend on the sink.
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
         let (grid, placed) = self.placed(part);
-        // A chunk contains all matrix elements or, where these are too many, some of its rows and columns.
+        // A chunk contains all matrix elements or, if there are too many, some of the rows and columns.
         let chunk = |kind| part.layout.find(kind).map_or(1, |i| part.layout.axes[i].chunk as u32);
         let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
         for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
@@ -277,10 +277,10 @@ impl TileValues {
         (grid, placed)
     }
 
-    /// Groups the entries of a chunk by the extent of their matrices.
+    /// Groups the entries of a chunk by the number of rows and columns of their matrices.
     fn sorted(&self, group: &[Placed]) -> Sorted {
         let extent_of = |p: &Placed| self.entries[p.entry as usize].extent;
-        // Few cells have more than M00; only these are visited for the other elements.
+        // Few cells have elements other than M00; only these cells are visited for the other elements.
         let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
             group.iter().filter(|p| more(extent_of(p))).copied().collect()
         };
@@ -291,7 +291,7 @@ impl TileValues {
         }
     }
 
-    /// Writes one chunk of both fields to a sink.
+    /// Writes one chunk of means and of errors to a sink.
     fn put_chunk<S: Sink>(
         &self,
         part: &Part,
@@ -330,7 +330,7 @@ impl TileValues {
         start.push(0);
         shape.push(plan.wavelengths as u64);
         scratch.reserve(shape.iter().product::<u64>() as usize);
-        // The number of wavelengths is a constant, because copies of unknown length become function calls.
+        // A constant number of wavelengths, because the compiler turns copies of unknown length into calls.
         let scatter = match plan.wavelengths {
             1 => Self::scatter::<1>,
             2 => Self::scatter::<2>,
@@ -341,7 +341,7 @@ impl TileValues {
         (start, shape)
     }
 
-    /// Copies the values of some entries to their positions.
+    /// Copies the values of the entries in `group` to their positions in the chunk.
     fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch) {
         for p in group {
             let entry = &self.entries[p.entry as usize];
@@ -359,7 +359,7 @@ impl TileValues {
     }
 }
 
-/// The entries of a chunk, grouped by the extent of their matrices.
+/// The entries of a chunk, grouped by the number of rows and columns of their matrices.
 struct Sorted {
     /// Largest number of rows and columns among the entries.
     extent: Extent,
@@ -369,7 +369,7 @@ struct Sorted {
     wide: Vec<Placed>,
 }
 
-/// The part of a slice that two fields of one layout store: a range of its cells.
+/// A part of a slice: a range of cells, stored in two fields (means and errors) with the same layout.
 struct Part<'a> {
     number: usize,
     plan: &'a SlicePlan,
@@ -395,7 +395,7 @@ impl Block {
         (self.shape[0] * self.shape[1]) as usize
     }
 
-    /// Returns the block's rows that `extent` contains.
+    /// Returns the rows of the block that a matrix of extent `extent` contains.
     fn rows(&self, extent: Extent) -> std::ops::Range<u32> {
         self.first[0]..(self.first[0] + self.shape[0]).min(extent.rows)
     }

@@ -1,12 +1,12 @@
-//! The variance of a pixel's total: M00, summed over everything that a slice keeps of the pixel (including
-//! light outside the time window) and averaged over wavelengths.
+//! Variance of a pixel's total. The total is M00, summed over all entries of the slice for this pixel
+//! (including light outside the time window) and averaged over wavelengths.
 //!
-//! All elements of a pixel use the same samples, so the error of the sum does not follow from the errors of
-//! the elements.
+//! All elements of a pixel use the same samples and are correlated. The error of their sum therefore does not
+//! follow from the errors of the elements.
 
 use optics::spectrum::Spectral;
 
-/// Number of valid samples of a pixel (including those without light) and of independent groups.
+/// Number of valid samples of a pixel (including samples without light), and number of independent groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counted {
     pub samples: u32,
@@ -14,18 +14,18 @@ pub struct Counted {
     pub groups: u32,
 }
 
-/// Sums of the totals of one pixel's groups of samples, and of their squares.
+/// Sum of the totals of one pixel's sample groups, and sum of their squares.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TotalSums {
     pending: Spectral,
-    /// Group of samples whose light is pending.
+    /// Group of samples whose total has not been added to the sums yet.
     group: u32,
     sum: f64,
     square: f64,
 }
 
 impl TotalSums {
-    /// Adds the light of one sample; all samples of a group must be added consecutively.
+    /// Adds the light of one sample. All samples of a group must be added consecutively.
     #[inline(always)]
     pub fn add(&mut self, group: u32, total: Spectral) {
         if group != self.group {
@@ -43,14 +43,14 @@ impl TotalSums {
         self.pending = Spectral::ZERO;
     }
 
-    /// Returns the variance of the mean over samples and wavelengths, NaN for one group, and resets the sums.
+    /// Returns the variance of the mean over samples and wavelengths (NaN for one group) and resets the sums.
     pub fn finish(&mut self, n: Counted, wavelengths: usize) -> f64 {
         self.fold();
         let Self { sum, square, .. } = std::mem::take(self);
         let groups = f64::from(n.groups);
         let spread = (square - sum * sum / groups).max(0.0);
         let samples = f64::from(n.samples) * wavelengths as f64;
-        // The sums of the groups add up to the sum of the samples.
+        // Divide by samples², because the sums of the groups add up to the sum of the samples.
         spread * groups / (groups - 1.0) / (samples * samples)
     }
 }

@@ -1,4 +1,4 @@
-//! Emitters other than the projector, for tests and for comparisons with other programs.
+//! Point and environment emitters, for tests and for comparisons with other programs.
 
 use crate::light::bounds::Bounds;
 use crate::light::profile::{Frustum, Profile};
@@ -10,29 +10,29 @@ use optics::spectrum::{Spectral, max_lane};
 /// A point emitter.
 #[derive(Clone, Debug)]
 pub struct PointEmitter {
-    /// Position, metres.
+    /// Position in world space, metres.
     pub position: Vec3A,
-    /// Maximum radiant intensity per wavelength (for a frustum: on its axis), W/(sr nm).
+    /// Maximum radiant intensity per wavelength (the value on the axis of a frustum), W/(sr nm).
     pub intensity: Spectral,
     pub profile: Profile,
-    /// Image that the emitter projects, if any.
+    /// Image that the emitter projects.
     pub slide: Option<Slide>,
-    /// The horizontal direction of emitted Stokes vectors is this axis projected perpendicular to the ray.
+    /// Reference axis. Its projection perpendicular to the ray is the horizontal axis of the Stokes frame.
     pub axis: Vec3A,
 }
 
-/// An image that multiplies the light of a point emitter by direction.
+/// A projected image, which multiplies the light of a point emitter in each direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Slide {
-    /// Position, axes and field of the projected image.
+    /// Position, axes and field of view of the projected image.
     pub frustum: Frustum,
-    /// Index of the image, whose texels multiply the intensity.
+    /// Texture index of the image, whose texels multiply the intensity.
     pub texture: u32,
 }
 
 impl PointEmitter {
-    /// Returns the intensity times `factor`, times the slide's transmission along the unit direction `dir`.
-    /// `factor` is the profile's value along `dir`, possibly divided by a quantity of the caller.
+    /// Returns the intensity × `factor` × the transmission of the slide along the unit direction `dir`.
+    /// `factor` is the emission profile along `dir`, possibly multiplied by another factor of the caller.
     #[inline]
     pub fn share(&self, textures: &Textures, dir: Vec3A, factor: f32) -> Spectral {
         let even = self.intensity * Spectral::splat(factor);
@@ -50,7 +50,7 @@ impl PointEmitter {
             Profile::Spot { axis, beam, cutoff } => Bounds {
                 axis: *axis,
                 spread: *beam,
-                // A margin, so that rounding excludes no direction.
+                // The margin prevents rounding from excluding a direction.
                 reach: cutoff - beam + 1e-3,
                 ..all
             },
@@ -65,18 +65,18 @@ impl PointEmitter {
     }
 }
 
-/// Uniform radiance from all directions. This light has no travel time, so in time slices it counts as
-/// overflow.
+/// An environment that emits the same radiance from all directions. Its light has no travel time; slices with
+/// a time axis count it as overflow.
 #[derive(Clone, Copy, Debug)]
 pub struct Environment {
     /// Radiance per wavelength, W/(m² sr nm).
     pub radiance: Spectral,
-    /// Reference axis of the horizontal direction, as in [`PointEmitter::axis`].
+    /// Reference axis of horizontal polarization, as in [`PointEmitter::axis`].
     pub axis: Vec3A,
 }
 
 impl Environment {
-    /// Returns the horizontal basis vector of light that travels along `d`.
+    /// Returns the horizontal axis of the Stokes frame for light that travels along `d`.
     #[inline]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axis, d)

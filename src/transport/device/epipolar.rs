@@ -1,9 +1,9 @@
-//! Epipolar geometry between camera and projector: the projector pixels s' that can directly illuminate s.
+//! Epipolar geometry of camera and projector: projector pixels s' that can directly illuminate point s.
 //!
-//! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to the epipolar line
-//! on the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion bends that line on the
-//! projector's pixel grid. The distance of a pixel centre from the bent line is computed to first order
-//! (Sampson), in distorted pixels.
+//! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to an epipolar line in
+//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves this line in the
+//! projector's pixel grid. The distance of a pixel centre from the curve is computed to first order (Sampson
+//! distance), in distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -12,27 +12,27 @@ use glam::{DMat3, DVec2, DVec3};
 #[derive(Clone, Debug)]
 pub struct Epipolar {
     essential: DMat3,
-    /// Columns and rows of the projector.
+    /// Number of columns and rows of the projector.
     size: [u32; 2],
-    /// Focal lengths, and the normalized coordinates of the centre of the first pixel.
+    /// Focal lengths in pixels, and the normalized coordinates of the centre of the first pixel.
     focal: DVec2,
     first: DVec2,
-    /// Table per projector pixel, row-major: normalized x and y, and the gradients of x and y by pixel
-    /// column and row. Empty for a lens without distortion.
+    /// Normalized x and y of each projector pixel, row-major, and the derivatives of x, then of y, with
+    /// respect to column and row. Empty for a lens without distortion.
     pixels: Vec<[f32; 6]>,
-    /// Bounds of `pixels` in squares of `SIDE` pixels, row by row.
+    /// Bounds of `pixels` in squares of `SIDE` × `SIDE` pixels, row-major.
     squares: Vec<Square>,
 }
 
-/// Margin of the search beyond the half width, in pixels. The margin exceeds the rounding error of a
+/// Margin of the search beyond the half width, in pixels. This margin exceeds the rounding error of the
 /// distance.
 const ROOM: f32 = 1.0;
 
 /// Number of pixels along each side of a square.
 const SIDE: u32 = 16;
 
-/// Bounds of the pixels of a lens with distortion: the centre and half extent of their normalized x, y, and
-/// the maximum absolute derivatives of x and y by column and row.
+/// Bounds of the pixels in a square, for a lens with distortion: the centre and half extent of normalized x,
+/// y, and the maximum absolute derivatives of x and y with respect to column and row.
 #[derive(Clone, Debug)]
 struct Square {
     middle: [f32; 2],
@@ -56,7 +56,7 @@ impl Square {
         Self { middle: each(|lo, hi| 0.5 * (lo + hi)), reach: each(|lo, hi| 0.5 * (hi - lo)), steepest }
     }
 
-    /// Returns false if no pixel of the square is within `px` pixels of a line.
+    /// Returns false if no pixel of the square is within `px` pixels of the line.
     fn may_reach(&self, [a, b, c]: [f32; 3], px: f32) -> bool {
         let ([x, y], [dx, dy], [xu, xv, yu, yv]) = (self.middle, self.reach, self.steepest);
         let (a_abs, b_abs) = (a.abs(), b.abs());
@@ -66,20 +66,20 @@ impl Square {
     }
 }
 
-/// Returns the pixels of square `[x, y]` of a projector of size `[w, h]`.
+/// Returns the row-major indices of the pixels in square `[x, y]` of a projector with size `[w, h]`.
 fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
     let along = move |i: u32, n: u32| SIDE * i..(SIDE * (i + 1)).min(n);
     along(y, h).flat_map(move |v| along(x, w).map(move |u| v * w + u))
 }
 
-/// The epipolar line of one camera pixel, a·x + b·y + c = 0. With lens distortion, x and y are on the
-/// projector's normalized plane; otherwise they are column and row, and a² + b² = 1.
+/// Coefficients a, b, c of the epipolar line a·x + b·y + c = 0 of one camera pixel. With lens distortion, x
+/// and y are normalized projector coordinates; otherwise, they are column and row, and a² + b² = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
-    /// Computes the epipolar geometry from two calibrations; `None` if the centres coincide, so that the
-    /// lines are undefined.
+    /// Computes the epipolar geometry of two calibrated devices; `None` if their centres of projection
+    /// coincide, so that epipolar lines are undefined.
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
         if baseline.length() < 1e-9 {
@@ -124,7 +124,7 @@ impl Epipolar {
         })
     }
 
-    /// Returns the line of the centre of camera pixel (x, y).
+    /// Returns the epipolar line of the centre of camera pixel (x, y).
     #[inline]
     pub fn line(&self, camera: &Pinhole, x: u32, y: u32) -> EpipolarLine {
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -140,7 +140,7 @@ impl Epipolar {
         EpipolarLine([l.x as f32, l.y as f32, l.z as f32])
     }
 
-    /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major) from a line.
+    /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major index) from a line.
     #[inline]
     pub(crate) fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
         let [a, b, c] = line.0;
@@ -154,11 +154,11 @@ impl Epipolar {
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Lists all projector pixels whose distance from a line (`distance_px`) is at most `half_width_px`,
-    /// unordered.
+    /// Lists all projector pixels whose distance from a line (`distance_px`) is at most `half_width_px`, in
+    /// any order.
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
-        // Negated `>` instead of `<=`, to treat NaN as slices do.
+        // `!(d > w)` instead of `d <= w`, so that NaN is treated as in epipolar slices.
         let within = |pixel: &u32| {
             let beyond = self.distance_px(line, *pixel) > half_width_px;
             !beyond
@@ -174,11 +174,11 @@ impl Epipolar {
             return;
         }
         if a.abs().max(b.abs()) < 0.5 {
-            // The epipole: no line.
+            // The camera pixel is the epipole, which has no line.
             out.extend((0..w * h).filter(within));
             return;
         }
-        // Iterate over rows if the line is steep, else over columns.
+        // Iterate over rows if the line is steep, otherwise over columns.
         let steep = a.abs() > b.abs();
         let (minor, major, steps, last) = if steep { (b, a, h, w - 1) } else { (a, b, w, h - 1) };
         let reach = half_width_px / major.abs() + ROOM;
@@ -201,7 +201,7 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Points seen by both devices are on the epipolar lines of their camera pixels, also with distortion.
+    /// Verifies that points seen by both devices are on the epipolar lines of their pixels, for all lenses.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
@@ -227,7 +227,7 @@ mod tests {
                 if let Some((q, _)) = projector.project(p) {
                     seen += 1;
                     let pixel = q.y as u32 * 640 + q.x as u32;
-                    // The pixel's centre is at most √½ pixel from the point; curvature adds little.
+                    // The pixel centre is at most √½ pixel from the point; the line's curvature adds little.
                     worst = worst.max(e.distance_px(line, pixel));
                 }
             }
@@ -236,9 +236,9 @@ mod tests {
         assert!(worst < 0.75, "{worst}");
     }
 
-    /// Verifies that the list agrees with the distances of all pixels: 20 pairs of devices per lens, 40
-    /// camera pixels each, two half widths. The poses give lines that are flat, steep, oblique, and outside
-    /// the image.
+    /// Verifies that the list agrees with the distances of all pixels, for 20 pairs of devices per lens, 40
+    /// camera pixels per pair, and two half widths. The poses give lines that are flat, steep, oblique, and
+    /// outside the image.
     #[test]
     fn lists_contain_the_pixels_within_the_band() {
         let mut stream = Stream::new(7, 0, 0);
@@ -263,13 +263,13 @@ mod tests {
                     at,
                     Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, angles[0], angles[1], angles[2])),
                 )
-                .expect("a device")
+                .expect("the device is valid")
             };
             let way = [Vec3A::X, Vec3A::Y, Vec3A::new(0.5, -0.4, 0.1)][case / 3 % 3];
             let distorts = if case % 2 == 0 { lens.into() } else { Distortion::default() };
             let camera = device([64, 48], Vec3A::ZERO, lens.into());
             let projector = device([75, 53], 0.3 * way, distorts);
-            let epipolar = Epipolar::new(&camera, &projector).expect("two centres");
+            let epipolar = Epipolar::new(&camera, &projector).expect("the centres differ");
             let mut listed = vec![9];
             for k in 0..40 {
                 let line = epipolar.line(&camera, k * 29 % 64, k * 17 % 48);

@@ -1,4 +1,4 @@
-//! Devices: calibrated pinholes and lenses, the projector, epipolar geometry, and other emitters.
+//! Devices: pinhole and thin-lens models, the projector, epipolar geometry, and other emitters.
 
 pub mod emitter;
 pub mod epipolar;

@@ -1,8 +1,8 @@
-//! The pinhole model of camera and projector: pose, intrinsics, lens distortion.
+//! Pinhole model of the camera and the projector: pose, intrinsics, lens distortion.
 //!
-//! Device axes: +x image right, +y image down, +z forward (OpenCV's). Pixel coordinates are continuous: pixel
-//! (i, j) covers [i, i+1) × [j, j+1), and (0, 0) is the upper left corner of the image. OpenCV's cx, cy count
-//! from the centre of the first pixel, so add 0.5 to them. Normalized coordinates are on the plane z = 1.
+//! Device axes: +x image right, +y down, +z forward (as in OpenCV). Pixel coordinates are continuous: pixel
+//! (i, j) covers [i, i+1) × [j, j+1), and (0, 0) is the upper left corner. OpenCV measures cx, cy from the
+//! centre of the first pixel, so add 0.5 to them. Normalized coordinates are on the plane z = 1.
 
 use super::distortion::Distortion;
 use crate::geometry::many;
@@ -11,16 +11,16 @@ use glam::{DVec2, Mat3A, Vec3A};
 use optics::polarization::frame::project;
 use std::f64::consts::TAU;
 
-/// Pixel index of points outside the image.
+/// Pixel index that denotes a point outside the image.
 pub const OUTSIDE: u32 = u32::MAX;
 
-/// A thin lens in place of the pinhole. Light between a pixel and the corresponding point of the focus
-/// plane passes uniformly through the whole aperture.
+/// A thin lens in place of the pinhole. Light between a pixel and the corresponding point in focus passes
+/// through all points of the aperture with equal weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Radius of the aperture, metres; 0 for a pinhole.
     pub radius: f64,
-    /// Distance of the focus plane along the axis, metres.
+    /// Distance between the lens and the plane of focus along the device axis, metres.
     pub focus: f64,
 }
 
@@ -33,7 +33,7 @@ impl Default for Lens {
 /// A calibrated pinhole device.
 #[derive(Clone, Copy, Debug)]
 pub struct Pinhole {
-    /// Width and height in pixels.
+    /// Width and height of the image in pixels.
     pub resolution: [u32; 2],
     /// Focal lengths in pixels.
     pub focal: DVec2,
@@ -44,23 +44,23 @@ pub struct Pinhole {
     pub origin: Vec3A,
     /// Device axes in world space; the columns are right, down, forward.
     pub axes: Mat3A,
-    /// Thin lens that replaces the pinhole.
+    /// Thin lens, which replaces the pinhole if the aperture radius exceeds 0.
     pub lens: Lens,
     /// True for an orthographic device, whose rays start on the image plane parallel to the axis. `focal`
     /// is then in pixels per metre, and normalized coordinates are metres on that plane.
     pub parallel: bool,
-    /// Offset from the normalized coordinates of directions to those of the image; set by
-    /// [`Self::through_lens`] and [`Self::at`], else 0.
+    /// Offset from the normalized coordinates of directions to those of image points. [`Self::through_lens`]
+    /// and [`Self::at`] set the offset; otherwise, it is 0.
     shift: DVec2,
     /// Squared normalized radius beyond which no point is imaged, because the distortion would fold back.
     max_radius2: f64,
 }
 
 impl Pinhole {
-    /// Creates a device.
+    /// Creates a device and checks its distortion.
     ///
     /// # Errors
-    /// A message if the distortion cannot be inverted over the whole image.
+    /// Returns a message if the distortion cannot be inverted over the whole image.
     pub fn new(
         resolution: [u32; 2],
         focal: DVec2,
@@ -87,8 +87,8 @@ impl Pinhole {
         Ok(device)
     }
 
-    /// Checks on a grid that the distortion is invertible at every point of the image and that no two
-    /// directions map to the same image point. Returns the squared radius of the field, with a margin.
+    /// Checks on a grid that the distortion is invertible everywhere in the image and that no two directions
+    /// map to the same image point. Returns the squared radius of the field of view, with a margin of 2%.
     fn check(&self) -> Result<f64, String> {
         const GRID: i32 = 32;
         let refused = |p: DVec2| {
@@ -108,7 +108,7 @@ impl Pinhole {
             max = max.max(n.length_squared());
         }
         let max = max * 1.02;
-        // Everything that `project` treats as visible must be the inverse of `direction`.
+        // For all points that `project` treats as visible, `project` must be the inverse of `direction`.
         let rings = (1..=64).map(|i| (max * f64::from(i) / 64.0).sqrt());
         for n in rings.flat_map(|r| (0..64).map(move |i| DVec2::from_angle(f64::from(i) / 64.0 * TAU) * r)) {
             let p = self.distortion.distort(n) * self.focal + self.principal;
@@ -125,14 +125,14 @@ impl Pinhole {
         Ok(max)
     }
 
-    /// Returns the ideal normalized coordinates of a pixel position; `None` if the distortion has no inverse.
+    /// Returns the undistorted normalized coordinates of a pixel position; `None` if there is no inverse.
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
         Some(n - self.shift)
     }
 
-    /// Returns the device through one point of its lens, given by two uniforms: a pinhole at that point, with
-    /// the image shifted so that the focus plane stays fixed. A thin lens is the mean over its points.
+    /// Returns the pinhole at one point of the lens, sampled by two uniform random numbers in [0, 1). The
+    /// image is shifted so that the plane of focus stays fixed. A thin lens is the mean over these pinholes.
     #[inline]
     pub(crate) fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
@@ -145,8 +145,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns the device of the ray through an image position. For a parallel device, the result is a
-    /// pinhole at this position whose forward axis is the device's axis.
+    /// Returns the device for rays through one image position. For a parallel device, this is a pinhole at
+    /// the image position, with the axes of the device.
     #[inline]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
@@ -160,14 +160,14 @@ impl Pinhole {
         }
     }
 
-    /// Returns true if the lens distorts. The constructor sets a finite `max_radius2` only for such lenses.
+    /// Returns true if the lens has distortion. The constructor sets a finite `max_radius2` only then.
     #[inline(always)]
     fn distorts(&self) -> bool {
         self.max_radius2 < f64::INFINITY
     }
 
-    /// Returns pixel positions along the border and a diagonal, with 65 points per side, enough to find any
-    /// relevant fold of the distortion.
+    /// Returns pixel positions along the border and one diagonal of the image. 65 points per side are enough
+    /// to find any relevant fold of the distortion.
     fn probes(&self) -> impl Iterator<Item = DVec2> + use<> {
         let [w, h] = self.resolution.map(f64::from);
         (0..=64).flat_map(move |i| {
@@ -182,13 +182,13 @@ impl Pinhole {
         })
     }
 
-    /// Returns the minimum and maximum normalized coordinates of the image.
+    /// Returns the minimum and the maximum normalized coordinates of points in the image.
     pub fn field(&self) -> [DVec2; 2] {
         let points = self.probes().filter_map(|p| self.normalized(p));
         points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], n| [lo.min(n), hi.max(n)])
     }
 
-    /// Returns the unit direction, in world space, through a continuous pixel position.
+    /// Returns the unit direction in world space of a continuous pixel position.
     #[inline]
     pub fn direction(&self, pixel: DVec2) -> Vec3A {
         let ideal = (pixel - self.principal) / self.focal;
@@ -205,7 +205,7 @@ impl Pinhole {
     #[inline(always)]
     #[expect(
         clippy::needless_range_loop,
-        reason = "loops over indices become vectors, chains of iterators less surely"
+        reason = "the compiler vectorizes these loops over indices more reliably than iterator chains"
     )]
     pub fn directions<const N: usize>(&self, at: &[[f64; N]; 2]) -> Many<N> {
         let mut n = many::zero();
@@ -230,7 +230,7 @@ impl Pinhole {
         d
     }
 
-    /// Returns device coordinates (right, down, forward) of a world point.
+    /// Returns the device coordinates (right, down, forward) of a world point, metres.
     #[inline(always)]
     pub fn local(&self, p: Vec3A) -> Vec3A {
         self.axes.transpose() * (p - self.origin)
@@ -242,7 +242,7 @@ impl Pinhole {
     #[inline(always)]
     #[expect(
         clippy::needless_range_loop,
-        reason = "loops over indices become vectors, chains of iterators less surely"
+        reason = "the compiler vectorizes these loops over indices more reliably than iterator chains"
     )]
     pub fn pixels<const N: usize>(&self, p: &Many<N>) -> ([u32; N], Many<N>) {
         let local = many::turned(&self.axes.transpose(), &many::less(p, self.origin));
@@ -261,7 +261,7 @@ impl Pinhole {
             let x = f64::from(local[0][i]) / z * fx + cx;
             let y = f64::from(local[1][i]) / z * fy + cy;
             let inside = (z > 0.0) & (x >= 0.0) & (y >= 0.0) & (x < f64::from(w)) & (y < f64::from(h));
-            // Signed, because processors have no other vectorized conversion; images are smaller than 2³¹.
+            // Cast to i32, the only vectorized conversion; images have fewer than 2³¹ columns and rows.
             let pixel = (y as i32 as u32).wrapping_mul(w).wrapping_add(x as i32 as u32);
             pixels[i] = if inside { pixel } else { OUTSIDE };
         }
@@ -291,7 +291,7 @@ impl Pinhole {
         inside.then_some((pixel, local))
     }
 
-    /// Returns the row-major index of the pixel of a world point; `None` as for [`Self::project`].
+    /// Returns the row-major index of the pixel that contains a world point; `None` as for [`Self::project`].
     #[inline]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
         self.project(p).map(|(at, _)| self.number(at))
@@ -301,12 +301,12 @@ impl Pinhole {
     #[inline]
     pub fn number(&self, at: DVec2) -> u32 {
         let [w, h] = self.resolution;
-        // Rounding at the far border must not exceed the image.
+        // Rounding must not move a position at the right or lower border out of the image.
         (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1)
     }
 
-    /// Returns the image area in pixels per solid angle about a world direction of any length: |∂(x, y)/∂n| /
-    /// cos³θ, with n the normalized coordinates.
+    /// Returns the image area in pixels per solid angle at a world direction `d` of any length, |∂(x, y)/∂n|
+    /// / cos³θ, where n are normalized coordinates.
     #[inline]
     pub(crate) fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
         let local = self.axes.transpose() * dir;
@@ -323,8 +323,8 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular to
-    /// `d`.
+    /// Returns the x axis of the Stokes frame for light that travels along ±`d`: image right, projected
+    /// perpendicular to `d`.
     #[inline]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axes.x_axis, d)

@@ -1,9 +1,9 @@
-//! The pinhole projector: the pixel s' that illuminates a point, and its irradiance there.
+//! The projector: the pixel s' that illuminates a point, and the irradiance at the point.
 //!
-//! Drive 1 on every pixel gives the scene's irradiance E on the virtual plane at distance 1 m, for any lens
-//! distortion. A lens with a constant pupil preserves radiance; distortion moves pixel borders and thus
-//! changes the solid angle and the flux of a pixel. A direction at angle θ to the axis has intensity E /
-//! cos³θ. Mitsuba's `projector` emits π times as much for the same number.
+//! If all pixels have drive 1, the irradiance on the virtual plane at distance 1 m is the scene's irradiance
+//! E, for any lens distortion. A lens with a constant pupil preserves radiance; distortion moves pixel
+//! borders and thus changes the solid angle and the flux of a pixel. In a direction at angle θ to the axis,
+//! the radiant intensity is E / cos³θ. Mitsuba's `projector` emits π times as much for the same number.
 
 use super::pinhole::Pinhole;
 use crate::geometry::many;
@@ -13,33 +13,33 @@ use optics::spectrum::Spectral;
 #[derive(Clone, Copy, Debug)]
 pub struct Projector {
     pub pinhole: Pinhole,
-    /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
+    /// Irradiance per wavelength on the axis at a distance of 1 m, W/(m² nm).
     pub irradiance: Spectral,
-    /// True if the projector and the camera have the same pinhole (same pose and pixels).
+    /// True if the projector and the camera have the same pose and pixels.
     pub coaxial: bool,
 }
 
-/// Light that arrives at several points from the projector if unoccluded.
+/// Unoccluded light of the projector at N points.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrivals<const N: usize> {
     /// Row-major index of the projector pixel s' that illuminates each point;
     /// [`OUTSIDE`](super::pinhole::OUTSIDE) for points outside the image.
     pub pixel: [u32; N],
-    /// Unit directions from the points to the projector.
+    /// Unit directions from each point to the projector.
     pub wi: Many<N>,
-    /// Distances from the points to the projector, metres.
+    /// Distance of each point from the projector, metres.
     pub distance: [f32; N],
-    /// Irradiance at normal incidence per unit irradiance E: 1 / (z² cosθ).
+    /// Irradiance of a surface that faces the projector, divided by E: 1 / (z² cosθ), with z in metres.
     pub factor: [f32; N],
-    /// The points in the projector's coordinates (right, down, forward), metres.
+    /// The points in device coordinates of the projector (right, down, forward), metres.
     pub local: Many<N>,
 }
 
 impl Projector {
-    /// Returns the light that arrives at each of the points `p`.
+    /// Returns the light of the projector at each of the points `p`, without occlusion.
     ///
-    /// A coaxial camera sees each point in the pixel s' = s. A caller for a coaxial camera must set `pixel`
-    /// to s, since rounding may move a point near a pixel border into the next pixel, or outside the image.
+    /// A coaxial camera sees each point in the pixel s' = s. For such a camera, the caller must set `pixel`
+    /// to s, because rounding may move a point near a pixel border into the next pixel or out of the image.
     #[inline(always)]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);
@@ -65,8 +65,8 @@ mod tests {
     use crate::device::pinhole::OUTSIDE;
     use glam::{DVec2, Mat3A, Vec3A};
 
-    /// Verifies that the irradiance on the plane at 1 m, integrated over a pixel, is the flux into the
-    /// pixel's solid angle.
+    /// Verifies that the irradiance on the plane at distance 1 m, integrated over a pixel, equals the flux
+    /// into the pixel's solid angle.
     #[test]
     fn the_plane_at_one_metre_gets_the_stated_irradiance() {
         let pinhole = Pinhole::new(

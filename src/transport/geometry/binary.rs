@@ -1,9 +1,9 @@
-//! Binary trees over boxes, which are collapsed to trees of width eight.
+//! Binary trees over boxes, which are then collapsed to trees of width eight.
 //!
-//! Few boxes are clustered bottom-up (PLOC, Meister & Bittner 2018); many boxes are split top-down
-//! ([`super::binned`]). Both trees are then optimized by reinsertion (Meister & Bittner 2018, "Parallel
-//! reinsertion for bounding volume hierarchy optimization"). The crate obvhs provides clustering and
-//! reinsertion.
+//! Fewer than [`MANY`] boxes are clustered bottom-up (PLOC, Meister & Bittner 2018); more boxes are split
+//! top-down ([`super::binned`]). Both kinds of tree are then optimized by reinsertion (Meister & Bittner
+//! 2018, "Parallel reinsertion for bounding volume hierarchy optimization"). The crate obvhs provides
+//! clustering and reinsertion.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -14,30 +14,29 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py`, top-down
-/// construction takes less than half of the processor time of clustering, and the tree traces more rays per
-/// second. Both also hold with a tenth of the triangles. Smaller scenes keep clustered trees.
+/// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py` and for a tenth of
+/// its triangles, top-down construction takes less than half of the processor time of clustering. The
+/// resulting tree also traces more rays per second.
 const MANY: usize = 1 << 16;
-/// Number of neighbours in either direction among which PLOC chooses a partner.
+/// Number of neighbours in each direction among which PLOC looks for the box to merge with.
 const SEARCH: usize = 14;
 
-/// A run of primitives that fit in one leaf, or a branch.
+/// A node: a leaf with the primitives that the leaf contains, or a branch.
 pub(super) enum Part<'a> {
     Leaf(&'a [u32]),
     Branch,
 }
 
-/// A binary tree: the primitives in the order of the leaves, and the run of primitives that each node
-/// covers.
+/// A binary tree: nodes, primitives in the order of the leaves, and the range of primitives below each node.
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
-    /// First primitive in `order`, and one past the last, per node.
+    /// First primitive of each node in `order`, and one past the last.
     runs: Vec<[u32; 2]>,
 }
 
 impl Binary {
-    /// Builds the tree over `count` boxes. Leaves of more than one primitive satisfy `fits`.
+    /// Builds a tree over `count` boxes. Leaves with more than one primitive satisfy `fits`.
     pub(super) fn of(
         count: usize,
         bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -47,7 +46,7 @@ impl Binary {
     }
 
     /// Clusters boxes bottom-up into leaves of one primitive each. The function calls the single steps of
-    /// obvhs, because the complete builder of obvhs needs the boxes as a separate table.
+    /// obvhs, because the complete builder of obvhs needs a separate table of the boxes.
     pub(super) fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Self {
         let params = BvhBuildParams::medium_build();
         let mut tree = Bvh2::zeroed(count);
@@ -67,7 +66,7 @@ impl Binary {
         Self::better(tree)
     }
 
-    /// Splits boxes top-down.
+    /// Splits sets of boxes top-down.
     pub(super) fn split(
         count: usize,
         bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -89,11 +88,12 @@ impl Binary {
         Self::new(tree.nodes, &tree.primitive_indices)
     }
 
-    /// Creates a tree from nodes whose leaves are runs of `indices`.
+    /// Creates a tree from nodes whose leaves are ranges of `indices`.
     fn new(nodes: Vec<Bvh2Node>, indices: &[u32]) -> Self {
         let mut order = Vec::with_capacity(indices.len());
         let mut runs = vec![[0; 2]; nodes.len()];
-        // Depth first, so that a node covers a run of `order`; a node is visited again after its children.
+        // Depth first, so that each node covers a range of `order`. A branch is visited again after its
+        // children.
         let mut todo = vec![(0_u32, false)];
         while let Some((at, done)) = todo.pop() {
             let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);
@@ -113,7 +113,7 @@ impl Binary {
         Self { nodes, order, runs }
     }
 
-    /// Returns a tree over the same primitives in the same order, built by repeated halving.
+    /// Returns a tree over the same primitives in the same order, built by repeatedly halving the range.
     pub(super) fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
         let mut nodes = vec![Bvh2Node::default()];
         let mut todo = vec![(0_u32, self.order.len() as u32, 0)];

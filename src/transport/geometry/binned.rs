@@ -1,13 +1,13 @@
-//! Top-down construction of binary trees of large meshes (Wald 2007, "On fast construction of SAH-based
+//! Top-down construction of binary trees for large meshes (Wald 2007, "On fast construction of SAH-based
 //! bounding volume hierarchies").
 //!
-//! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic
-//! at a few positions on each axis. The cost counts leaves, not boxes, because a full leaf and a partly
-//! filled leaf cost a ray the same. Top-down splitting is much faster than bottom-up clustering. The
-//! subsequent optimization is also fast, because there are few leaves.
+//! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic,
+//! evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray takes the same
+//! time for a full leaf and a partly filled leaf. Top-down splitting is much faster than bottom-up
+//! clustering. The subsequent optimization is also fast, because the tree has few leaves.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
-//! sets, so that the tree is the same for any number of threads.
+//! sets. The tree is therefore the same for any number of threads.
 
 use arrayvec::ArrayVec;
 use glam::Vec3A;
@@ -16,23 +16,23 @@ use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 use wide::f32x4;
 
-/// Maximum number of primitives of a leaf.
+/// Maximum number of primitives per leaf.
 pub(super) const LEAF_SIZE: usize = 8;
-/// Maximum number of bins on an axis.
+/// Maximum number of bins along an axis.
 const BINS: usize = 16;
-/// Maximum size of a set that is one task.
+/// Maximum number of entries in a set that one task splits completely.
 const GRAIN: usize = 1 << 13;
 /// Number of entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
-/// Depth from which sets are halved in order, which guarantees termination.
+/// Depth beyond which sets are halved in the order of their entries, which guarantees termination.
 const DEEP: usize = 48;
-/// Mask that is XORed into an index stored next to a corner: small integers would be slow denormal numbers.
+/// Mask that is XORed into an index in a corner's fourth lane; small integers would be slow denormals.
 const NUMBER: u32 = 0x4000_0000;
-/// Minimum extent of the centres of a set for binning, metres.
+/// Minimum extent of the box centres of a set along an axis for binning, metres.
 const LEAST: f32 = 1e-30;
 
-/// A binary tree. The children of a branch are adjacent, the first at an odd index, after the branch. A
-/// leaf covers the run of `order` that begins at the leaf's `first_index`.
+/// A binary tree. The children of a branch are adjacent, follow the branch, and start at an odd index. A leaf
+/// covers the range of `order` that begins at the leaf's `first_index`.
 pub(super) struct Grown {
     pub(super) nodes: Vec<Bvh2Node>,
     pub(super) order: Vec<u32>,
@@ -74,7 +74,7 @@ impl Extent {
     }
 }
 
-/// A primitive: bounding box, with the primitive's index in the fourth lane of `lo`.
+/// A primitive: its bounding box, with its index in the fourth lane of `lo`.
 #[derive(Clone, Copy)]
 struct Entry {
     lo: f32x4,
@@ -104,7 +104,7 @@ fn boxes(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Returns the bounds of twice the centres of the entries.
+/// Returns the bounds of twice the box centres of the entries.
 fn middles(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     for entry in entries {
@@ -114,13 +114,13 @@ fn middles(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Computes bounds of many entries in parallel.
+/// Computes the bounds of many entries in parallel; `of` computes the bounds of a chunk.
 fn together(entries: &[Entry], of: fn(&[Entry]) -> Extent) -> Extent {
     let extents = entries.par_chunks(CHUNK).map(of);
     extents.reduce(|| Extent::EMPTY, Extent::and)
 }
 
-/// Maps centres to bins.
+/// Maps box centres to bins.
 #[derive(Clone, Copy)]
 struct Grid {
     bins: usize,
@@ -130,9 +130,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid from the bounds of twice the centres and the number of entries.
+    /// Creates a grid for `count` entries; `middles` are the bounds of twice their centres.
     fn new(middles: &Extent, count: usize) -> Self {
-        // Small sets are numerous and have few positions to be split at.
+        // Small sets are numerous and have few positions at which they can be split.
         let bins = (4 + count / 4).min(BINS);
         let scale = |length: f32| if length > LEAST { bins as f32 / length } else { 0.0 };
         Self {
@@ -151,7 +151,7 @@ impl Grid {
     }
 }
 
-/// The contents of the bins of all axes.
+/// The bounding boxes and the numbers of entries of the bins along each axis.
 struct Bins {
     boxes: [[Extent; BINS]; 3],
     counts: [[u32; BINS]; 3],
@@ -174,7 +174,7 @@ impl Cut {
 impl Bins {
     const EMPTY: Self = Self { boxes: [[Extent::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
 
-    /// Replaces the contents of the bins by those of `entries`.
+    /// Replaces the contents of the bins with the given entries.
     fn fill(&mut self, grid: &Grid, entries: &[Entry]) {
         for axis in 0..3 {
             self.boxes[axis][..grid.bins].fill(Extent::EMPTY);
@@ -202,19 +202,19 @@ impl Bins {
         self
     }
 
-    /// Returns the boxes on both sides of a cut.
+    /// Returns the bounding boxes of both sides of a cut.
     fn sides(&self, grid: &Grid, cut: Cut) -> [Extent; 2] {
         let (below, above) = self.boxes[cut.axis][..grid.bins].split_at(cut.bin);
         [below, above].map(|side| side.iter().fold(Extent::EMPTY, |all, e| all.and(*e)))
     }
 
-    /// Returns the best cut, if there is one.
+    /// Returns the cut with minimum cost; `None` if no bin boundary has entries on both sides.
     fn cut(&self, grid: &Grid) -> Option<Cut> {
         let cost = |count: u32, extent: &Extent| count.div_ceil(LEAF_SIZE as u32) as f32 * extent.half_area();
         let mut best = (f32::INFINITY, None);
         for axis in 0..3 {
             let (boxes, counts) = (&self.boxes[axis], &self.counts[axis]);
-            // The cost beyond each cut, or infinity if nothing is there.
+            // Cost of the entries beyond each cut; infinity if there are no entries.
             let mut beyond = [f32::INFINITY; BINS];
             let (mut extent, mut count) = (Extent::EMPTY, 0);
             for bin in (1..grid.bins).rev() {
@@ -240,13 +240,13 @@ impl Bins {
     }
 }
 
-/// A part of the tree: the nodes of one task, or a branch whose children are other tasks.
+/// A subtree: the nodes of one task, or a branch whose children are subtrees.
 enum Part {
     Whole(Vec<Bvh2Node>),
     Branch(Aabb, Box<[Self; 2]>),
 }
 
-/// Builds the tree over `count` boxes; `fits` returns true if primitives may share a leaf.
+/// Builds a tree over `count` boxes; `fits` returns true if primitives may share a leaf.
 pub(super) fn grow(
     count: usize,
     bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -259,8 +259,8 @@ pub(super) fn grow(
     Grown { nodes: by_levels(&part), order: entries.par_iter().map(Entry::number).collect() }
 }
 
-/// Builds the tree over entries with bounds `extent`; `first` is the index of the first of them among all
-/// entries.
+/// Builds a subtree over entries with bounds `extent`; `first` is the index of the first entry in the list of
+/// all entries.
 fn part(
     entries: &mut [Entry],
     first: usize,
@@ -293,19 +293,19 @@ fn part(
     Part::Branch(extent.aabb(), Box::new([below, above]))
 }
 
-/// Returns the cut of a set; `None` if no cut is better than another, or at the maximum depth.
+/// Returns the best cut of a set; `None` if there is none, or at the maximum depth.
 fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
     if depth < DEEP { bins.cut(grid) } else { None }
 }
 
-/// Returns half of the number of entries, and the boxes of the first and the second half.
+/// Returns half of the number of entries, and the bounding boxes of the first and the second half.
 fn halves(entries: &[Entry]) -> (usize, [Extent; 2]) {
     let middle = entries.len() / 2;
     let (below, above) = entries.split_at(middle);
     (middle, [boxes(below), boxes(above)])
 }
 
-/// Moves the entries on the near side of a cut to the front and returns their number.
+/// Moves the entries on the near side of a cut to the front and returns the number of these entries.
 fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
     let (mut at, mut end) = (0, entries.len());
     while at < end {
@@ -319,17 +319,17 @@ fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
     at
 }
 
-/// One task: the nodes so far, and reused buffers.
+/// A task that builds one subtree: the nodes that exist so far, and reused buffers.
 struct Task<'a, F> {
     nodes: Vec<Bvh2Node>,
     bins: Bins,
-    /// Scratch space with the length of the task's entries.
+    /// Scratch buffer with one element per entry of the task.
     aside: Vec<Entry>,
     fits: &'a F,
 }
 
 impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
-    /// Builds the tree over entries at node `node`.
+    /// Builds the subtree over `entries`, with its root at node `node`.
     fn fill(&mut self, node: usize, entries: &mut [Entry], first: usize, extent: &Extent, depth: usize) {
         let count = entries.len();
         if count <= LEAF_SIZE {
@@ -353,8 +353,8 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
         self.fill(child + 1, above, first + middle, &far, depth + 1);
     }
 
-    /// Works as [`divide`], but without a branch per entry, which the processor would mispredict half of
-    /// the time.
+    /// Divides entries as the function [`divide`] does, but without a branch per entry, which the processor
+    /// would mispredict half of the time.
     fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
         let (mut near, mut far) = (0, 0);
         for at in 0..entries.len() {
@@ -370,11 +370,11 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
     }
 }
 
-/// Returns the nodes of all parts in level order. The largest nodes come first, where the optimization
-/// starts.
+/// Returns the nodes of all subtrees in level order. Large nodes come first, because the optimization starts
+/// with them.
 fn by_levels(part: &Part) -> Vec<Bvh2Node> {
     let mut nodes = vec![Bvh2Node::default()];
-    // The source of each existing node: a part, and an index in it.
+    // The source of each node in the list: a subtree, and the index of the node in the subtree.
     let mut from = vec![(part, 0_u32)];
     let mut at = 0;
     while let Some((part, number)) = from.get(at).copied() {

@@ -14,44 +14,44 @@ use glam::{DAffine3, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-/// Collects surfaces, then builds the tree.
+/// Collects surfaces, then builds the trees.
 ///
-/// Until the trees are built, a mesh takes 12 bytes per triangle and 12 to 32 bytes per vertex, as in its
-/// file. The final tables of triangles and packs are five times as large.
+/// Until the trees are built, a mesh occupies 12 bytes per triangle and 12 to 32 bytes per vertex, as in a
+/// binary file. The final tables of triangles and packs are five times as large.
 #[derive(Default)]
 pub struct GeometryBuilder {
-    /// Primitives of the world that are not in a group.
+    /// Primitives in world space, outside all groups.
     world: Set,
     groups: Vec<Set>,
     /// True if surfaces are added to the last group instead of the world.
     in_group: bool,
-    /// Instances: index of the group and transform to the world.
+    /// Group index and transform to world space of each instance.
     instances: Vec<(u32, DAffine3)>,
     meshes: Vec<Part>,
-    /// Total number of triangles.
+    /// Number of triangles of all meshes.
     triangle_count: usize,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
-    /// Object indices of the quadrics.
+    /// Object index of each quadric.
     quadric_objects: Vec<u32>,
-    /// Bounds of the quadrics, then of the instances.
+    /// Bounding boxes of the quadrics, then of the instances.
     boxes: Vec<Aabb>,
-    /// Object index of surfaces to be added.
+    /// Object index of surfaces that are added from now on.
     object: u32,
-    /// Whether [`Geometry::facet`] identifies the triangles of meshes that are added from now on.
+    /// True if [`Geometry::facet`] identifies the triangles of meshes that are added from now on.
     facets: bool,
 }
 
-/// A set of primitives with a separate tree.
+/// A set of primitives that has its own tree.
 #[derive(Default)]
 struct Set {
-    /// Index of a triangle among those of all meshes, with [`PARALLELOGRAM`] set if this triangle and the
-    /// next form a parallelogram, or `QUADRIC | index` into `boxes`.
+    /// Each primitive is the index of a triangle among those of all meshes, or `QUADRIC | index` into
+    /// `boxes`. [`PARALLELOGRAM`] is set if this triangle and the next form a parallelogram.
     primitives: Vec<u32>,
 }
 
-/// A mesh, and the offsets of the mesh in the builder's tables.
+/// A mesh, and the offsets of its data in the builder's tables.
 struct Part {
     positions: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
@@ -71,23 +71,23 @@ struct Part {
     origin: Vec3A,
 }
 
-/// Flag in the index of a triangle that covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1.
+/// Flag of a triangle index: the primitive is the parallelogram v0 + u e1 + v e2, 0 ≤ u, v ≤ 1.
 const PARALLELOGRAM: u32 = 1 << 30;
-/// Offset of a missing table.
+/// Offset that denotes a missing table.
 const NONE: u32 = u32::MAX;
 
 /// The triangle leaves of all trees.
 #[derive(Default)]
 struct Leaves {
-    /// Triangles of the leaves, some with [`PARALLELOGRAM`].
+    /// Indices of the triangles in the leaves, with the flag [`PARALLELOGRAM`] where it applies.
     order: Vec<u32>,
-    /// Start of each leaf in `order`.
+    /// Index in `order` of the first triangle of each leaf.
     firsts: Vec<u32>,
 }
 
 impl Leaves {
-    /// Returns the triangles in packs, one per leaf. `skins` lists, up to a leaf index, how far triangles
-    /// extend beyond their edges.
+    /// Returns one pack of triangles per leaf. `skins` lists (end, width): the triangles of leaves before
+    /// `end` extend by `width` beyond their edges.
     fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
         let pack = |leaf: usize| {
             let first = self.firsts[leaf] as usize;
@@ -115,8 +115,8 @@ impl GeometryBuilder {
         }
     }
 
-    /// Begins a group and returns its index. Surfaces added until [`Self::end_group`] belong to the group,
-    /// in the group's coordinates. [`Self::instance`] places copies of the group in the world.
+    /// Begins a group and returns its index. Surfaces added until [`Self::end_group`] belong to the group and
+    /// are in the group's coordinates. [`Self::instance`] places copies of the group in the world.
     pub fn begin_group(&mut self) -> u32 {
         self.groups.push(Set::default());
         self.in_group = true;
@@ -128,7 +128,7 @@ impl GeometryBuilder {
         self.in_group = false;
     }
 
-    /// Sets the object index of surfaces that are added from now on; see [`Geometry::object`].
+    /// Sets the object index ([`Geometry::object`]) of surfaces that are added from now on.
     pub fn object(&mut self, number: u32) {
         self.object = number;
     }
@@ -139,7 +139,7 @@ impl GeometryBuilder {
     }
 
     /// Adds a copy of a group to the world. `to_world` must be invertible, which the scene builder checks.
-    /// A copy takes 128 bytes and an entry in the tree.
+    /// Each copy occupies 128 bytes and one entry in the tree.
     pub fn instance(&mut self, group: u32, to_world: DAffine3) {
         self.instances.push((group, to_world));
     }
@@ -149,7 +149,7 @@ impl GeometryBuilder {
         self.own_mesh(mesh.clone(), material);
     }
 
-    /// Adds a mesh as [`Self::mesh`], but takes ownership, so that large meshes are not copied.
+    /// Adds a mesh as [`Self::mesh`] does, but takes ownership, so that large meshes are not copied.
     pub fn own_mesh(&mut self, mesh: Mesh, material: u32) {
         let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
         let first = self.triangle_count as u32;
@@ -192,15 +192,15 @@ impl GeometryBuilder {
         self.quadric_objects.push(self.object);
     }
 
-    /// Builds the trees.
+    /// Builds the trees of the world and of all groups.
     pub fn build(mut self) -> Geometry {
-        // Groups are centred at their origins to keep coordinates in them small.
+        // Move groups to the origin of their coordinates to reduce rounding errors.
         let sets = std::mem::take(&mut self.groups);
         let mut world = std::mem::take(&mut self.world);
         let shifts = self.centre(&sets);
         let (sets, own_quadrics) = self.sort_quadrics(sets, &mut world);
         let mut leaves = Leaves::default();
-        // The end of the packs of every set, and the skin width of its triangles.
+        // End of the packs of each set, and the skin width of the set's triangles.
         let mut skins = vec![];
         let mut groups = vec![];
         for set in &sets {
@@ -229,8 +229,8 @@ impl GeometryBuilder {
         let any = !world.primitives.is_empty();
         let extent = if any { (bounds.max - bounds.min).max_element() } else { 1.0 };
         skins.push((leaves.firsts.len(), extent * SKIN));
-        // To limit peak memory, data that only the trees need are dropped before the large tables are built;
-        // the meshes are dropped between these.
+        // To limit peak memory, the data that only the trees need are dropped before the large tables are
+        // built. The meshes are dropped between these tables.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
         let facets = self.facets_of(&leaves);
@@ -303,8 +303,8 @@ impl GeometryBuilder {
         facets
     }
 
-    /// Returns the mesh of a triangle, the indices of the corners, and their positions, with the fourth
-    /// corner of a parallelogram last.
+    /// Returns the mesh that contains a triangle, the vertex indices of the corners, and the corner
+    /// positions. The fourth position is the fourth corner of a parallelogram.
     #[inline]
     fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
         let (id, whole) = index(primitive);
@@ -316,7 +316,7 @@ impl GeometryBuilder {
         if !whole {
             return (part, [i, j, k], [a, b, c, a]);
         }
-        // From the corner opposite to the diagonal, both sides are edges; the winding is preserved.
+        // From the corner opposite the diagonal, both sides are edges; the winding order is preserved.
         let far = at(part.corners[id + 1][2]);
         (part, [j, k, i], [b, c, a, far])
     }
@@ -350,8 +350,8 @@ impl GeometryBuilder {
         triangle
     }
 
-    /// Translates each group that does not contain the origin of its coordinates, so that the group's
-    /// centre becomes the origin. Returns the translations.
+    /// Translates each group whose bounding box does not contain the origin, so that the centre of the box
+    /// becomes the origin. Returns the translations.
     fn centre(&mut self, groups: &[Set]) -> Vec<Vec3A> {
         let mut origins = vec![];
         for set in groups {
@@ -396,7 +396,7 @@ impl GeometryBuilder {
     }
 }
 
-/// Returns a triangle's index, and whether it is a parallelogram.
+/// Returns the index of a triangle, and true if the primitive is a parallelogram.
 fn index(primitive: u32) -> (u32, bool) {
     (primitive & !PARALLELOGRAM, primitive & PARALLELOGRAM != 0)
 }
@@ -406,7 +406,7 @@ fn index(primitive: u32) -> (u32, bool) {
 fn is_parallelogram(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> bool {
     let [ia, ib, ic] = first.map(|i| i as usize);
     let id = next[2] as usize;
-    // Without texture coordinates, the tangent is computed from the triangle's own edges.
+    // Without texture coordinates, the tangent would be computed from the edges of each triangle.
     if next[0] != first[0] || next[1] != first[2] || mesh.uvs.is_empty() {
         return false;
     }

@@ -1,4 +1,4 @@
-//! All surfaces of a scene in flat tables under one tree.
+//! Stores all surfaces of a scene in flat tables under one bounding volume hierarchy.
 //!
 //! Triangles are in packs of eight, and a ray is tested against a whole pack at once. Two triangles that
 //! form a parallelogram are one primitive. On x86-64, the loops over boxes and packs are compiled twice,
@@ -13,12 +13,12 @@ use super::tree::{Tree, Visit, fetch};
 use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
 
-/// Flag of quadrics in [`Hit::leaf`] and in a builder's primitives.
+/// Flag of quadrics in [`Hit::leaf`] and in the primitives of a builder.
 pub(super) const QUADRIC: u32 = 1 << 31;
 
-/// Distance by which triangles extend beyond their edges, in units of the scene's extent. Neighbours then
-/// overlap by more than the rounding error of a hit. Without the overlap, one in ten rays at a shared edge
-/// passes through.
+/// Distance by which triangles extend beyond their edges, as a fraction of the scene's extent. Adjacent
+/// triangles then overlap by more than the rounding error of a hit. Without the overlap, one in ten rays
+/// toward a shared edge passes between the triangles.
 pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
 /// Returns true if the processor supports AVX2.
@@ -81,14 +81,14 @@ pub struct Geometry {
     pub(super) quadrics: Vec<Quadric>,
     /// Object indices of the triangles and of the quadrics.
     pub(super) objects: [Vec<u32>; 2],
-    /// Indices of triangles in their meshes, for the meshes that need these indices.
+    /// Index of each triangle in its mesh, for emissive meshes only.
     pub(super) facets: Facets,
-    /// Instances of groups in the world, and the groups. Leaves of the tree with indices beyond those of the
-    /// quadrics are instances.
+    /// Instances of groups in the world, and the groups. A leaf of the tree whose index exceeds those of the
+    /// quadrics is an instance.
     pub(super) instances: Vec<Instance>,
     pub(super) groups: Vec<Group>,
-    /// Number of packs and of quadrics that belong to groups. In the tables, the packs and quadrics of
-    /// groups precede those of the world.
+    /// Number of packs and number of quadrics in groups. In the tables, the packs and quadrics of groups
+    /// precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
     /// True if texture coordinates are used; if false, texture coordinates are 0.
@@ -101,12 +101,12 @@ pub struct Geometry {
     pub(crate) extent: f32,
     /// Minimum and maximum corner of the world bounds, metres.
     pub(crate) bounds: [Vec3A; 2],
-    /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. A point on a large
-    /// surface can have a larger rounding error than its own coordinates imply.
+    /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. On a large surface,
+    /// the rounding error of a point can be larger than the coordinates of the point imply.
     pub(super) least: f32,
 }
 
-/// Returns the indices (as in [`Hit::leaf`]) of a leaf's primitives, including unused lanes of a pack.
+/// Returns the primitives of a leaf, as indices in [`Hit::leaf`], including unused lanes of a pack.
 pub(super) fn primitives(leaf: u32) -> std::ops::Range<u32> {
     let index = leaf >> 1;
     if leaf & 1 == 1 { QUADRIC | index..(QUADRIC | index) + 1 } else { 8 * index..8 * index + 8 }
@@ -215,7 +215,7 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns the nearest hit closer than `tmax` metres, if any.
+        /// Returns the nearest hit closer than `tmax` metres, or `None`.
         #[inline(always)]
         pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> = Geometry::intersect_all
     }
@@ -264,7 +264,7 @@ impl Geometry {
         &self.triangles[(self.firsts[(leaf >> 3) as usize] + (leaf & 7)) as usize]
     }
 
-    /// Returns position, normals, texture coordinates and material at a hit.
+    /// Returns the surface point at a hit: position, normals, texture coordinates and material.
     #[inline(always)]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let mut out = self.own_surface(ray, hit);
@@ -275,8 +275,8 @@ impl Geometry {
     }
 
     /// Returns the index of the object that was hit, as set by
-    /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
-    /// indices of the group; [`Hit::owner`] distinguishes the copies.
+    /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). All instances of a group have
+    /// the same object indices; [`Hit::owner`] distinguishes the instances.
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {
@@ -310,13 +310,13 @@ impl Geometry {
         }
     }
 
-    /// Returns [`Self::surface`] for primitives of the world; the result for an instance is meaningless.
+    /// Returns [`Self::surface`] for a primitive of the world; the result for an instance is meaningless.
     #[inline(always)]
     fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
-            // Skip the arc tangents if nothing uses them.
+            // Skip the arc tangents if the scene has no textures.
             let uv = if self.textured { quadric.uv(p) } else { [0.0; 2] };
             let [tangent, bitangent] =
                 if self.derivatives { quadric.derivatives(p) } else { [tangent, Vec3A::ZERO] };
@@ -383,7 +383,7 @@ impl Geometry {
         triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
-    /// Intersects a ray with one primitive, which a view has determined to be the nearest.
+    /// Intersects a ray with a primitive that a view has determined to be the nearest.
     #[inline(always)]
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
         if leaf & QUADRIC != 0 {
@@ -401,7 +401,7 @@ impl Geometry {
         })
     }
 
-    /// Iterates over the primitives of the world with their indices in [`Hit::leaf`].
+    /// Iterates over the primitives of the world and their indices in [`Hit::leaf`].
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
         let [packs, quadrics] = self.own;
         let flat = 8 * packs..8 * self.packs.len() as u32;
@@ -410,8 +410,8 @@ impl Geometry {
         flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
     }
 
-    /// Returns the outline of a primitive by its index in [`Hit::leaf`], or `None` for an unused lane. The
-    /// outline of a primitive in a group is in the group's coordinates.
+    /// Returns the outline of a primitive by its index in [`Hit::leaf`], or `None` for an unused lane of a
+    /// pack. The outline of a primitive in a group is in group coordinates.
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];
@@ -437,8 +437,8 @@ impl Geometry {
         self
     }
 
-    /// Returns the numbers of triangles and of quadrics; a group counts once, however many instances it
-    /// has.
+    /// Returns the numbers of triangles and quadrics. The surfaces of a group count once, for any number of
+    /// instances.
     #[inline]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())

@@ -1,12 +1,12 @@
-//! All hits along a ray, not only the nearest, used to find surfaces that are too close together.
+//! Finds all hits along a ray, not only the nearest, to detect surfaces that are too close together.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::pack::Wide;
 use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
-/// Distance from a triangle's edges at which its inside begins, in barycentric coordinates. Neighbouring
-/// triangles overlap at shared edges.
+/// Minimum barycentric distance of a hit from the edges of its triangle. Adjacent triangles overlap at shared
+/// edges.
 const RIM: f32 = 1e-4;
 
 /// Visitor that collects all hits.
@@ -63,12 +63,12 @@ impl Visit for All<'_> {
 }
 
 impl Geometry {
-    /// Returns all hits closer than `tmax`, unordered.
+    /// Returns all hits closer than `tmax` metres, in any order.
     ///
-    /// Of a quadric, only the nearer hit is returned. Hits near the edges of triangles are omitted. The
+    /// For each quadric, only the nearest hit is returned. Hits near the edges of triangles are omitted. The
     /// list is empty if the ray or `tmax` is not finite.
     pub fn crossings(&self, ray: &Ray, tmax: f32) -> Vec<Hit> {
-        // Tree traversal compares distances, which fails for NaN.
+        // Tree traversal compares distances, and comparisons with NaN are always false.
         if !(ray.origin.is_finite() && ray.dir.is_finite() && tmax.is_finite()) {
             return vec![];
         }
@@ -78,7 +78,7 @@ impl Geometry {
         all.found
     }
 
-    /// Returns true if a hit is away from the edges of its triangle or parallelogram.
+    /// Returns true if a hit is not close to an edge of its triangle or parallelogram.
     pub fn is_inside(&self, hit: &Hit) -> bool {
         if hit.leaf & QUADRIC != 0 {
             return true;

@@ -1,4 +1,4 @@
-//! Start and end points of rays, which are just off the surface by the distance of [`super::rounding`].
+//! Start and end points of rays, offset from surfaces by more than the errors of [`super::rounding`].
 
 use super::bvh::Geometry;
 use super::ray::Surface;
@@ -12,15 +12,15 @@ impl Geometry {
         (surface.rounding * UNIT) * surface.p.abs().max_element().max(self.least)
     }
 
-    /// Returns the start point of a ray along `dir`, just off the surface. The ray does not hit the surface
-    /// again.
+    /// Returns the start point of a ray along `dir`, offset from the surface so that the ray does not hit the
+    /// surface again.
     #[inline(always)]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
         surface.p + surface.ng * self.moved(surface).copysign(surface.ng.dot(dir))
     }
 
-    /// Returns a point just off the surface on the side of `dir`. A ray to this point from `length` metres
-    /// away does not hit the surface.
+    /// Returns a point that is offset from the surface on the side of `dir`. A ray that reaches this point
+    /// from a distance of `length` metres does not hit the surface.
     #[inline(always)]
     pub fn reach(&self, surface: &Surface, dir: Vec3A, length: f32) -> Vec3A {
         let off = self.moved(surface).max(surface.rounding * UNIT * length);

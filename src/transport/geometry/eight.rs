@@ -1,13 +1,13 @@
-//! Eight f32 lanes, for intersecting a ray with eight boxes or triangles at a time.
+//! Vectors of eight f32 lanes, to intersect a ray with eight boxes or triangles at a time.
 //!
-//! The operations are plain loops over arrays, which the compiler vectorizes: to two vectors of four lanes
-//! on any processor, or to one vector of eight lanes if the caller is compiled for AVX2 (see
-//! [`super::bvh::Geometry`]). Every operation rounds according to IEEE 754 and none are fused, so the
-//! results are bit-identical.
+//! The operations are plain loops over arrays, which the compiler vectorizes: with two vectors of four lanes
+//! on any processor, or with one vector of eight lanes if the caller is compiled for AVX2 (see
+//! [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the results
+//! are bit-identical on all processors.
 
 #![expect(
     clippy::needless_range_loop,
-    reason = "loops over indices become vectors, chains of iterators less surely"
+    reason = "the compiler vectorizes these loops over indices more reliably than iterator chains"
 )]
 
 use std::ops::{Add, BitAnd, Mul, Sub};
@@ -17,7 +17,7 @@ use wide::f32x4;
 #[repr(C, align(32))]
 pub struct Eight(pub [f32; 8]);
 
-/// Eight booleans; a true lane has all bits set, a false lane none.
+/// Eight booleans. All bits of a true lane are set; all bits of a false lane are clear.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Mask(pub [u32; 8]);
@@ -46,13 +46,13 @@ impl Eight {
         Self([v; 8])
     }
 
-    /// Returns the minimum per lane; `other` where `self` is NaN.
+    /// Returns the minimum in each lane, or the lane of `other` where `self` is NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
         each(self, other, |a, b| if a < b { a } else { b })
     }
 
-    /// Returns the maximum per lane; `other` where `self` is NaN.
+    /// Returns the maximum in each lane, or the lane of `other` where `self` is NaN.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         each(self, other, |a, b| if a > b { a } else { b })
@@ -85,7 +85,7 @@ impl Eight {
 }
 
 impl Mask {
-    /// Returns `yes` in lanes where the mask is true, `no` elsewhere.
+    /// Returns the lanes of `yes` where the mask is true, and of `no` elsewhere.
     #[inline(always)]
     pub fn select(self, yes: Eight, no: Eight) -> Eight {
         let mut out = [0.0; 8];

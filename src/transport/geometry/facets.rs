@@ -1,14 +1,14 @@
-//! Maps a hit to the triangle of its mesh, for emissive meshes only.
+//! Maps a hit to the index of the triangle in its mesh, for emissive meshes only.
 
-/// Indices of triangles in their meshes.
+/// Triangles of emissive meshes, with their indices in these meshes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Facets {
-    /// Indices of the listed triangles among all triangles, ascending.
+    /// Indices of these triangles among all triangles, ascending.
     places: Vec<u32>,
-    /// Index of each listed triangle in its mesh, with [`WHOLE`] set if this triangle and the next form a
+    /// Index of each of these triangles in its mesh, with [`WHOLE`] set if this triangle and the next form a
     /// parallelogram.
     numbers: Vec<u32>,
-    /// Materials of the meshes.
+    /// Material indices of the emissive meshes.
     pub(super) materials: Vec<u32>,
 }
 
@@ -16,20 +16,20 @@ pub(super) struct Facets {
 const WHOLE: u32 = 1 << 31;
 
 impl Facets {
-    /// Appends a triangle; `place` must be larger than all earlier places.
+    /// Appends a triangle; `place` must exceed all earlier places.
     pub(super) fn add(&mut self, place: u32, number: u32, whole: bool) {
         self.places.push(place);
         self.numbers.push(number | if whole { WHOLE } else { 0 });
     }
 
-    /// Returns the index in its mesh of the triangle at `place`; `far` selects a parallelogram's second half.
+    /// Returns the index in its mesh of the triangle at `place`; `far` selects the second of a parallelogram.
     pub(super) fn find(&self, place: u32, far: bool) -> Option<u32> {
         let at = self.places.binary_search(&place).ok()?;
         let number = self.numbers[at];
         Some((number & !WHOLE) + u32::from(far && number & WHOLE != 0))
     }
 
-    /// Returns the memory that the tables use, bytes.
+    /// Returns the memory used by the tables, bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&self.places[..]) + size_of_val(&self.numbers[..]) + size_of_val(&self.materials[..])
     }

@@ -1,10 +1,9 @@
-//! Groups of surfaces and their instances: transforms, bounds, and rays in the group's coordinates.
+//! Groups of surfaces and their instances: transforms, bounds, and rays in group coordinates.
 //!
-//! To limit rounding errors, a ray's origin is first translated to the coordinates relative to the
-//! instance. The rounding error is then relative to the distance to the instance, not to the world
-//! coordinates. The origin is then moved along the ray to the bounding sphere of the group. The distance
-//! from the ray's start to the triangles is thus at most about the group's size. The skin that closes the
-//! gaps between triangles is relative to that size.
+//! To limit rounding errors, the origin of a ray is first made relative to the position of the instance. The
+//! rounding error then scales with the distance to the instance, not with world coordinates. The origin is
+//! then moved along the ray to the bounding sphere of the group. The distance from there to the triangles is
+//! at most about the size of the group, as is assumed for the skin that closes gaps between triangles.
 
 use super::ray::Ray;
 use super::rounding;
@@ -14,7 +13,7 @@ use obvhs::aabb::Aabb;
 
 /// A set of surfaces that may have many instances.
 pub(super) struct Group {
-    /// Tree over packs and quadrics of the [`Geometry`].
+    /// Tree over packs and quadrics, whose indices are those in [`Geometry`].
     pub(super) tree: Tree,
     /// Radius of the bounding sphere about the group's origin, in the group's metres.
     pub(super) reach: f32,
@@ -23,7 +22,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Returns the memory of the group apart from packs, triangles and quadrics, bytes.
+    /// Returns the memory used by the group without packs, triangles and quadrics, bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of::<Self>() + self.tree.bytes()
     }
@@ -32,7 +31,7 @@ impl Group {
 /// An instance of a group.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instance {
-    /// Linear part of the map to the world, and the world position of the group's origin.
+    /// Linear part of the map to the world, followed by the world position of the group's origin.
     pub(super) to_world: Mat3A,
     pub(super) origin: Vec3A,
     /// Inverse of `to_world`.
@@ -41,12 +40,12 @@ pub(super) struct Instance {
     pub(super) group: u32,
 }
 
-/// A ray in a group's coordinates.
+/// A ray in group coordinates.
 pub(super) struct Local {
     pub(super) ray: Ray,
     /// Distance by which the ray's origin was moved along the ray, in the group's metres.
     pub(super) start: f32,
-    /// Metres in the group per metre along the world ray.
+    /// Factor from distances along the world ray to distances in the group.
     pub(super) scale: f32,
 }
 
@@ -75,7 +74,7 @@ impl Instance {
         self.to_world * p + self.origin
     }
 
-    /// Returns an upper bound of the factor by which the map from group to world stretches lengths.
+    /// Returns an upper bound on the factor by which the map from group to world stretches lengths.
     pub(super) fn stretch(&self) -> f32 {
         stretch(self.to_world)
     }
@@ -89,7 +88,7 @@ impl Instance {
             let (middle, half) = ((b.min + b.max) * 0.5, (b.max - b.min) * 0.5);
             let half = (m.x_axis * half.x).abs() + (m.y_axis * half.y).abs() + (m.z_axis * half.z).abs();
             let middle = self.place(middle);
-            // Several units in the last place, the accuracy of the instance's corners.
+            // Several units in the last place, to cover the rounding errors of the corners.
             let pad = (half + middle.abs() + self.origin.abs()) * 1e-6;
             all.extend(middle - half - pad);
             all.extend(middle + half + pad);
@@ -110,12 +109,12 @@ impl Instance {
     /// Transforms a unit normal to the world.
     #[inline]
     pub(super) fn normal(&self, n: Vec3A) -> Vec3A {
-        // The inverse transpose keeps outward normals outward in reflections.
+        // The inverse transpose keeps outward normals outward, even if the map is a reflection.
         (self.to_local.transpose() * n).normalize()
     }
 
-    /// Returns the rounding constant of an instance of a surface, see
-    /// [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Returns the rounding constant ([`Surface::rounding`](super::ray::Surface::rounding)) of a surface in
+    /// an instance.
     #[inline]
     pub(super) fn rounding(&self, own: f32) -> f32 {
         rounding::placed(own, self.stretch(), stretch(self.to_local))
@@ -127,7 +126,7 @@ impl Instance {
     }
 }
 
-/// Returns an upper bound of the length of a transformed unit vector.
+/// Returns an upper bound on the length of any unit vector after the map `m`.
 pub(super) fn stretch(m: Mat3A) -> f32 {
     // The Frobenius norm bounds the spectral norm.
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()

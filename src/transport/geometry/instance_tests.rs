@@ -10,7 +10,7 @@ use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// A sphere of about `2 n²` triangles about the origin, dented so that it has no symmetry.
+/// Returns a sphere of about 2n² triangles centred on the origin, with dents that remove all symmetry.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=n {
@@ -35,7 +35,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// Test meshes and quadrics of a group, with their materials.
+/// Meshes and quadrics of a test group, with their materials.
 #[derive(Default)]
 struct Things {
     meshes: Vec<(Mesh, u32)>,
@@ -60,7 +60,7 @@ fn single(a: &DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// Returns one shape of each kind, none of them centred on the origin.
+/// Returns one shape of each kind; no shape is centred on the origin.
 fn things(at: Vec3) -> Things {
     let mut smooth = ball(24);
     smooth.transform(&Affine3A::from_scale_rotation_translation(
@@ -122,7 +122,7 @@ fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
         .collect()
 }
 
-/// Returns the same world twice: with instances and with copies.
+/// Returns the same world twice: once with instances and once with copies.
 fn pair(groups: &[Things], places: &[DAffine3]) -> [Geometry; 2] {
     let mut instanced = GeometryBuilder::default();
     let mut copied = GeometryBuilder::default();
@@ -165,7 +165,7 @@ fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
 #[test]
 fn instances_equal_copies() {
     let mut stream = Stream::new(21, 0, 0);
-    // One group near its origin, and one so far from it that its origin is moved.
+    // One group contains the origin of its coordinates. The other is far away, so that its origin is moved.
     let groups = [things(Vec3::ZERO), things(Vec3::new(30.0, -20.0, 50.0))];
     let mut where_to = places(&mut stream, 40);
     for (i, p) in where_to.iter_mut().enumerate() {
@@ -185,19 +185,19 @@ fn instances_equal_copies() {
             continue;
         };
         hits += 1;
-        // A ray that grazes an edge may hit one and miss the other.
+        // A ray that grazes an edge may hit one geometry and miss the other.
         if a.material != b.material || (ha.t - hb.t).abs() > 1e-4 * (1.0 + hb.t) {
             apart += 1;
             continue;
         }
-        // Rounding moves a hit along a grazing ray.
+        // Rounding moves the hit along a grazing ray.
         if b.ng.dot(ray.dir).abs() < 0.1 {
             continue;
         }
         in_instances += usize::from(ha.owner != Owner::WORLD);
         kinds[a.material as usize] += 1;
         assert_eq!(hb.owner, Owner::WORLD);
-        // The copies of the far group are rounded at its distance, 60 m; instances of it are not.
+        // The copies of the distant group have the rounding errors of 60 m; the instances do not.
         assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
         // Adjacent flat triangles have different normals; at an edge, either may be hit.
         if a.ng.dot(b.ng) < 0.99999 {
@@ -242,8 +242,8 @@ fn generic_code_is_bit_identical() {
     }
 }
 
-/// Verifies that a ray that leaves a surface does not hit it again, and that a ray that enters a closed
-/// surface hits the inside of the surface, at any size or distance.
+/// Verifies that rays do not hit again the surface that they leave, and that rays that enter a closed surface
+/// hit its inside, for instances of any size and at any distance.
 #[test]
 fn rays_do_not_leak_through_closed_instances() {
     let mut stream = Stream::new(23, 0, 0);
@@ -267,7 +267,7 @@ fn rays_do_not_leak_through_closed_instances() {
                 let g = builder.build();
                 let [mut again, mut lost, mut missed] = [0; 3];
                 for _ in 0..4000 {
-                    // From random origins outside to a random point inside.
+                    // The ray goes from a random point outside to a random point inside.
                     let around = warp::sphere(stream.uniform2()) * (1.5 + 10.0 * stream.uniform());
                     let inside = warp::sphere(stream.uniform2()) * 0.7 * stream.uniform();
                     let [origin, to] = [around, inside].map(|p| single(&place).transform_point3a(p));
@@ -289,7 +289,7 @@ fn rays_do_not_leak_through_closed_instances() {
     }
 }
 
-/// `Option<Hit>` is no larger than `Hit`.
+/// Verifies that `Option<Hit>` is not larger than `Hit`.
 #[test]
 fn an_optional_hit_is_no_larger_than_a_hit() {
     assert_eq!(size_of::<Option<Hit>>(), 20);
@@ -299,7 +299,7 @@ fn an_optional_hit_is_no_larger_than_a_hit() {
     assert_eq!(Owner::WORLD.number(), None);
 }
 
-/// Verifies that a thousand instances take the memory of one, plus a small amount for each.
+/// Verifies that a thousand instances need little more memory than one.
 #[test]
 fn a_thousand_instances_take_the_memory_of_one() {
     let mesh = ball(100);
@@ -321,7 +321,7 @@ fn a_thousand_instances_take_the_memory_of_one() {
     let single = builder.build().bytes();
     assert!(one.bytes() < single + 1000, "{} {single}", one.bytes());
     let each = (many.bytes() - one.bytes()) as f64 / 999.0;
-    // 128 for the instance, and eight boxes per node of 256 bytes, not all of which are used.
+    // An instance takes 128 bytes. A tree node takes 256 bytes for up to eight boxes.
     assert!(each < 300.0, "{each}");
     assert!(many.bytes() < one.bytes() + one.bytes() / 5);
     assert_eq!((many.counts().0, many.copies()), (mesh.indices.len(), (1000, 1)));
@@ -335,8 +335,8 @@ fn a_thousand_instances_take_the_memory_of_one() {
     assert_eq!(found.len(), 1000);
 }
 
-/// Verifies that a view of a world with instances agrees with rays that pass next to, between and inside
-/// the instances.
+/// Verifies that a view of a world with instances agrees with rays that pass next to, between and through the
+/// instances.
 #[test]
 fn views_include_instances() {
     let mut stream = Stream::new(24, 0, 0);
@@ -363,10 +363,10 @@ fn views_include_instances() {
             let found = g.intersect(&ray, f32::INFINITY);
             if let Some(hit) = view.first_hit(cell, &g, &ray) {
                 firsts += 1;
-                let found = found.expect("a hit");
+                let found = found.expect("the ray hits a surface");
                 assert_eq!((hit.leaf, hit.owner, hit.t), (found.leaf, found.owner, found.t));
             }
-            // A surface point hit by a random ray, and the ray from there back to the pinhole.
+            // Trace a random ray to a surface point, then a ray from this point to the pinhole.
             let Some((hit, s)) = met(&g, &from_around(&mut stream, 8.0)) else {
                 continue;
             };

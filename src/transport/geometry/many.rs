@@ -1,9 +1,8 @@
-//! Arrays of vectors with separate x, y and z components.
+//! Arrays of vectors whose x, y and z components are stored separately.
 //!
-//! The compiler vectorizes plain loops over such arrays, for batches of paths with the same arithmetic.
-//! With one vector per path, the processor would spend most of the time waiting for divisions and square
-//! roots. The operations and their order are those of `glam`, so the results are bit-identical to those for
-//! single vectors.
+//! The compiler vectorizes plain loops over such arrays for batches of paths that need the same arithmetic.
+//! With one vector per path, the processor would mostly wait for divisions and square roots. Operations and
+//! their order are those of `glam`, so the results are bit-identical to the results for single vectors.
 
 use glam::{Mat3A, Vec3A};
 
@@ -25,7 +24,7 @@ pub fn set<const N: usize>(v: &mut Many<N>, i: usize, value: Vec3A) {
     (v[0][i], v[1][i], v[2][i]) = (x, y, z);
 }
 
-/// Returns `m · v` for every vector v.
+/// Returns `m · v` for each vector v.
 #[inline(always)]
 pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     let [a, b, c] = m.to_cols_array_2d();
@@ -39,7 +38,7 @@ pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     out
 }
 
-/// Returns `v - w` for every vector v.
+/// Returns `v - w` for each vector v.
 #[inline(always)]
 pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
     let w = w.to_array();

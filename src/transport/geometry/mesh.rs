@@ -1,13 +1,13 @@
-//! Indexed triangle meshes as plain tables.
+//! Triangle meshes with shared vertices, stored as plain tables.
 //!
-//! A triangle (a, b, c) has the geometric normal (b - a) x (c - a): its corners are counter-clockwise as seen
-//! from the front. An affine map x -> M x + t maps the normal n to cof(M) n, where cof(M) = det(M) M^-T is
+//! The geometric normal of a triangle (a, b, c) is (b - a) × (c - a): the corners are counter-clockwise as
+//! seen from the front. An affine map x -> M x + t maps a normal n to cof(M) n, where cof(M) = det(M) M^-T is
 //! the cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
 
 use glam::{Affine3A, DMat3, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Minimum number of vertices or triangles per parallel task.
+/// Minimum number of vertices or triangles that a parallel task processes.
 const SHARE: usize = 1 << 14;
 
 /// A triangle mesh. Call [`Mesh::validate`] after filling the fields directly.
@@ -23,33 +23,31 @@ pub struct Mesh {
     pub indices: Vec<[u32; 3]>,
 }
 
-/// Reasons why a mesh is refused.
+/// Reasons why a mesh is rejected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
     #[error("no triangles of non-zero area; export the mesh with faces, or remove the mesh")]
     Empty,
-    #[error("{found} {what} for {vertices} vertices; give one per vertex, or none")]
+    #[error("found {found} {what} for {vertices} vertices; provide one per vertex, or none")]
     Length { what: &'static str, found: usize, vertices: usize },
-    #[error("{what} of vertex {vertex} is not finite; correct the mesh and export it again")]
+    #[error("{what} {vertex} (counted from 0) is not finite; correct it and export the mesh again")]
     NonFinite { what: &'static str, vertex: usize },
-    #[error(
-        "the normal of vertex {vertex} is zero; correct the normal, or remove all normals for flat shading"
-    )]
+    #[error("normal {vertex} (counted from 0) is zero; correct it, or remove all normals for flat shading")]
     ZeroNormal { vertex: usize },
     #[error(
-        "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices"
+        "triangle {triangle} uses vertex {index} (counted from 0) of only {vertices} vertices; correct the index"
     )]
     Index { triangle: usize, index: u32, vertices: usize },
-    #[error("{0} vertices exceed the range of 32-bit indices; split the mesh")]
+    #[error("found {0} vertices, but at most 4294967295 are supported; split the mesh")]
     TooLarge(usize),
 }
 
 impl Mesh {
-    /// Checks every invariant that the tracer relies on.
+    /// Checks all invariants on which the tracer relies.
     ///
     /// # Errors
-    /// [`MeshError`] if the mesh is empty, a table has the wrong length, a number is not finite, a normal is
-    /// zero or an index is out of range.
+    /// Returns a [`MeshError`] if the mesh is empty, a table has the wrong length, a number is not finite, a
+    /// normal is zero, or an index is out of range.
     pub fn validate(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
         if vertices == 0 || self.indices.is_empty() {
@@ -115,7 +113,7 @@ impl Mesh {
         }
     }
 
-    /// Swaps front and back.
+    /// Exchanges the front and the back of all triangles.
     pub fn flip(&mut self) {
         for normal in &mut self.normals {
             *normal = -*normal;
@@ -137,15 +135,15 @@ impl Mesh {
         let before = self.indices.len();
         let positions = &self.positions;
         let flat = |corners: &[u32; 3]| is_flat(positions, corners);
-        // Most meshes have none.
+        // Return early, because most meshes have no triangles of zero area.
         if first(&self.indices, flat).is_some() {
             self.indices.retain(|corners| !flat(corners));
         }
         before - self.indices.len()
     }
 
-    /// Removes unused vertices and keeps the order of the others. Has no effect if an index is out of
-    /// range.
+    /// Removes vertices that no triangle uses and keeps the order of the others. Has no effect if an index is
+    /// out of range.
     pub fn compact(&mut self) {
         let n = self.positions.len();
         let mut used = vec![false; n];
@@ -198,7 +196,7 @@ impl Mesh {
         mesh
     }
 
-    /// Adds the square `centre` ± `u` ± `v`, with normal u × v.
+    /// Adds the square with corners `centre` ± `u` ± `v` and normal u × v.
     fn push_square(&mut self, centre: Vec3, u: Vec3, v: Vec3) {
         let first = self.positions.len() as u32;
         for (s, t) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
@@ -211,8 +209,8 @@ impl Mesh {
     }
 }
 
-/// Returns true if the triangle's area is zero to the precision of f32 positions. The function returns
-/// false for non-finite corners, so that validation reports them.
+/// Returns true if the area of the triangle is zero to the precision of f32 positions. Returns false for
+/// corners that are not finite, so that validation reports them.
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
@@ -289,7 +287,7 @@ mod tests {
             c.validate().unwrap();
             agree(&c);
             let expected = 8.0 * scale.x * scale.y * scale.z;
-            assert!((volume(&c) - expected.abs()).abs() < 1e-3, "a reflection must not turn it inside out");
+            assert!((volume(&c) - expected.abs()).abs() < 1e-3, "a reflection must keep normals outward");
         }
     }
 

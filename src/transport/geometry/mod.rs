@@ -1,6 +1,6 @@
-//! Shapes in space: triangle meshes, exact quadrics, and the bounding volume hierarchy over all of them.
+//! Surfaces: triangle meshes, exact quadrics, and the bounding volume hierarchy over all of them.
 //!
-//! Lengths are in metres. Materials are referred to by index only.
+//! Lengths are in metres. Surfaces refer to materials by index.
 
 mod binary;
 mod binned;

@@ -1,8 +1,8 @@
 //! Ray intersection with eight triangles or parallelograms at a time: Möller & Trumbore (1997, "Fast,
 //! minimum storage ray/triangle intersection", J. Graphics Tools 2), one primitive per lane.
 //!
-//! With e1, e2 the edges from the corner v0, p = d × e2, s = o - v0 and q = s × e1, (t, u, v) = (q·e2, p·s,
-//! q·d) / (p·e1). A point is inside if u, v ≥ 0 and u + v ≤ 1, or max(u, v) ≤ 1 for a parallelogram.
+//! For the edges e1, e2 from corner v0, with p = d × e2, s = o - v0 and q = s × e1, (t, u, v) = (q·e2, p·s,
+//! q·d) / (p·e1). The hit is inside if u, v ≥ 0 and u + v ≤ 1, or max(u, v) ≤ 1 for a parallelogram.
 
 use super::eight::{Eight, Mask};
 use super::ray::Ray;
@@ -14,14 +14,14 @@ pub(super) struct Primitive {
     pub(super) v0: Vec3A,
     pub(super) e1: Vec3A,
     pub(super) e2: Vec3A,
-    /// True for a parallelogram, which covers all points v0 + u e1 + v e2 with 0 ≤ u, v ≤ 1; a triangle
-    /// covers half of them.
+    /// True for a parallelogram, which covers all points v0 + u e1 + v e2 with 0 ≤ u, v ≤ 1. A triangle
+    /// covers the half of these points with u + v ≤ 1.
     pub(super) parallelogram: bool,
 }
 
 impl Primitive {
-    /// Returns the tolerance of the barycentric coordinates that widens the triangle by `width` metres. The
-    /// tolerance is relative to the triangle's height.
+    /// Returns the barycentric tolerance that widens the triangle by `width` metres, relative to the height
+    /// of the triangle.
     fn skin(&self, width: f32) -> f32 {
         let (e1, e2) = (self.e1, self.e2);
         let longest = e1.length().max(e2.length()).max((e2 - e1).length());
@@ -98,7 +98,7 @@ impl Pack {
         let v = dot(&ray.d, &q) * inverse;
         let t = dot(&self.e2, &q) * inverse;
         let most = self.parallelogram.select(u.max(v), u + v);
-        // A zero determinant makes these infinite or NaN, and every comparison with NaN is false.
+        // A zero determinant makes the results infinite or NaN, and all comparisons with NaN are false.
         let least = self.skin.neg();
         let inside = least.le(u) & least.le(v) & most.le(Eight::splat(1.0) + self.skin);
         let hit = inside & Eight::splat(0.0).lt(t) & t.lt(Eight::splat(end));

@@ -1,8 +1,8 @@
-//! Sphere, disk and cylinder, intersected exactly in object space.
+//! Spheres, disks and cylinders, intersected exactly in object space.
 //!
-//! In object space, the shapes are the unit sphere about the origin, the unit disk in z = 0 facing +z, and
-//! the open tube of radius 1 from z = 0 to 1 facing outward. An affine map transforms them to the world,
-//! including to ellipsoids and elliptic tubes.
+//! In object space, the shapes are the unit sphere centred on the origin, the unit disk at z = 0 facing +z,
+//! and the open tube of radius 1 from z = 0 to z = 1 facing outward. An affine map transforms them to world
+//! space, where they may be ellipsoids and elliptic tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -10,15 +10,15 @@ use glam::{Affine3A, Mat3A, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
-/// The kind of surface.
+/// The kind of a quadric; lengths are in object space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum QuadricKind {
-    /// The unit sphere about the origin.
+    /// Unit sphere centred on the origin.
     Sphere,
-    /// The unit disk in z = 0, facing +z.
+    /// Unit disk at z = 0, facing +z.
     Disk,
-    /// The open tube of radius 1 from z = 0 to 1, facing outward.
+    /// Open tube of radius 1 from z = 0 to z = 1, facing outward.
     Cylinder,
 }
 
@@ -29,25 +29,25 @@ pub struct Quadric {
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world` times `facing`, which transforms normals.
+    /// Inverse transpose of `to_world` times `facing`; this matrix transforms normals.
     normals: Mat3A,
-    /// 1, or -1 if the normals point inward.
+    /// 1 if normals point outward, -1 if they point inward.
     facing: f32,
     /// Centre and radius of a surface that is a sphere in the world, metres; the radius is 0 for other
     /// surfaces.
     centre: Vec3A,
     radius: f32,
-    /// Axis of rotation for the texture coordinate u.
+    /// Axis of rotation along which the texture coordinate u increases.
     turn: Vec3A,
-    /// Rounding constant, see [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant; see [`Surface::rounding`](super::ray::Surface::rounding).
     pub(crate) rounding: f32,
 }
 
 /// Returns the roots of a·t² - 2·b·t + c in ascending order, without cancellation (Haines et al. 2019,
 /// "Precision improvements for ray/sphere intersection").
 ///
-/// `disc` is b² - a·c, computed by the caller. From inside (c < 0) there are always two roots. If rounding
-/// makes `disc` negative for a grazing ray, it is replaced by its lower bound -a·c.
+/// `disc` is b² - a·c, computed by the caller. From inside a sphere (c < 0), two roots always exist. If
+/// rounding makes `disc` negative there, `disc` is replaced by its lower bound -a·c.
 #[inline]
 fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 && c < 0.0 {
@@ -96,13 +96,13 @@ impl Quadric {
         if self.facing < 0.0 { moved.flipped() } else { moved }
     }
 
-    /// Returns the centre and the radius (metres) of a surface that is a sphere in the world; `None` for
-    /// others.
+    /// Returns the centre and the radius (metres) of a surface that is a sphere in world space; `None` for
+    /// other surfaces.
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity; see [`roots`].
+    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity; compare [`roots`].
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -111,7 +111,7 @@ impl Quadric {
         let r = self.radius;
         let mut disc = r * r - closest.length_squared();
         if disc < 0.0 {
-            // As in `roots`.
+            // Same computation as in [`roots`].
             let distance = o.length();
             disc = (r - distance) * (r + distance);
             if disc <= 0.0 {
@@ -141,7 +141,7 @@ impl Quadric {
         self.meet(origin, dir, tmax)
     }
 
-    /// Returns [`Self::intersect`] for all surfaces except spheres in the world.
+    /// Returns [`Self::intersect`] for all surfaces that are not spheres in world space.
     #[inline]
     fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
@@ -151,7 +151,7 @@ impl Quadric {
             QuadricKind::Sphere => {
                 let a = d.length_squared();
                 let b = -o.dot(d);
-                // Discriminant from the closest approach, accurate for far and near origins.
+                // Discriminant from the point of closest approach, accurate for distant and near origins.
                 let closest = o + d * (b / a);
                 let disc = a * (1.0 - closest.length_squared());
                 let c = (o.length() - 1.0) * (o.length() + 1.0);
@@ -183,21 +183,21 @@ impl Quadric {
 
     /// Returns position (projected onto the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
     ///
-    /// u is the azimuth about the axis of a sphere or a cylinder; v of a sphere starts at its +z pole. A
-    /// disk's u is the radius, but the tangent is the object's x axis everywhere, so that a polarizer disk
-    /// has a uniform axis.
+    /// u is the azimuth about the axis of a sphere or a cylinder; v of a sphere is 0 at the +z pole. On a
+    /// disk, u is the radius, but the tangent is the object's x axis everywhere, so that a polarizer on a
+    /// disk has a uniform axis.
     #[inline(always)]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         if self.radius > 0.0 {
             let n = (hit - self.centre).normalize();
-            // About the sphere's own axis, also if the map to the world is a reflection.
+            // Rotation about the object's own axis, also if the map to world space is a reflection.
             let u = self.turn.cross(n);
             return (self.centre + n * self.radius, n * self.facing, u);
         }
         self.own_surface(hit)
     }
 
-    /// Returns [`Self::surface`] for all surfaces except spheres in the world.
+    /// Returns [`Self::surface`] for all surfaces that are not spheres in world space.
     #[inline]
     fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
@@ -234,8 +234,8 @@ impl Quadric {
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
 
-    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a point of the surface; 0 at a sphere's poles. For a disk,
-    /// only the tangent of [`Self::surface`] is returned.
+    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point; both are 0 at the poles of a sphere. For a
+    /// disk, only the tangent of [`Self::surface`] is returned.
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
         let r = o.x.hypot(o.y);
@@ -277,8 +277,8 @@ impl Quadric {
         }
     }
 
-    /// Samples a point uniformly in object space, and returns the point with the unit normal there, in
-    /// world space.
+    /// Samples a point uniformly by area in object space, and returns this point and the unit normal in world
+    /// space.
     pub fn point(&self, u: [f32; 2]) -> (Vec3A, Vec3A) {
         let o = match self.kind {
             QuadricKind::Sphere => warp::sphere(u),
@@ -292,7 +292,7 @@ impl Quadric {
         (p, n)
     }
 
-    /// Returns the density of [`Self::point`] per area, 1/m².
+    /// Returns the probability density per area of [`Self::point`], 1/m².
     pub fn density(&self, p: Vec3A) -> f32 {
         let o = self.to_object.transform_point3a(p);
         let own = match self.kind {
@@ -303,7 +303,7 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
-    /// Returns true if the point is inside the sphere or tube after scaling by `grown` about the centre.
+    /// Returns true if a sphere or tube, scaled by `grown` about the centre, contains the point.
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
         match self.kind {
@@ -313,7 +313,7 @@ impl Quadric {
         }
     }
 
-    /// Returns the area, m².
+    /// Returns the surface area, m².
     pub fn area(&self) -> f32 {
         const N: usize = 64;
         if let Some((_, radius)) = self.ball() {
@@ -329,12 +329,12 @@ impl Quadric {
         let m = self.to_world.matrix3;
         let t = self.to_world.translation;
         let (half, centre) = match self.kind {
-            // Half extent of an ellipsoid along each world axis: the length of the matrix row.
+            // The half extent of an ellipsoid along a world axis is the length of a matrix row.
             QuadricKind::Sphere => (rows_length(m, true), t),
             QuadricKind::Disk => (rows_length(m, false), t),
             QuadricKind::Cylinder => (rows_length(m, false) + (m.z_axis * 0.5).abs(), t + m.z_axis * 0.5),
         };
-        // Padding, so that flat and rounded surfaces stay inside their box.
+        // Padding, so that flat and rounded surfaces stay inside their bounding box.
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);
         (centre - half - pad, centre + half + pad)
     }
@@ -362,8 +362,7 @@ pub(super) fn similarity(m: Mat3A) -> f32 {
     if uneven.iter().all(|u| u.abs() <= 1e-6 * r) { r } else { 0.0 }
 }
 
-/// Returns the length of every matrix row over all three columns, or over the first two if `three` is
-/// false.
+/// Returns the length of each matrix row over all three columns, or over the first two if `three` is false.
 fn rows_length(m: Mat3A, three: bool) -> Vec3A {
     let sq = |v: Vec3A| v * v;
     let s = sq(m.x_axis) + sq(m.y_axis) + if three { sq(m.z_axis) } else { Vec3A::ZERO };
@@ -376,7 +375,7 @@ mod tests {
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that a sphere has the same hits, normals and tangents as in object space, reflected or not.
+    /// Verifies that a sphere has the hits, normals and tangents of object space, even if it is reflected.
     #[test]
     fn balls_are_spheres() {
         let mut stream = Stream::new(4, 0, 0);

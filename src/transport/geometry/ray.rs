@@ -3,7 +3,7 @@
 use glam::{Mat3A, Vec3A};
 use std::num::NonZeroU32;
 
-/// A ray with its origin and direction; distances along the ray are in metres.
+/// A ray; distances along the ray are in metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin in world space, metres.
@@ -12,7 +12,7 @@ pub struct Ray {
     pub dir: Vec3A,
 }
 
-/// The nearest hit of a ray, from which the surface point is computed.
+/// A hit of a ray, from which the surface point can be computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Distance along the ray, metres.
@@ -21,27 +21,27 @@ pub struct Hit {
     pub leaf: u32,
     /// The world or the instance that contains the primitive.
     pub owner: Owner,
-    /// Barycentric coordinate of a triangle's second vertex (0 for quadrics).
+    /// Barycentric coordinate of the triangle's second vertex (0 for quadrics).
     pub u: f32,
-    /// Barycentric coordinate of a triangle's third vertex (0 for quadrics).
+    /// Barycentric coordinate of the triangle's third vertex (0 for quadrics).
     pub v: f32,
 }
 
-/// The owner of a primitive: the world or an instance. The value is never 0, so that `Option<Hit>` is as
-/// small as `Hit`.
+/// Owner of a primitive: the world or an instance. The stored value is never 0, so that `Option<Hit>` is not
+/// larger than `Hit`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Owner(NonZeroU32);
 
 impl Owner {
     pub const WORLD: Self = Self(NonZeroU32::MIN);
 
-    /// Returns the owner for an instance index below 2³¹.
+    /// Returns the owner that stands for an instance, whose index must be below 2³¹.
     #[inline]
     pub const fn instance(number: u32) -> Self {
         Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
     }
 
-    /// Returns the index of the instance; `None` for the world.
+    /// Returns the index of the instance that owns the primitive; `None` for the world.
     #[inline(always)]
     pub fn number(self) -> Option<u32> {
         self.0.get().checked_sub(2)
@@ -51,26 +51,26 @@ impl Owner {
 /// A point on a surface.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Surface {
-    /// Position, metres.
+    /// Position in world space, metres.
     pub p: Vec3A,
-    /// Unit geometric normal, toward the outside of the shape (by winding or by definition).
+    /// Unit geometric normal, which points to the outside of the shape (by winding or by definition).
     pub ng: Vec3A,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3A,
     /// Direction of increasing texture coordinate u (∂p/∂u), not normalized and not exactly perpendicular to
     /// `ns`; see [`Surface::tangent_frame`].
     pub tangent: Vec3A,
-    /// ∂p/∂v in scenes with bump maps, where `tangent` also has the length of ∂p/∂u; else 0.
+    /// ∂p/∂v if the scene has bump maps (the length of `tangent` is then that of ∂p/∂u); otherwise 0.
     pub bitangent: Vec3A,
     pub uv: [f32; 2],
     pub material: u32,
-    /// Maximum rounding error of points and hits on the surface, in units of 2⁻²⁴ of their coordinates.
+    /// Maximum rounding error of surface points and hits, in units of 2⁻²⁴ of their coordinates.
     pub rounding: f32,
 }
 
 impl Surface {
-    /// Returns the orthonormal frame with axes x (along ∂p/∂u), y and z = `ns`, which maps local directions
-    /// to the world. Element angles and normal maps are relative to this frame.
+    /// Returns the orthonormal frame with axes x (along ∂p/∂u), y, and z = `ns`, which maps local directions
+    /// to the world. Angles of polarizing elements and normal maps are relative to this frame.
     #[inline]
     pub fn tangent_frame(&self) -> Mat3A {
         let x = optics::polarization::frame::project(self.tangent, self.ns);

@@ -1,67 +1,67 @@
-//! Bounds on f32 rounding errors of points and hits. Rays start and end just beyond these errors.
+//! Bounds the f32 rounding errors of points and hits. Rays start and end just beyond these errors.
 //!
-//! With u = 2⁻²⁴, a point v0 + u e1 + v e2 of a triangle deviates from its plane by some units of its
-//! coordinates. The distance e2 · (s × e1) / |e1 × e2| of a ray's origin from the plane (see
-//! [`super::pack`]), s = o - v0, has an error below
+//! With u = 2⁻²⁴, a point v0 + u e1 + v e2 of a triangle deviates from the triangle's plane by a few units in
+//! the last place of its coordinates. The distance e2 · (s × e1) / |e1 × e2| of a ray origin from the plane
+//! (see [`super::pack`]), where s = o - v0, has an error of less than
 //!
 //! > 6 u |s|∞ Σᵢ (|e1|ⱼ|e2|ₖ + |e1|ₖ|e2|ⱼ) / |e1 × e2|
 //!
-//! (every product and sum is rounded once; Higham 2002, "Accuracy and stability of numerical algorithms",
-//! sect. 3.1). The sum over the cross product is 1 in planes parallel to the coordinate planes, up to 4
-//! elsewhere, and more for slivers. Roundings up and down partly cancel. The code uses half of the bound,
-//! which exceeds the largest error of tens of millions of rays.
+//! where every product and sum is rounded once (Higham 2002, "Accuracy and stability of numerical
+//! algorithms", sect. 3.1). The sum divided by |e1 × e2| is 1 in planes parallel to the coordinate planes, up
+//! to 4 elsewhere, and more for slivers. Upward and downward rounding partly cancel. The code therefore uses
+//! half of the bound, which exceeds the largest error of tens of millions of rays.
 //!
 //! A ray starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where k is a
-//! constant of the surface. A line to a surface ends at that distance from the surface, or at k u times the
-//! length of the line if that is larger. Thinner gaps are reported ([`crate::render::gaps`]).
+//! constant of the surface. A ray toward a surface ends at the same distance from the surface, or at k u
+//! times its length if this is larger. Thinner gaps are reported ([`crate::render::gaps`]).
 
 use super::ray::Surface;
 use glam::{DVec3, Vec3A};
 
-/// Half a unit in the last place of 1.
+/// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Relative shortening of a line at its end, equal to several rounding errors of a distance along a ray.
+/// Fraction by which a line is shortened at its end: several rounding errors of a distance along a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
-/// Maximum rounding constant, for slivers and non-uniform maps. On surfaces whose rounding errors exceed
-/// the maximum, one ray in a million may hit the surface that it leaves.
+/// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a
+/// million may hit the surface that it leaves.
 const MOST: f32 = 128.0;
 
-/// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. A large surface
-/// may have corners far from the point.
+/// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. The corners of a
+/// large surface may be far from the point.
 pub(super) const SHARE: f32 = 0.75;
 
-/// Minimum cosine to the normal for the distance to the plane; for a smaller cosine, the distance is lost
-/// in rounding errors.
+/// Minimum cosine between a ray and the normal for which the distance to the plane is used. For smaller
+/// cosines, rounding errors dominate the distance.
 const GRAZING: f64 = 1e-3;
 
 /// Rounding error of points and hits on spheres, in units of 2⁻²⁴ of their coordinates.
 pub(super) const BALL: f32 = 5.0;
 
-/// Returns the rounding constant of a triangle or parallelogram with these edges.
+/// Returns the rounding constant of a triangle or parallelogram with edges `e1` and `e2`.
 pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
     let (a, b) = (e1.abs(), e2.abs());
     let crossed = (a.y * b.z + a.z * b.y) + (a.z * b.x + a.x * b.z) + (a.x * b.y + a.y * b.x);
     let area = e1.cross(e2).length();
-    // `min` turns NaN into the maximum.
+    // `min` replaces NaN by the maximum.
     (5.0 * crossed / area - 2.0).min(MOST)
 }
 
-/// Returns the rounding constant of an instance, from the constant `k` of the surface in its own
-/// coordinates. The map to the world stretches lengths by at most `stretch`, the inverse map by at most
-/// `back`. Both bounds are results of [`super::instance::stretch`]; the product of the bounds is 3 for maps
-/// that preserve angles.
+/// Returns the rounding constant of a surface in an instance, from the constant `k` of the surface in group
+/// coordinates. The map to the world stretches lengths by at most `stretch`, and the inverse map by at most
+/// `back`. Both bounds are results of [`super::instance::stretch`]. Their product is 3 for maps that preserve
+/// angles.
 pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }
 
 /// Returns the intersection of a ray from `from` along `dir` with the tangent plane of the surface that the
-/// ray hit, and the distance of the intersection, metres.
+/// ray hit, and the distance to the intersection, metres.
 ///
-/// Barycentric coordinates of a large triangle, and positions, deviate from the ray by several units in the
-/// last place: 50 µm in a scene of 100 m, which is 0.1 ps. The plane is more accurate than the position
-/// within the plane.
+/// Positions from the barycentric coordinates of a large triangle deviate from the ray by several units in
+/// the last place: 50 µm in a scene of 100 m, which is 0.1 ps of travel time. The plane is more accurate than
+/// the position within the plane.
 #[inline(always)]
 pub(crate) fn met(from: DVec3, dir: Vec3A, surface: &Surface) -> (DVec3, f64) {
     let (p, dir, ng) = (surface.p.as_dvec3(), dir.as_dvec3(), surface.ng.as_dvec3());

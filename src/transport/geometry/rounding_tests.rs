@@ -1,5 +1,5 @@
-//! Tests that rays start and end just off surfaces, and neither hit the surface that they leave nor pass
-//! through others.
+//! Tests that rays start and end close to surfaces, do not hit the surface that they leave, and do not pass
+//! through other surfaces.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -12,7 +12,7 @@ use optics::polarization::frame::basis;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Distances from the origin at which scenes of size 1 m are placed, metres.
+/// Distances of 1 m scenes from the origin, metres.
 const OFFSETS: [f32; 4] = [0.1, 1.0, 100.0, 1e4];
 
 fn turned(stream: &mut Stream) -> Quat {
@@ -21,7 +21,7 @@ fn turned(stream: &mut Stream) -> Quat {
     Quat::from_axis_angle(axis.into(), stream.uniform() * 6.0)
 }
 
-/// Returns a unit sphere of triangles about the origin, with `n` rows of 2 n triangles.
+/// Returns a unit sphere of triangles centred on the origin, with `n` rows of 2n triangles.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=n {
@@ -51,7 +51,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// Samples a direction on the side of `n`; every fourth direction is grazing.
+/// Samples a direction on the side of `n`; one direction in four is grazing.
 fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     let v = warp::sphere(stream.uniform2());
     let side = v - n * (2.0 * v.dot(n).min(0.0));
@@ -63,7 +63,7 @@ fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     }
 }
 
-/// Samples a ray near a target and returns the ray with its hit and surface point.
+/// Samples a ray toward a point near `centre`, and returns the ray, its hit and the surface point.
 fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(Ray, Hit, Surface)> {
     let target = centre + warp::sphere(stream.uniform2()) * (size * stream.uniform());
     let origin = centre + warp::sphere(stream.uniform2()) * (size * (0.1 + 5.0 * stream.uniform()));
@@ -72,9 +72,9 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
     Some((ray, hit, g.surface(&ray, &hit)))
 }
 
-/// Verifies for flat primitives and quadrics of all sizes and positions that a ray never hits the surface
-/// that it leaves, and that a surface does not block lines to its own points. A ray may hit the other side
-/// of a curved surface, or its inside, but nothing nearer.
+/// Verifies for primitives of all sizes and positions that a ray does not hit the surface that it leaves, and
+/// that a surface does not block lines to its own points. A ray may hit the opposite side or the inside of a
+/// curved surface, but nothing nearer.
 #[test]
 fn rays_do_not_hit_the_surface_they_leave() {
     let mut stream = Stream::new(41, 0, 0);
@@ -111,7 +111,7 @@ fn rays_do_not_hit_the_surface_they_leave() {
         }
         let g = builder.build();
         if shape > 1 && size < 1e4 * UNIT * offset {
-            // The shape is below f32 resolution there.
+            // At this offset, the shape is smaller than the f32 resolution.
             continue;
         }
         for _ in 0..400 {
@@ -122,19 +122,19 @@ fn rays_do_not_hit_the_surface_they_leave() {
                 let dir = away(n, &mut stream);
                 let on = Ray { origin: g.leave(&s, dir), dir };
                 left += 1;
-                // On a flat surface nothing is hit again; on a convex surface, nothing from outside.
+                // A ray must not hit a flat surface again, nor a convex surface that it leaves outward.
                 let flat = matches!(shape, 0 | 1 | 3);
                 let next = g.intersect(&on, f32::INFINITY);
                 if flat || n == s.ng {
                     again[shape] += u32::from(next.is_some());
                 } else if shape != 4 {
-                    // From inside, the other side is hit at the length of a chord.
+                    // A ray that leaves inward hits the opposite side after the length of a chord.
                     let chord = next.map_or(0.0, |h| h.t);
                     let cos = dir.dot(n);
                     again[shape] += u32::from(chord < 0.05 * size * cos);
                 }
             }
-            // Back to the origin of the ray, in both directions.
+            // Trace back to the origin of the ray, in both directions.
             let length = s.p.distance(ray.origin);
             let aim = g.reach(&s, -ray.dir, length);
             let to = aim - ray.origin;
@@ -146,13 +146,12 @@ fn rays_do_not_hit_the_surface_they_leave() {
             }
         }
     }
-    println!("{left} rays, met again {again:?}; {lines} lines, blocked {blocked:?}");
+    println!("{left} rays: {again:?} self-intersections; {lines} lines: {blocked:?} blocked");
     assert!(left > 120_000 && lines > 60_000);
     assert_eq!((again, blocked), ([0; 6], [0; 6]));
 }
 
-/// Verifies that no ray of random walks inside closed meshes and quadrics escapes, at all positions and
-/// sizes.
+/// Verifies that random walks inside closed meshes and quadrics never escape, for all positions and sizes.
 #[test]
 fn rays_do_not_escape_closed_shapes() {
     let mut stream = Stream::new(42, 0, 0);
@@ -168,7 +167,7 @@ fn rays_do_not_escape_closed_shapes() {
         ] {
             let centre = warp::sphere(stream.uniform2()) * offset;
             let turn = turned(&mut stream);
-            // Groups have other sizes, which instances scale so that every closed shape is 1 m large.
+            // Groups have other sizes; instances scale them so that each closed shape has a size of 1 m.
             let place = Affine3A::from_scale_rotation_translation(Vec3::ONE, turn, centre.into());
             let mut builder = GeometryBuilder::default();
             let mut mesh = ball(32);
@@ -221,14 +220,14 @@ fn rays_do_not_escape_closed_shapes() {
                 }
             }
             println!("{what} {scale} at {offset}: {rays} rays, {lost} lost, {back} from outside");
-            // Near a corner, points that are closer to the other wall than f32 resolution may be behind it.
+            // Near a corner, a point may be behind a wall that is closer than the f32 resolution.
             let known = (UNIT * offset * rays as f32) as i32;
             assert!(lost + back <= known, "{what} {scale} at {offset}: {lost}, {back}");
         }
     }
 }
 
-/// Verifies that a ray along the inside of a round shape hits the shape again, at any small angle.
+/// Verifies that a ray along the inside of a curved shape hits the shape again, for arbitrarily small angles.
 #[test]
 fn grazing_rays_do_not_escape_round_shapes() {
     let mut stream = Stream::new(44, 0, 0);
@@ -248,12 +247,12 @@ fn grazing_rays_do_not_escape_round_shapes() {
         let middle = place.transform_point3a(Vec3A::new(0.0, 0.0, 0.5));
         for _ in 0..100_000 {
             let ray = Ray { origin: middle, dir: warp::sphere(stream.uniform2()) };
-            // A tube has open ends.
+            // The ray may leave through the open ends of the tube.
             let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
                 continue;
             };
             let s = g.surface(&ray, &hit);
-            // Around the axis of a tube, where it is curved.
+            // A tube is curved only around its axis.
             let round = match kind {
                 QuadricKind::Cylinder => s.tangent.normalize(),
                 _ => (basis(s.ng) * warp::sphere(stream.uniform2()).with_z(0.0)).normalize_or(s.tangent),
@@ -292,7 +291,7 @@ fn sheets_a_micrometre_apart_are_resolved_at_a_metre() {
             let target = turn.x_axis * x + turn.y_axis * y + turn.z_axis;
             let dir = target.normalize();
             let ray = Ray { origin: Vec3A::ZERO, dir };
-            let hit = g.intersect(&ray, f32::INFINITY).expect("the sheet");
+            let hit = g.intersect(&ray, f32::INFINITY).expect("the ray hits the sheet");
             let s = g.surface(&ray, &hit);
             counts[0] += u32::from(s.material == 1);
             let on = Ray { origin: g.leave(&s, dir), dir };
@@ -302,9 +301,9 @@ fn sheets_a_micrometre_apart_are_resolved_at_a_metre() {
             let wall = g.surface(&on, &hit);
             let back = Ray { origin: g.leave(&wall, -dir), dir: away(-turn.z_axis, &mut stream) };
             let sheet = g.intersect(&back, f32::INFINITY).map(|h| g.surface(&back, &h));
-            // Grazing rays may pass the rim of the sheet.
+            // Grazing rays may pass outside the rim of the sheet.
             let near = sheet.is_some_and(|s| s.material == 1) || back.dir.dot(turn.z_axis).abs() < 1e-3;
-            // The sheet blocks lines to the wall, but not lines to itself.
+            // The sheet must block lines to the wall, but not lines to the sheet itself.
             let stops = |at: &Surface| {
                 let to = g.reach(at, -dir, at.p.length());
                 let length = to.length();

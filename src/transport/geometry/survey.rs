@@ -1,5 +1,5 @@
-//! Computes conservative bounds for every small pyramid of directions from a point: the depths of the
-//! nearest primitive, of all other primitives, and of the primitive that occludes everything behind it.
+//! Computes conservative depth bounds for each small pyramid of directions from a point: of the nearest
+//! primitive, of all other primitives, and of the primitive that occludes everything behind it.
 
 use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;
@@ -8,51 +8,51 @@ use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Enlargement of pyramids as a fraction of their width, against rounding errors.
+/// Enlargement of pyramids as a fraction of their width, to allow for rounding errors.
 const MARGIN: f32 = 0.02;
-/// Relative margin of depths.
+/// Relative margin by which depth bounds are widened.
 pub(super) const DEPTH_MARGIN: f32 = 1e-4;
-/// Index that stands for no primitive.
+/// Index that denotes no primitive.
 pub(super) const NOTHING: u32 = u32::MAX;
-/// Minimum distance of primitives for a view, relative to the scene's extent.
+/// Minimum distance of primitives from the viewpoint, as a fraction of the scene's extent.
 const NEAR: f32 = 1e-3;
 /// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
-/// outline is a sliver whose orientation rounding errors determine.
+/// outline is a sliver, and rounding errors may change its orientation.
 const SLIVER: f32 = 1e-5;
-/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
-/// edge-on and the depths are unreliable.
+/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is nearly
+/// edge-on and its depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
-/// Relative enlargement of spheres, against rounding errors of their hits.
+/// Relative enlargement of spheres, to allow for rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
-/// Bound on the rounding error of angles between directions, radians, a hundred times that of f32 arc
-/// tangents.
+/// Bound on the rounding error of angles between directions, radians. The bound is a hundred times the error
+/// of f32 arc tangents.
 const ANGLE_MARGIN: f32 = 1e-4;
-/// Enlargement of the boxes of an instance, in units of its group's size.
+/// Enlargement of boxes in an instance, as a fraction of the group's size.
 const BOX_MARGIN: f32 = 1e-5;
-/// Minimum number of triangles for which small boxes of the tree are entered instead of the triangles.
+/// Minimum number of triangles for which small boxes of the tree replace the triangles that they contain.
 const MANY: usize = 1 << 16;
-/// Maximum width of a small box, in pyramids.
+/// Maximum width of a small box, in pyramid widths.
 const SMALL: f32 = 0.5;
-/// Fraction of a sphere's angular radius within which every direction certainly hits the sphere.
+/// Fraction of a sphere's angular radius within which all directions certainly hit the sphere.
 const WELL_INSIDE: f32 = 0.99;
 /// Angle beyond which the tangent is treated as infinite, radians: just below π/2, where the f32 tangent
 /// changes sign.
 const RIGHT_ANGLE: f32 = 1.57;
 
-/// The bounds of one pyramid; depths are along the axis of the pinhole, metres.
+/// The bounds of one pyramid; depths are measured along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    /// The primitive that may be the nearest, and the minimum depth of this primitive.
+    /// The primitive that may be the nearest in the pyramid.
     pub leaf: u32,
     pub nearest: f32,
     /// Minimum depth of all other primitives.
     pub others: f32,
-    /// Depth behind which everything is occluded.
+    /// Depth beyond which everything is occluded.
     pub cover: f32,
 }
 
 impl Bounds {
-    /// The bounds of an empty pyramid.
+    /// The bounds of a pyramid that contains no primitive.
     const NOTHING: Self =
         Self { leaf: NOTHING, nearest: f32::INFINITY, others: f32::INFINITY, cover: f32::INFINITY };
 }
@@ -60,7 +60,7 @@ impl Bounds {
 /// The division of directions into pyramids.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
-    /// First corner of the grid, and number of pyramids per unit, on the plane at distance 1.
+    /// First corner of the grid, and number of pyramids per unit length, on the plane at distance 1.
     pub first: Vec2,
     pub density: Vec2,
     pub size: [u32; 2],
@@ -92,8 +92,8 @@ impl Window {
 }
 
 impl Survey {
-    /// Adds all primitives of a geometry, seen from `origin` with world directions rotated by `to_local`.
-    /// Returns `None` if a primitive is too close for a useful view.
+    /// Computes the bounds of all primitives of a geometry, as seen from `origin`. `to_local` rotates world
+    /// directions to device axes. Returns `None` if a primitive is too close for a useful view.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
         let mut survey = Self { grid, bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize] };
         let near = NEAR * geometry.extent;
@@ -128,8 +128,8 @@ impl Survey {
         }
     }
 
-    /// Adds the world through its tree. A box smaller than a pyramid is added as a box and occludes
-    /// nothing.
+    /// Adds the world by traversal of its tree. A box smaller than a pyramid is added as an unknown shape
+    /// that occludes nothing.
     fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
         let pad = Vec3A::splat(BOX_MARGIN * geometry.extent);
         let mut todo = vec![0];
@@ -140,7 +140,7 @@ impl Survey {
                 }
                 match child {
                     Child::Branch(node) => todo.push(node),
-                    // Instances are entered by their own boxes.
+                    // Instances are added separately, with the boxes of their own trees.
                     Child::Leaf(leaf) if leaf & 1 == 1 && (leaf >> 1) as usize >= geometry.quadrics.len() => {
                     }
                     Child::Leaf(leaf) => {
@@ -156,8 +156,8 @@ impl Survey {
         Some(())
     }
 
-    /// Adds boxes of an instance's tree, from the top down to the first that are not too close. `place`
-    /// maps points of the group to the pinhole's coordinates (right, down, forward).
+    /// Adds the boxes of an instance's tree, opening each box that is too close. `place` maps points of the
+    /// group to the pinhole's coordinates (right, down, forward).
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -190,8 +190,8 @@ impl Survey {
         Some(())
     }
 
-    /// Adds an unknown shape inside the convex hull of corners. Returns false and adds nothing if the hull
-    /// is too close, or wider than `most` pyramids.
+    /// Adds an unknown shape inside the convex hull of `corners`. Returns false without adding the shape if
+    /// the hull is too close, or wider than `most` pyramids.
     fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
         if corners.iter().all(|c| c.z < 0.0) || self.is_beside(&corners) {
             return true;
@@ -247,10 +247,10 @@ impl Survey {
         Window { lo: self.grid.first + (a - wider) / n, hi: self.grid.first + (a + Vec2::ONE + wider) / n }
     }
 
-    /// Adds a flat primitive. A primitive of an instance has no index and occludes nothing.
+    /// Adds a flat primitive. A primitive of an instance has no index and does not occlude.
     fn flat(&mut self, leaf: Option<u32>, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
         let behind = corners.iter().all(|c| c.z <= near);
-        // The part between the pinhole and the near plane must be outside the image.
+        // The part of the primitive before the near plane must be outside the image.
         if corners.iter().any(|c| c.z <= near) {
             let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
             if !self.is_beside(&close) {
@@ -267,18 +267,18 @@ impl Survey {
         let bounds = Window::about(&points);
         let area: f32 =
             (1..points.len()).map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0])).sum();
-        // The orientation of a sliver is unknown, so its bounding box is used.
+        // The orientation of a sliver is unknown, so the bounding box of the sliver is used.
         let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() { area.signum() } else { 0.0 };
         let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
         let height = normal.dot(corners[0]);
-        // The depth of a plane that is seen edge-on is also unknown.
+        // Depths on a plane that is nearly edge-on are also unknown.
         let sloped = height.abs() > EDGE_ON * normal.length() * corners[0].length();
         let more = skin / least;
         let [columns, rows] = self.touched(bounds, more);
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // No overlap if all corners are outside one edge. Covered if all are inside all edges.
+                // No overlap if all corners are outside one edge; full cover if all are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);
@@ -290,7 +290,7 @@ impl Survey {
                 if apart {
                     continue;
                 }
-                // 1/z is linear over the image, so its extremes are at the corners.
+                // 1/z is linear over the image, so the extreme values are at the corners.
                 let inverse = window.corners().map(|p| normal.dot(p.extend(1.0).into()) / height);
                 let (lo, hi) = inverse
                     .iter()
@@ -339,7 +339,7 @@ impl Survey {
                     continue;
                 }
                 let covered = solid && off < rim * WELL_INSIDE - half;
-                // The depth of the near half exceeds that of the centre by at most the slant of the rays.
+                // The front hemisphere is at most this much deeper than the centre, because rays are slanted.
                 let cover = if covered {
                     c.z + radius * (1.0 - middle.z * middle.z).sqrt() + half * radius
                 } else {
@@ -352,7 +352,7 @@ impl Survey {
         Some(())
     }
 
-    /// Returns true if all points are outside the same side of the image, or there are no points.
+    /// Returns true if all points are outside the image on the same side, or if there are no points.
     fn is_beside(&self, points: &[Vec3A]) -> bool {
         let all = |f: &dyn Fn(&Vec3A) -> f32| points.iter().all(|c| f(c) > 0.0);
         let whole = self.whole();
@@ -383,7 +383,7 @@ fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
     [end(middle - half), end(middle + half)]
 }
 
-/// Returns the corners of a box that is padded on all sides.
+/// Returns the corners of a box after padding on all sides by `pad`.
 fn corners(aabb: &Aabb, pad: Vec3A) -> [Vec3A; 8] {
     let (lo, hi) = (aabb.min - pad, aabb.max + pad);
     [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k])))
@@ -393,7 +393,7 @@ fn angle(a: Vec3A, b: Vec3A) -> f32 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// Returns the part of a convex polygon where `f` is not negative (Sutherland & Hodgman 1974).
+/// Returns the part of a convex polygon in which `f` is not negative (Sutherland & Hodgman 1974).
 fn clip(polygon: &[Vec3A], f: impl Fn(&Vec3A) -> f32) -> ArrayVec<Vec3A, 8> {
     let mut out = ArrayVec::new();
     for (i, b) in polygon.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Tests of the builder together with the tree: rays hit the expected surfaces.
+//! Tests that rays hit the expected surfaces, with the builder and the tree.
 
 use super::builder::GeometryBuilder;
 use super::mesh::Mesh;
@@ -8,7 +8,7 @@ use glam::{Affine3A, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Returns `n` random triangles of about `size` around points on a sphere.
+/// Returns `n` random triangles with a size of about `size`, around points on a sphere.
 pub(super) fn crowd(stream: &mut Stream, n: u32, (centre, radius): (Vec3A, f32), size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..n {
@@ -21,7 +21,7 @@ pub(super) fn crowd(stream: &mut Stream, n: u32, (centre, radius): (Vec3A, f32),
     mesh
 }
 
-/// Returns a ray from a random point at distance `far` from the origin toward a point at distance `near`.
+/// Returns a ray from a random point at distance `far` from the origin to a random point at distance `near`.
 pub(super) fn inward(stream: &mut Stream, far: f32, near: f32) -> Ray {
     let origin = warp::sphere(stream.uniform2()) * far;
     Ray { origin, dir: (warp::sphere(stream.uniform2()) * near - origin).normalize() }
@@ -39,7 +39,7 @@ fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     (t, u.min(v).min(1.0 - u - v))
 }
 
-/// A rectangle of two triangles becomes one primitive with the same surface.
+/// Verifies that a rectangle of two triangles becomes one primitive with the same surface.
 #[test]
 fn rectangles_are_one_primitive() {
     let place = Affine3A::from_scale_rotation_translation(
@@ -50,7 +50,7 @@ fn rectangles_are_one_primitive() {
     let mut mesh = Mesh::rectangle();
     mesh.transform(&place);
     let mut apart = mesh.clone();
-    // In another order, the two triangles are not recognized as a parallelogram.
+    // In this order, the two triangles are not recognized as a parallelogram.
     apart.indices.swap(0, 1);
     let [one, two] = [&mesh, &apart].map(|m| {
         let mut builder = GeometryBuilder::default();
@@ -68,7 +68,7 @@ fn rectangles_are_one_primitive() {
         let (Some(a), Some(b)) = (a, b) else {
             continue;
         };
-        // Along a grazing ray, rounding errors are large.
+        // Rounding errors are large along a grazing ray.
         if a.ng.dot(ray.dir).abs() < 0.1 {
             continue;
         }
@@ -80,7 +80,7 @@ fn rectangles_are_one_primitive() {
     assert!(hits > 1000);
 }
 
-/// For random triangles and spheres, the BVH finds the same hits as a loop over all primitives.
+/// Verifies that the tree finds the same hits as a loop over all random triangles and spheres.
 #[test]
 fn bvh_equals_brute_force() {
     let mut stream = Stream::new(5, 0, 0);
@@ -100,7 +100,7 @@ fn bvh_equals_brute_force() {
         let Ray { origin, dir } = ray;
         let quadrics = g.quadrics.iter();
         let round = quadrics.map(|q| q.intersect(origin, dir, f32::INFINITY)).fold(f32::INFINITY, f32::min);
-        // Triangles in double precision: those that are certainly hit, and those that may be.
+        // Count in double precision the triangles that are certainly hit, and those that may be hit.
         let [mut certain, mut possible] = [f64::from(round); 2];
         for tri in &mesh.indices {
             let (t, margin) = reference(tri.map(|i| mesh.positions[i as usize]), &ray);
@@ -127,7 +127,7 @@ fn bvh_equals_brute_force() {
     assert!(hits > 5000);
 }
 
-/// Verifies that no ray passes between two triangles at their shared edge: near and far, steep and grazing.
+/// Verifies that no ray passes through the shared edge of two triangles: near and distant, steep and grazing.
 #[test]
 fn shared_edges_are_closed() {
     let mut stream = Stream::new(6, 0, 0);
@@ -139,7 +139,7 @@ fn shared_edges_are_closed() {
         let (x, y) = (frame.x_axis * size, frame.y_axis * size);
         let corners = [centre - x - y, centre + x - y, centre + x + y, centre - x + y];
         let mut builder = GeometryBuilder::default();
-        // A far object makes the scene large, as around any small object.
+        // A distant object makes the extent of the scene large compared to the triangles.
         for (points, indices) in [
             (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]),
             (vec![Vec3A::splat(8.0), Vec3A::splat(8.1), Vec3A::new(8.0, 8.1, 8.0)], vec![[0, 1, 2]]),
@@ -193,7 +193,7 @@ fn hits_are_bit_identical_on_all_processors() {
     };
     let (fast, plain) = (build(), build().plain());
     assert!(!plain.avx2);
-    // FNV-1a over the bits of all hits.
+    // Compute the FNV-1a hash of the bits of all hits.
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let (mut hits, mut hidden) = (0, 0);
     for _ in 0..30_000 {

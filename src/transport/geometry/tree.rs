@@ -1,8 +1,8 @@
-//! A bounding volume hierarchy with eight boxes per node, against which a ray is tested at once.
+//! A bounding volume hierarchy with eight boxes per node, all of which are tested against a ray at once.
 //!
-//! A binary tree ([`super::binary`]) is collapsed to width eight by opening the child with the largest
-//! surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision: typical
-//! scenes are so small that decoding compressed boxes would cost more than reading full boxes.
+//! A binary tree ([`super::binary`]) is collapsed to width eight by repeatedly opening the child with the
+//! largest surface area (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision:
+//! in typical scenes, decoding compressed boxes would take longer than reading full boxes.
 
 use super::binary::{Binary, Part};
 use super::eight::Eight;
@@ -54,15 +54,15 @@ impl Node {
 /// The operations of a traversal at a leaf. This is a trait and not a closure, because a closure cannot be
 /// force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
-    /// Processes leaf `leaf`; hits beyond `end` are ignored. Returns the new `end`; 0 or less stops the
-    /// traversal.
+    /// Processes leaf `leaf`; hits beyond `end` are ignored. Returns the new `end`; a value of 0 or less
+    /// stops the traversal.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
     /// Announces that leaf `leaf` will probably be visited, so that it can be prefetched.
     fn expect(&self, leaf: u32);
 }
 
-/// Prefetches a value into the cache. In large meshes, most of the time is spent waiting for boxes and
-/// triangles. The boxes and triangles of children on the stack can be loaded in the meantime.
+/// Prefetches a value into the cache. In large meshes, most time is spent waiting for boxes and triangles to
+/// load. Those of children on the stack can be loaded during other work.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -78,22 +78,22 @@ pub fn fetch<T>(at: &T) {
     let _ = at;
 }
 
-/// The content of a box of a tree.
+/// Content of a box: a leaf or a node.
 #[derive(Clone, Copy, Debug)]
 pub enum Child {
-    /// Leaf index.
+    /// Index of a leaf.
     Leaf(u32),
     /// Index of the node that contains further boxes.
     Branch(u32),
 }
 
-/// A tree over leaves that the caller numbers.
+/// A tree over leaves, whose indices the caller assigns.
 #[derive(Default)]
 pub struct Tree {
     nodes: Vec<Node>,
 }
 
-/// A node of a binary tree that is currently a candidate child.
+/// A node of the binary tree that is a candidate for a child of the collapsed node.
 struct Member<'a> {
     node: u32,
     part: Part<'a>,
@@ -123,7 +123,7 @@ impl Tree {
         Self::of(Binary::of(count, &bounds, &fits), bounds, fits, leaf)
     }
 
-    /// Converts a binary tree.
+    /// Converts a binary tree to a tree of width eight.
     fn of(
         binary: Binary,
         bounds: impl Fn(usize) -> Aabb,
@@ -131,8 +131,8 @@ impl Tree {
         mut leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
         let tree = Self::collapsed(&binary, &fits, &mut leaf);
-        // A traversal leaves up to seven boxes per level on the stack. Only thousands of equal boxes make
-        // trees too deep for that; repeated halving in order is as good for these.
+        // A traversal leaves up to seven boxes per level on the stack. Only thousands of equal boxes make the
+        // tree too deep for the stack. For equal boxes, a tree that is halved in order is as good.
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
             .or_else(|| Self::collapsed(&binary.halved(&bounds), &fits, &mut leaf))
             .unwrap_or_default()
@@ -146,7 +146,7 @@ impl Tree {
     ) -> Option<Self> {
         binary.nodes.first()?;
         let mut tree = Self { nodes: vec![Node::EMPTY] };
-        // The root is a branch even if one leaf contains everything.
+        // The root is a branch even if the tree has only one leaf.
         let mut todo = vec![(0_u32, 0_usize)];
         while let Some((from, into)) = todo.pop() {
             let mut members: ArrayVec<Member, 8> = ArrayVec::new();
@@ -206,7 +206,7 @@ impl Tree {
 
     fn depth(&self) -> usize {
         let mut depth = vec![1; self.nodes.len()];
-        // Children come after their parents.
+        // Children have larger indices than their parents.
         for (i, node) in self.nodes.iter().enumerate() {
             for child in node.child.iter().filter(|c| **c & LEAF == 0) {
                 depth[*child as usize] = depth[i] + 1;
@@ -215,13 +215,13 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Visits leaves along a ray, near ones first if `ORDERED`, until the visitor stops.
+    /// Visits leaves along a ray until the visitor stops; near leaves come first if `ORDERED` is true.
     #[inline(always)]
     pub fn traverse<const ORDERED: bool>(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
         if self.nodes.is_empty() {
             return;
         }
-        // Avoid 0·∞: smaller direction components count as 1e-30.
+        // To avoid 0·∞, direction components of less than 1e-30 are replaced by 1e-30.
         let tiny = ray.dir.abs().cmplt(Vec3A::splat(1e-30));
         let inverse = Vec3A::select(tiny, Vec3A::splat(1e30).copysign(ray.dir), ray.dir.recip()).to_array();
         let origin = ray.origin.to_array().map(Eight::splat);
@@ -234,7 +234,7 @@ impl Tree {
         loop {
             if current & LEAF == 0 {
                 let node = &self.nodes[current as usize];
-                // Not b/d - o/d, which cancels for distant origins.
+                // Not b/d - o/d, which suffers from cancellation for distant origins.
                 let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
                 let enter = at(near[0], 0).max(at(near[1], 1)).max(at(near[2], 2)).max(Eight::splat(0.0));
                 let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);
@@ -243,7 +243,7 @@ impl Tree {
                     let lane = bits.trailing_zeros() as usize & 7;
                     bits &= bits - 1;
                     let mut nearest = (node.child[lane], enter.0[lane]);
-                    // Continue with the nearest; push the others, sorted so that the next nearest is on top.
+                    // Continue with the nearest child; push the others so that the next nearest is on top.
                     let first = stack.len();
                     while bits != 0 {
                         let lane = bits.trailing_zeros() as usize & 7;

@@ -1,4 +1,4 @@
-//! Shading data of a triangle: corner, edges, normal and tangent, each as one row for a single SIMD load.
+//! Shading data of a triangle: corner, edges, normal and tangent, each stored for a single SIMD load.
 //!
 //! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for each edge e, where (u, v) is the difference of
 //! texture coordinates along the edge.
@@ -8,7 +8,7 @@ use super::rounding;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3A, Vec3A, Vec4};
 
-/// One triangle. Vectors are rows of four for single loads; the fourth component is an index ([`INDEX`]).
+/// A triangle. Vectors have four components for single SIMD loads; the fourth is an index ([`INDEX`]).
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
@@ -20,12 +20,12 @@ pub(super) struct Triangle {
     pub(super) e2: [f32; 4],
     /// Unit normal; the fourth component is the index of the third corner into `normals`.
     pub(super) normal: [f32; 4],
-    /// ∂p/∂u up to a factor; the fourth component is the index of the first corner into `uvs`, or
+    /// ∂p/∂u up to a positive factor; the fourth component is the index of the first corner into `uvs`, or
     /// `u32::MAX` without texture coordinates.
     pub(super) tangent: [f32; 4],
     /// Indices of the second and third corner into `uvs`.
     uvs: [u32; 2],
-    /// Rounding constant, see [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant; see [`Surface::rounding`](super::ray::Surface::rounding).
     pub(super) rounding: f32,
 }
 
@@ -45,8 +45,8 @@ pub(super) fn vector(row: [f32; 4]) -> Vec3A {
 }
 
 impl Triangle {
-    /// Creates a triangle. `uvs` are the texture coordinates of the corners, if any; `normals` and
-    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs()`].
+    /// Creates a triangle. `uvs` are the texture coordinates of the corners. `normals` and `uv_indices` are
+    /// in the format of the results of [`Self::normals`] and [`Self::uvs()`].
     pub(super) fn new(
         corners: [Vec3A; 3],
         uvs: Option<[[f32; 2]; 3]>,
@@ -57,8 +57,8 @@ impl Triangle {
         let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
         let tangent = uvs.map_or(e1, |[a, b, c]| {
             let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction and thus the sign of det is
-            // needed.
+            // Solve e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction is needed, and therefore only
+            // the sign of the determinant.
             (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
         });
         let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();
@@ -116,8 +116,8 @@ impl Triangle {
     }
 }
 
-/// Returns the derivative of the unit shading normal with respect to position on a triangle, from the normals
-/// at its corners, its edges and barycentric coordinates. `ns` sets the sign of the normal.
+/// Returns the derivative of the unit shading normal with respect to the position on a triangle, from corner
+/// normals, edges and barycentric coordinates. `ns` sets the sign of the normal.
 #[inline]
 pub(super) fn bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
     let n = e1.cross(e2);

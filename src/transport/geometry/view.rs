@@ -1,10 +1,10 @@
-//! Visibility from a pinhole: for every small pyramid of directions, the nearest primitive and possible
-//! occluders.
+//! Visibility from a pinhole: the nearest primitive and possible occluders in each small pyramid of
+//! directions.
 //!
-//! The pinholes of projector and camera are fixed while millions of rays start or end there. Most pyramids
+//! The pinholes of projector and camera are fixed, and millions of rays start or end there. Most pyramids
 //! contain a single primitive, or one primitive in front of all others. In these pyramids, visibility and
-//! first hits are known without tracing a ray. Pyramids that contain an edge are undecided and need a ray.
-//! Every bound is conservative, so that the results equal those of traced rays.
+//! first hits are known without tracing a ray. Pyramids that contain an edge require a ray. All bounds are
+//! conservative, so that the results equal those of traced rays.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::many::{Many, turned};
@@ -15,8 +15,8 @@ use glam::{Mat3A, Vec2, Vec3A};
 
 /// Maximum number of pyramids along an axis. A larger table would not fit into the processor's caches.
 const MOST: u32 = 256;
-/// The bounds of a pyramid in eight bytes, because the table is read from memory. Depths are the upper halves
-/// of `f32`, rounded conservatively.
+/// The bounds of a pyramid in eight bytes, because the table is read from memory. A depth is the upper half
+/// of an `f32`, rounded conservatively.
 #[derive(Clone, Copy, Debug)]
 struct Pyramid {
     leaf: u32,
@@ -29,7 +29,7 @@ impl Pyramid {
         Self {
             leaf: bounds.leaf,
             others: (bounds.others.to_bits() >> 16) as u16,
-            // Round up; incrementing infinity would give NaN.
+            // Round up. Infinity is excluded, because incrementing its bits would give NaN.
             cover: if bounds.cover < f32::MAX / 2.0 {
                 (bounds.cover.to_bits() >> 16) as u16 + 1
             } else {
@@ -49,22 +49,22 @@ impl Pyramid {
     }
 }
 
-/// Index that stands for no pyramid.
+/// Index that denotes no pyramid.
 const OUTSIDE: u32 = u32::MAX;
 
-/// The pyramids of a pinhole with their bounds.
+/// The pyramids of directions from a pinhole, with their bounds.
 pub struct View {
     grid: Grid,
     origin: Vec3A,
-    /// Rotation from the world to the pinhole's axes (right, down, forward).
+    /// Rotation from world axes to the pinhole's axes (right, down, forward).
     to_local: Mat3A,
     pyramids: Vec<Pyramid>,
 }
 
 impl View {
-    /// Computes the view from `origin` through the directions `lo` to `hi` (right/forward, down/forward),
-    /// with a pyramid per cell of a grid of at most `size`. The columns of `axes` are right, down, forward.
-    /// Returns `None` if an object is too close to the pinhole for the view to be useful.
+    /// Computes the view from `origin` of directions between `lo` and `hi` (right/forward, down/forward). The
+    /// grid has at most `size` pyramids along its axes. The columns of `axes` are right, down, forward.
+    /// Returns `None` if an object is too close to the pinhole for a useful view.
     pub fn new(
         geometry: &Geometry,
         origin: Vec3A,
@@ -79,8 +79,8 @@ impl View {
         Some(Self { grid, origin, to_local, pyramids: survey.bounds.iter().map(Pyramid::new).collect() })
     }
 
-    /// Returns the indices of the pyramids that contain points, given as right, down and forward
-    /// coordinates (x, y, z arrays). Points outside the grid get an index of no pyramid. The compiler
+    /// Returns the indices of the pyramids that contain the points, given as arrays of right, down and
+    /// forward coordinates (x, y, z). A point outside the grid gets the index `OUTSIDE`. The compiler
     /// vectorizes the plain loops.
     #[inline(always)]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
@@ -104,7 +104,7 @@ impl View {
         self.cells(&turned(&self.to_local, dir))
     }
 
-    /// Prefetches the bounds of a pyramid.
+    /// Prefetches the bounds of pyramid `cell`.
     #[inline(always)]
     pub fn expect(&self, cell: u32) {
         if let Some(pyramid) = self.pyramids.get(cell as usize) {
@@ -113,25 +113,25 @@ impl View {
     }
 
     /// Returns true if a hit is visible from the pinhole, false if it is occluded, and `None` if only a ray
-    /// can decide. `depth` is the distance of the hit forward of the pinhole, metres, and `cell` the
-    /// pyramid that contains it.
+    /// can decide. `depth` is the distance from the pinhole to the hit along the forward axis, metres. `cell`
+    /// is the pyramid that contains the hit.
     #[inline(always)]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
         let pyramid = self.pyramids.get(cell as usize)?;
         if depth * (1.0 - DEPTH_MARGIN) > pyramid.cover() {
             return Some(false);
         }
-        // A sphere hides its own far side.
+        // A sphere occludes its own far side.
         let facing = hit.leaf & QUADRIC == 0 || surface.ng.dot(self.origin - surface.p) > 0.0;
         let own = hit.leaf == pyramid.leaf && facing;
         (own && depth * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
     }
 
-    /// Returns the first hit of a ray from the pinhole in pyramid `cell`, if the view determines it.
+    /// Returns the first hit of a ray from the pinhole in pyramid `cell`, if the bounds determine the hit.
     #[inline(always)]
     pub(crate) fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
-        // A primitive that covers the pyramid in front of all others is the nearest.
+        // The nearest primitive is known if it covers the pyramid in front of all other primitives.
         if pyramid.cover() < pyramid.others() { geometry.meet(ray, pyramid.leaf) } else { None }
     }
 }
@@ -147,7 +147,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// Returns a closed room with spheres, a tube, a disk and many triangles.
+    /// Returns a closed room that contains spheres, a tube, a disk and many triangles.
     fn room(stream: &mut Stream) -> Geometry {
         let mut builder = GeometryBuilder::default();
         let quarter = std::f32::consts::FRAC_PI_2;
@@ -179,8 +179,8 @@ mod tests {
         builder.build()
     }
 
-    /// Returns a wavy mesh between two spheres in front of a wall. The mesh is large enough to be added
-    /// through the boxes of the tree.
+    /// Returns a wavy mesh between two spheres in front of a wall. The mesh has enough triangles to be added
+    /// to the bounds as boxes of the tree.
     fn waves() -> Geometry {
         let n = 190_u32;
         let point = |i: u32| {
@@ -213,7 +213,7 @@ mod tests {
         builder.build()
     }
 
-    /// Verifies that the view agrees with rays wherever it decides, and that it decides most points.
+    /// Verifies that the view decides most points, and agrees with rays wherever it decides.
     #[test]
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
@@ -223,8 +223,8 @@ mod tests {
         assert!(firsts > 27_000, "{firsts}");
     }
 
-    /// Verifies that the view decides most points next to or in front of a large mesh, and agrees with rays
-    /// there.
+    /// Verifies that the view decides most points next to or in front of a large mesh, and that it agrees
+    /// with rays.
     #[test]
     fn views_of_large_meshes_agree_with_rays() {
         let mut stream = Stream::new(13, 0, 0);
@@ -242,9 +242,9 @@ mod tests {
         for origin in [Vec3A::new(0.1, 0.2, 3.9), Vec3A::new(-1.5, 1.2, 2.5), Vec3A::new(0.4, -1.9, 1.9)] {
             let axes = Mat3A::from_quat(Quat::from_rotation_y(0.1 * origin.x))
                 * Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
-            let view = View::new(g, origin, axes, [lo, hi], size).expect("a view");
+            let view = View::new(g, origin, axes, [lo, hi], size).expect("no primitive is too close");
             for _ in 0..rays {
-                // From random points in the room to the surfaces that rays hit.
+                // Trace rays from random points in the room to surfaces.
                 let at = Vec3A::new(stream.uniform(), stream.uniform(), stream.uniform()) * 3.8 - 1.9;
                 let ray = Ray { origin: at, dir: warp::sphere(stream.uniform2()) };
                 let Some(hit) = g.intersect(&ray, f32::INFINITY) else {
@@ -273,7 +273,7 @@ mod tests {
                 let [cell] = view.cells_toward(&ray.dir.to_array().map(|v| [v]));
                 if let Some(hit) = view.first_hit(cell, g, &ray) {
                     firsts += 1;
-                    let found = g.intersect(&ray, f32::INFINITY).expect("a hit");
+                    let found = g.intersect(&ray, f32::INFINITY).expect("the ray hits a surface");
                     assert_eq!((hit.leaf, hit.t), (found.leaf, found.t));
                 }
             }

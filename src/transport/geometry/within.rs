@@ -1,13 +1,12 @@
-//! Ray queries in instances of groups: the second level of the tree.
+//! Ray queries in instances of groups, the second level of the hierarchy.
 //!
-//! A group has a tree over its packs and quadrics, in its own coordinates, and is stored once. An instance is
-//! a leaf of the world's tree: an affine map from the group to the world. Rays are intersected in the group's
-//! coordinates, where the surfaces of the instance are as exact as those of the group; the hit is transformed
-//! to the world.
+//! A group is stored once, with a tree over its packs and quadrics in group coordinates. An instance is a
+//! leaf of the world's tree, with an affine map from the group to the world. Rays are intersected in group
+//! coordinates, where the surfaces have the accuracy of the group; the hit is then transformed to the world.
 //!
-//! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform): normals are
-//! transformed by the inverse transpose, at each corner before interpolation, and outward surfaces stay
-//! outward in reflections.
+//! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform). Normals are
+//! transformed by the inverse transpose, at each corner before interpolation. Outward surfaces stay outward
+//! in reflections.
 
 use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC, for_each_processor, primitives};
 use super::instance::{Instance, stretch};
@@ -19,7 +18,7 @@ use super::triangle::{Triangle, bend, vector};
 use glam::{Affine3A, Mat3A, Vec3A};
 
 impl Outline {
-    /// Returns the outline transformed by an affine map.
+    /// Returns the outline after an affine map.
     pub fn placed(&self, map: &Affine3A) -> Self {
         let grown = similarity(map.matrix3);
         match *self {
@@ -43,7 +42,7 @@ impl Geometry {
         })
     }
 
-    /// Returns every primitive of a group, in the group's coordinates, with its index in [`Hit::leaf`].
+    /// Returns all primitives of a group, in group coordinates, with their indices in [`Hit::leaf`].
     pub(crate) fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
         let tree = &self.groups[group as usize].tree;
         let (mut found, mut todo) = (vec![], vec![0]);
@@ -60,8 +59,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::intersect`] with instances. The function is separate, so that scenes without
-        /// instances are not slower.
+        /// Returns [`Geometry::intersect`] in scenes with instances. This is a separate function, so that
+        /// scenes without instances are not slower.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>
@@ -69,7 +68,7 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::occluded`] with instances.
+        /// Returns [`Geometry::occluded`] in scenes with instances.
         #[cold]
         #[inline(never)]
         pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool
@@ -77,7 +76,7 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns the nearest hit closer than `tmax` in an instance.
+        /// Returns the nearest hit closer than `tmax` metres in an instance.
         #[inline]
         pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit>
             = Geometry::nearest_in_any
@@ -160,7 +159,7 @@ impl Geometry {
                 let [a, b, c] = corners.map(|i| self.uvs[i as usize]);
                 uv = [0, 1].map(|k| a[k] * w + b[k] * u + c[k] * v);
             }
-            // A reflection reverses the winding: its first edge is the group's second.
+            // A reflection reverses the winding, so the first edge is the second edge in the group.
             None if instance.mirrors() => (tangent, uv) = (e2, [v, u]),
             None => {}
         }
@@ -183,7 +182,7 @@ impl Geometry {
         }
     }
 
-    /// Returns the unit shading normals at the corners of an instance of a triangle; `None` for a flat
+    /// Returns the unit shading normals at the corners of a triangle in an instance; `None` for a flat
     /// triangle.
     #[inline]
     fn corner_normals(&self, instance: &Instance, tri: &Triangle) -> Option<[Vec3A; 3]> {
@@ -199,7 +198,7 @@ impl Geometry {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let slope = quadric.bend(instance.to_local * (surface.p - instance.origin));
-            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local normal is N⁻¹ n' = Aᵀ n', unnormalized.
+            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ. The local normal is N⁻¹ n' = Aᵀ n', unnormalized.
             let turn = instance.to_local.transpose();
             let n = (instance.to_world.transpose() * surface.ng).normalize();
             return normalized_slope(turn * n, turn * slope * instance.to_local);

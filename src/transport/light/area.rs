@@ -1,8 +1,8 @@
 //! Area lights: emissive surfaces with the same radiance in all directions, on the front or on both sides.
 //!
-//! The light tree ([`super::tree`]) chooses a triangle of a mesh, and its points are sampled by area. A mesh
-//! of at most two triangles is sampled by area as a whole. For spheres, directions are sampled in the cone
-//! that the sphere subtends as seen from outside (Shirley, Wang & Zimmerman 1996).
+//! The light tree ([`super::tree`]) chooses a triangle of a mesh, on which a point is sampled uniformly by
+//! area. A mesh of at most two triangles is sampled by area as a whole. For a sphere, directions are sampled
+//! in the cone that the sphere subtends from an outside point (Shirley, Wang & Zimmerman 1996).
 
 use super::Drawn;
 use super::bounds::Bounds;
@@ -22,12 +22,12 @@ use std::f32::consts::TAU;
 struct Facet {
     corner: Vec3A,
     edges: [Vec3A; 2],
-    /// Unit normal of the front.
+    /// Unit normal of the front side.
     normal: Vec3A,
-    /// Rounding constant of the triangle, as in [`Surface::rounding`].
+    /// Rounding constant of the triangle; see [`Surface::rounding`].
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Cumulative fraction of the mesh's area up to and including this triangle.
+    /// Fraction of the mesh's area in all triangles up to and including this one.
     until: f32,
 }
 
@@ -53,7 +53,7 @@ impl Facet {
     }
 }
 
-/// The shape of a light.
+/// The shape of an area light.
 #[derive(Clone, Debug)]
 enum Form {
     Mesh(Vec<Facet>),
@@ -63,7 +63,7 @@ enum Form {
 /// An emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Radiance, W/(m² sr nm), uniform or an image over the texture coordinates.
+    /// Radiance in W/(m² sr nm), uniform or an image over the texture coordinates.
     pub radiance: Spectrum,
     pub two_sided: bool,
     pub polarized: Polarized,
@@ -85,7 +85,7 @@ impl AreaLight {
             let cross = edges[0].cross(edges[1]);
             area += 0.5 * f64::from(cross.length());
             let uvs = if mesh.uvs.is_empty() {
-                // The default texture coordinates of the tracer.
+                // Default texture coordinates, as in the tracer.
                 [Vec2::ZERO, Vec2::X, Vec2::Y]
             } else {
                 triangle.map(|i| mesh.uvs[i as usize])
@@ -116,8 +116,8 @@ impl AreaLight {
         self.area
     }
 
-    /// Makes every triangle a separate light if there are more than two and hits on them can be distinguished
-    /// (`numbered`, see [`crate::geometry::bvh::Geometry::facet`]).
+    /// Makes each triangle a separate light if there are more than two triangles and hits on them can be
+    /// distinguished (`numbered`, see [`crate::geometry::bvh::Geometry::facet`]).
     pub(super) fn split(&mut self, numbered: bool) {
         self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
     }
@@ -130,8 +130,8 @@ impl AreaLight {
         }
     }
 
-    /// Appends the bounds of the parts of this light. Intensities are estimates in the brightest wavelength
-    /// lane, W/(sr nm).
+    /// Appends the bounds of this light's parts. Radiant intensities are estimates for the brightest
+    /// wavelength lane, W/(sr nm).
     pub(super) fn bounds(&self, textures: &Textures, out: &mut Vec<Bounds>) {
         let mean = self.mean_radiance(textures);
         let facets = match &self.form {
@@ -142,7 +142,7 @@ impl AreaLight {
                     let (_, normal) = quadric.point([0.5; 2]);
                     Bounds::flat(low, high, normal, self.two_sided, self.area * mean)
                 } else {
-                    // The mean projected area of a convex body is a quarter of its surface (Cauchy).
+                    // The mean projected area of a convex body is a quarter of its surface area (Cauchy).
                     Bounds::all_around(low, high, 0.25 * self.area * mean)
                 });
                 return;
@@ -152,7 +152,7 @@ impl AreaLight {
             let [a, b, c] = [Vec3A::ZERO, facet.edges[0], facet.edges[1]].map(|edge| facet.corner + edge);
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             let radiance = if self.split && self.radiance.texture.is_some() {
-                // The few samples of the image may miss bright texels, so the overall mean is mixed in.
+                // The few image samples may miss bright texels, so average with the overall mean.
                 0.5 * (mean + facet.mean_radiance(&self.radiance, textures))
             } else {
                 mean
@@ -166,7 +166,7 @@ impl AreaLight {
         }
     }
 
-    /// Returns the mean radiance over the unit square of texture coordinates, in the brightest wavelength
+    /// Returns the mean radiance over the unit square of texture coordinates, for the brightest wavelength
     /// lane.
     fn mean_radiance(&self, textures: &Textures) -> f32 {
         const N: u32 = 16;
@@ -178,24 +178,24 @@ impl AreaLight {
         radiances.sum::<f32>() / (N * N) as f32
     }
 
-    /// Returns the radiance that leaves the surface along the unit direction `to`, W/(m² sr nm).
+    /// Returns the radiance that the surface emits along the unit direction `to`, W/(m² sr nm).
     #[inline]
     pub fn toward(&self, textures: &Textures, normal: Vec3A, uv: [f32; 2], to: Vec3A) -> Spectral {
         if self.two_sided || normal.dot(to) > 0.0 { self.radiance.at(textures, uv) } else { Spectral::ZERO }
     }
 
-    /// Returns axis and minimum cosine of the cone that a sphere subtends from `p` outside it.
+    /// Returns the axis and the minimum cosine of the cone that a sphere subtends from an outside point `p`.
     #[inline]
     fn cone(quadric: &Quadric, p: Vec3A) -> Option<(Vec3A, f32)> {
         let (centre, radius) = quadric.ball()?;
         let to = centre - p;
         let sin2 = radius * radius / to.length_squared();
-        // Close to the surface, rounding would make rays miss.
+        // Close to the surface, rounding errors would make some rays miss the sphere.
         (sin2 < 0.999).then(|| (to.normalize(), (1.0 - sin2).sqrt()))
     }
 
-    /// Samples a point of a part toward `p` with three uniform numbers. `chance` is the probability with
-    /// which the part was chosen. Returns `None` if the point emits no light toward `p`.
+    /// Samples a point of a part for a receiver at `p`, with three uniform random numbers in [0, 1). `chance`
+    /// is the probability of choosing the part. Returns `None` if the point emits no light toward `p`.
     #[inline]
     pub(super) fn draw(
         &self,
@@ -211,7 +211,7 @@ impl AreaLight {
                 } else {
                     facets.get(facets.partition_point(|f| f.until <= which).min(facets.len() - 1))?
                 };
-                // Uniform over a triangle (Osada et al. 2002).
+                // Sample the triangle uniformly by area (Osada et al. 2002).
                 let root = u.sqrt();
                 let (s, t) = (root * (1.0 - v), root * v);
                 let [a, b, c] = facet.uvs;
@@ -242,7 +242,7 @@ impl AreaLight {
         };
         let to = at - p;
         let wi = to.try_normalize()?;
-        // Off the surface, which would otherwise occlude itself.
+        // Offset the point from the surface, which would otherwise occlude it.
         let off = rounding * UNIT * at.abs().max_element().max(to.length());
         let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);
@@ -262,8 +262,8 @@ impl AreaLight {
         })
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] samples, from `p`, the point `at` of a
-    /// part in the unit direction `dir`.
+    /// Returns the probability density per steradian with which [`Self::draw`] samples from `p` the point
+    /// `at` of a part in the unit direction `dir`.
     #[inline]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {

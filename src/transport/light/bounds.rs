@@ -6,7 +6,7 @@
 use glam::Vec3A;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Bounds of one or several lights.
+/// Bounds of one or more lights.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Minimum corner of the bounding box in world space, metres.
@@ -20,17 +20,17 @@ pub struct Bounds {
     /// Maximum angle between a normal and a direction of emission, radians.
     pub reach: f32,
     pub two_sided: bool,
-    /// Radiant intensity along the brightest direction, W/(sr nm), summed over the lights.
+    /// Radiant intensity in the brightest direction, W/(sr nm), summed over the lights.
     pub intensity: f32,
 }
 
 impl Bounds {
-    /// Returns the bounds of lights between two corners that emit in all directions.
+    /// Returns the bounds of lights inside a box that emit in all directions.
     pub fn all_around(low: Vec3A, high: Vec3A, intensity: f32) -> Self {
         Self { low, high, axis: Vec3A::Z, spread: PI, reach: FRAC_PI_2, two_sided: false, intensity }
     }
 
-    /// Returns the bounds of flat surfaces with one unit normal.
+    /// Returns the bounds of flat surfaces that have the same unit normal.
     pub fn flat(low: Vec3A, high: Vec3A, normal: Vec3A, two_sided: bool, intensity: f32) -> Self {
         Self { axis: normal, spread: 0.0, two_sided, ..Self::all_around(low, high, intensity) }
     }
@@ -71,13 +71,13 @@ impl Bounds {
         (self.low + self.high) * 0.5
     }
 
-    /// Returns the radius of the sphere about the bounding box, metres.
+    /// Returns the radius of the sphere through the corners of the bounding box, metres.
     pub fn radius(&self) -> f32 {
         0.5 * (self.high - self.low).length()
     }
 
-    /// Returns the cost of a group of these lights by the surface area orientation heuristic: intensity
-    /// times area of the bounding sphere times solid angle of emission.
+    /// Returns the cost of a group of these lights by the surface area orientation heuristic: intensity ×
+    /// area of the bounding sphere × solid angle of emission.
     pub(super) fn cost(&self) -> f32 {
         let spread = self.spread;
         let end = (spread + self.reach).min(PI);

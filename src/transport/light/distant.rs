@@ -1,4 +1,4 @@
-//! Light with a single direction: distant light or a beam.
+//! Lights with a single direction: distant lights and beams.
 
 use super::Drawn;
 use super::filter::Polarized;
@@ -6,27 +6,27 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// The irradiance profile across the axis of the light.
+/// Irradiance profile across the axis of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Across {
     /// Uniform irradiance, W/(m² nm).
     Even(Spectral),
     /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
     Disk { power: Spectral, radius: f32 },
-    /// A Gaussian of this radius (metres), at which the irradiance is e⁻² of that on the axis.
+    /// A Gaussian whose irradiance at this radius (metres) is e⁻² times the irradiance on the axis.
     Gaussian { power: Spectral, radius: f32 },
 }
 
-/// Light with a single direction.
+/// A light with a single direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Distant {
     /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point of the plane where travel time starts, in world space, metres. `None` for light from
-    /// infinity, which has no travel time.
+    /// A point in the plane where travel time starts, in world space, metres. `None` for light from infinity,
+    /// which has no travel time.
     pub origin: Option<Vec3A>,
-    /// Divergence of a beam: the ratio of the radius at 1 m to the radius at the origin, minus 1; 0 if
-    /// collimated.
+    /// Divergence of a beam: the ratio of the radius at 1 m to the radius at the origin, minus 1; 0 for a
+    /// collimated beam.
     pub spread: f32,
     /// Irradiance profile; for a diverging beam, the profile at the origin.
     pub across: Across,
@@ -34,8 +34,8 @@ pub struct Distant {
 }
 
 impl Distant {
-    /// Returns the irradiance at normal incidence, W/(m² nm), at the squared distance `aside2` (m²) from
-    /// the axis.
+    /// Returns the irradiance at normal incidence, W/(m² nm), at the squared distance `aside2` (m²) from the
+    /// axis.
     #[inline]
     fn irradiance(&self, aside2: f32) -> Spectral {
         match self.across {
@@ -51,8 +51,7 @@ impl Distant {
         }
     }
 
-    /// Returns the light that arrives at `p` if unoccluded. A point at a distance of `far` metres is
-    /// outside the scene.
+    /// Returns the unoccluded light at point `p`. A distance of `far` metres always ends outside the scene.
     #[inline]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {
         let Some(origin) = self.origin else {
@@ -72,9 +71,9 @@ impl Distant {
         if along <= 0.0 {
             return None;
         }
-        // Rays of a diverging beam come from a point 1/spread behind the origin. They start where they cross
-        // the plane through the origin. Path lengths are relative to a spherical wavefront that touches this
-        // plane at the origin.
+        // The rays of a diverging beam come from a point 1/spread behind the origin. They start where they
+        // intersect the plane through the origin. Path lengths are relative to a spherical wavefront that
+        // touches this plane at the origin.
         let growth = 1.0 + along * self.spread;
         let aside = (to - self.dir * along) / growth;
         let aside2 = aside.length_squared();

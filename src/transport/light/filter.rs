@@ -1,8 +1,8 @@
-//! The polarization of emitted light.
+//! Polarization of emitted light.
 //!
-//! Every Mueller matrix of a path ends at its emitter: T acts on the Stokes vector that drives the emitter,
-//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column is T s and
-//! the others are 0. A filter F gives T F with all columns.
+//! The Mueller matrix of each path ends at the emitter: T acts on the Stokes vector that drives the emitter,
+//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column of the
+//! result is T s and the others are 0. For an emitter with a filter F, the result is T F, with all columns.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -27,8 +27,8 @@ impl Polarized {
         project(self.axis, d)
     }
 
-    /// Ends a product at the emitter. Before, the product acts on light travelling along `d` in `frame`;
-    /// afterwards, the product acts on the emitter's input.
+    /// Ends a product at the emitter. Before the call, the product acts on light that travels along `d` in
+    /// `frame`; after the call, the product acts on the emitter's input.
     #[inline]
     pub fn end(&self, chain: &mut Chain, d: Vec3A, frame: Vec3A) {
         let own = self.frame(d);
@@ -44,8 +44,8 @@ impl Polarized {
         }
     }
 
-    /// Begins a product at the emitter for light that travels along `d`, and returns the frame of this
-    /// light. The product is transposed, as walks from the light require.
+    /// Begins a product at the emitter for light that travels along `d`, and returns the frame of this light.
+    /// The product is transposed, as light subpaths require.
     #[inline]
     pub fn begin(&self, chain: &mut Chain, d: Vec3A) -> Vec3A {
         let own = self.frame(d);

@@ -1,9 +1,9 @@
 //! Extended and directional emitters: area lights, environment maps, distant light and beams.
 //!
-//! Paths from the camera reach area lights and the sky by two techniques: by sampling the material, and by
-//! one connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
-//! Distant light and beams have a single direction, which material sampling never finds, so every vertex is
-//! connected to them.
+//! Paths from the camera reach area lights and the sky by two techniques: material sampling, and one
+//! connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
+//! Distant lights and beams have a single direction, which material sampling never finds. Every vertex is
+//! therefore connected to them.
 
 pub mod area;
 pub mod bounds;
@@ -27,7 +27,7 @@ use receiver::Receiver;
 use sky::Sky;
 use tree::{Choice, LightTree};
 
-/// Light that arrives at a point if unoccluded.
+/// Unoccluded light from one sampled direction at a receiving point.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn {
     /// Unit direction from the receiving point to the light.
@@ -38,23 +38,23 @@ pub struct Drawn {
     pub distance: f32,
     /// Irradiance at normal incidence divided by the sampling density, W/(m² nm).
     pub irradiance: Spectral,
-    /// Density per steradian with which the direction was sampled; 0 if material sampling cannot find it.
+    /// Sampling density of the direction per steradian; 0 if material sampling cannot find the direction.
     pub density: f32,
-    /// Optical path length before `position`, metres; infinite if travel time is undefined.
+    /// Optical path length from the emitter to `position`, metres; infinite if travel time is undefined.
     pub start_m: f64,
     pub polarized: Polarized,
 }
 
-/// Index in [`Lights::of_material`] that stands for no light.
+/// Index in [`Lights::of_material`] that denotes no light.
 pub const NONE: u32 = u32::MAX;
-/// Index of the sky among the lights that can be chosen.
+/// Index that denotes the sky among the lights that can be sampled.
 const SKY: u32 = NONE >> 1;
 
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     pub areas: Vec<AreaLight>,
-    /// Index of the area light of a material, by the material's index; [`NONE`] for all others.
+    /// Index of the area light of each material; [`NONE`] if the material emits no light.
     pub of_material: Vec<u32>,
     pub sky: Option<Sky>,
     pub distant: Vec<Distant>,
@@ -62,7 +62,7 @@ pub struct Lights {
     sky_chance: f32,
     /// Light tree over the parts of all area lights; `None` if there is at most one part, or no part emits.
     tree: Option<LightTree>,
-    /// Indices of the area light and of the part, for each light of the tree.
+    /// Index of the area light and index of the part in this light, for each light of the tree.
     parts: Vec<(u32, u32)>,
     /// Index of the first part of each area light.
     firsts: Vec<u32>,
@@ -75,13 +75,13 @@ pub struct Found<'a> {
     pub number: u32,
     /// The point that was hit on the area light.
     pub surface: &'a Surface,
-    /// Index of the hit triangle in the mesh ([`Geometry::facet`]).
+    /// Index in the mesh of the triangle that was hit ([`Geometry::facet`]).
     pub facet: Option<u32>,
 }
 
 impl Lights {
-    /// Prepares light sampling. Area lights are sampled by their contribution at a point. If there are area
-    /// lights, the sky is sampled with probability ½, since the occlusion of the sky is unknown.
+    /// Prepares light sampling. Area lights are sampled by their estimated contribution at a point. If there
+    /// are area lights, the sky is sampled with probability ½, because its occlusion is unknown.
     pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
         for (material, number) in self.of_material.iter().enumerate() {
             if let Some(light) = self.areas.get_mut(*number as usize) {
@@ -103,7 +103,7 @@ impl Lights {
         };
     }
 
-    /// Returns true if there are no area lights and no sky, so that material sampling finds no light.
+    /// Returns true if there is neither an area light nor a sky, so that material sampling finds no light.
     #[inline]
     pub fn is_dark(&self) -> bool {
         self.areas.is_empty() && self.sky.is_none()
@@ -114,14 +114,14 @@ impl Lights {
         self.is_dark() && self.distant.is_empty()
     }
 
-    /// Returns the index of a material's area light and the light, or `None` if the material does not emit.
+    /// Returns the area light of a material and the light's index; `None` if the material does not emit.
     #[inline]
     pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
         let number = *self.of_material.get(material as usize)?;
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes the choice.
+    /// Begins the choice of a light by a uniform random number `which`; [`Self::choose`] completes it.
     #[inline]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;
@@ -136,7 +136,7 @@ impl Lights {
         }
     }
 
-    /// Chooses lights for several points.
+    /// Completes the choices of lights for `N` points.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         if let Some(tree) = &self.tree {
@@ -144,8 +144,8 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light with two more uniform numbers. A distance of `far` metres is
-    /// outside the scene.
+    /// Samples a point of the chosen light, with two further uniform random numbers in [0, 1). A distance of
+    /// `far` metres always ends outside the scene.
     #[inline]
     pub fn draw(
         &self,
@@ -164,32 +164,32 @@ impl Lights {
         self.areas[number as usize].draw(textures, at.p, [choice.which, u, v], chosen)
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] samples, from a point, the hit `found` in
-    /// the unit direction `dir`.
+    /// Returns the density per steradian with which [`Self::draw`] samples, for a receiver, the hit `found`
+    /// in the unit direction `dir`.
     #[inline]
     pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
         let light = &self.areas[found.number as usize];
-        // A mesh without numbered triangles has one part.
+        // A mesh whose triangles have no indices is one part.
         let part = if light.parts() > 1 { found.facet.unwrap_or(0) } else { 0 };
         let number = (self.firsts[found.number as usize] + part) as usize;
         let chance = match &self.tree {
             Some(tree) => tree.chance(at, number),
-            // Only the first light is sampled.
+            // Without a tree, only the first light is sampled.
             None if number == 0 => 1.0,
             None => return 0.0,
         };
         (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
-    /// Returns the density per steradian of [`Self::draw`] for the sky in the unit direction `dir`.
+    /// Returns the density per steradian of sampling the sky ([`Self::draw`]) in the unit direction `dir`.
     #[inline]
     pub(crate) fn sky_density(&self, dir: Vec3A) -> f32 {
         self.sky.as_ref().map_or(0.0, |sky| self.sky_chance * sky.density(dir))
     }
 }
 
-/// Returns the weight of the power heuristic for a path that was sampled with density `own` and that
-/// another technique samples with density `other`.
+/// Returns the power-heuristic weight of a path that was sampled with density `own` and that another
+/// technique samples with density `other`.
 #[inline]
 pub fn share(own: f32, other: f32) -> f32 {
     if own == 0.0 {

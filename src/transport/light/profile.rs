@@ -1,4 +1,4 @@
-//! Angular intensity profiles of point emitters, relative to the maximum (for a frustum: to the axis).
+//! Angular intensity profiles of point emitters, relative to the maximum or to a frustum's axis.
 
 use glam::{Mat3A, Vec2, Vec3A};
 use optics::sampling::warp;
@@ -7,27 +7,27 @@ use std::f32::consts::{PI, TAU};
 /// The angular profile of a point emitter.
 #[derive(Clone, Debug, Default)]
 pub enum Profile {
-    /// Isotropic.
+    /// Equal intensity in all directions.
     #[default]
     Even,
-    /// A cone: full intensity within `beam`, then linear in the angle to zero at `cutoff` (Mitsuba's `spot`).
+    /// A cone: full intensity within `beam`, then linear in angle to zero at `cutoff` (Mitsuba's `spot`).
     Spot {
         axis: Vec3A,
-        /// Half angle within which the intensity is full, radians.
+        /// Half angle of the region of full intensity, radians.
         beam: f32,
-        /// Half angle at which the intensity becomes zero, radians.
+        /// Half angle beyond which the intensity is zero, radians.
         cutoff: f32,
     },
-    /// A measured table.
+    /// A table of measured intensities.
     Table(Box<Table>),
-    /// A projector's pyramid of light, with uniform irradiance over a rectangle.
+    /// The pyramid of light of a projector, with uniform irradiance over a rectangle.
     Frustum(Frustum),
 }
 
-/// The directions from a point through a rectangle, which may carry an image.
+/// Directions from a point through a rectangle, such as a projected image.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
-    /// Rotation from the world to device axes (right, down, forward).
+    /// Rotation from world axes to device axes (right, down, forward).
     pub to_local: Mat3A,
     /// Half width and half height of the rectangle at a distance of 1 m, metres.
     pub half: Vec2,
@@ -57,23 +57,23 @@ impl Frustum {
     }
 }
 
-/// A luminaire's intensities relative to the maximum (IES LM-63), linear between entries.
+/// Intensities of a luminaire relative to the maximum (IES LM-63), with linear interpolation between entries.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Rotation from the world to luminaire axes. The z axis is the direction of vertical angle 0, the x
-    /// axis that of horizontal angle 0.
+    /// Rotation from world axes to luminaire axes. The z axis has vertical angle 0, and the x axis has
+    /// horizontal angle 0.
     pub to_local: Mat3A,
     /// Vertical angles, degrees, ascending within 0..180.
     pub vertical: Vec<f32>,
-    /// Horizontal angles, degrees, ascending from 0 to 0, 90, 180 or 360; the other angles follow by
-    /// symmetry.
+    /// Horizontal angles, degrees, ascending from 0 to 0, 90, 180 or 360. Symmetry defines the values at
+    /// other angles.
     pub horizontal: Vec<f32>,
-    /// Relative intensities, one row of vertical angles per horizontal angle.
+    /// Relative intensities, row-major: one row of vertical angles per horizontal angle.
     pub values: Vec<f32>,
 }
 
-/// Returns the position of `x` in an ascending list: the index of the entry below, and the fraction of the
-/// distance to the next entry.
+/// Returns the position of `x` in an ascending list: the index of the entry below `x`, and the distance of
+/// `x` from this entry as a fraction of the distance between this entry and the next.
 fn place(list: &[f32], x: f32) -> (usize, f32) {
     let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
     if list.len() < 2 {
@@ -98,7 +98,7 @@ impl Table {
         if end <= 0.0 {
             phi = 0.0;
         } else if end < 360.0 {
-            // Mirrored at the plane of 0 and 180 degrees, and if necessary at that of 90 and 270.
+            // Mirror the angle in the plane of 0° and 180°, and if necessary in the plane of 90° and 270°.
             phi = phi.min(360.0 - phi);
             if end <= 90.0 {
                 phi = phi.min(180.0 - phi);
@@ -136,7 +136,7 @@ impl Profile {
         }
     }
 
-    /// Samples a direction among those that may have light.
+    /// Samples a direction in which the profile may emit light.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> Vec3A {
         match self {
@@ -149,7 +149,7 @@ impl Profile {
         }
     }
 
-    /// Returns the density of [`Self::sample`] per steradian.
+    /// Returns the probability density of [`Self::sample`] per steradian.
     #[inline]
     pub fn density(&self, dir: Vec3A) -> f32 {
         match self {

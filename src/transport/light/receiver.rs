@@ -1,4 +1,4 @@
-//! The point for which a light is chosen.
+//! The receiving point for which a light is chosen.
 
 use crate::geometry::ray::Surface;
 use crate::material::{Material, Materials, facing};
@@ -28,7 +28,7 @@ impl Receiver {
             | Material::RoughConductor(_)
             | Material::Plastic(_)
             | Material::Measured(_) => facing(surface, wo).unwrap_or(Vec3A::ZERO),
-            // These materials transmit light or perturb normals.
+            // Materials that transmit light or perturb normals receive light from all directions.
             _ => Vec3A::ZERO,
         };
         Self { p: surface.p, normal }

@@ -1,12 +1,12 @@
-//! An environment map: radiance by direction, importance-sampled by brightness.
+//! An environment map: radiance by direction, with importance sampling by brightness.
 //!
-//! The map is equirectangular. In its local frame, the column is proportional to atan2(x, -z)/2π and the row
-//! to acos(y)/π, from the top (Mitsuba's `envmap`). [`Rows`] defines the positions of the rows. Values
-//! between texels are bilinear and periodic in the columns.
+//! The map is equirectangular. In local axes, the column is proportional to atan2(x, -z)/2π and the row to
+//! acos(y)/π, from the top (as in Mitsuba's `envmap`). [`Rows`] defines the positions of the rows.
+//! Interpolation between texels is bilinear, and periodic along the rows.
 //!
-//! Directions are sampled from a table that is constant over each cell. The table's value is the brightness
-//! of all texels that contribute to the cell, times the solid angle (Pharr et al. 2023, sect. 12.5.2). The
-//! density is therefore positive wherever there is light.
+//! Directions are sampled from a table with a constant weight per cell. The weight is the maximum brightness
+//! of all texels that contribute to the cell, times the solid angle of the cell (Pharr et al. 2023, sect.
+//! 12.5.2). The density is therefore positive wherever the map has light.
 
 use super::Drawn;
 use super::filter::Polarized;
@@ -21,12 +21,12 @@ use std::f32::consts::{PI, TAU};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rows {
-    /// Row j of h rows is at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps. Values
-    /// are constant from the first and the last row to the poles.
+    /// Row j of h rows is at polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps. The values of
+    /// the first and the last row extend to the poles.
     #[default]
     Centres,
-    /// Row j of h rows is at the polar angle π j/(h - 1). The first and the last row are at the poles, as
-    /// in Mitsuba's `envmap`.
+    /// Row j of h rows is at polar angle π j/(h - 1). The first and the last row are at the poles, as in
+    /// Mitsuba's `envmap`.
     Poles,
 }
 
@@ -37,19 +37,19 @@ pub struct Sky {
     placed: Rows,
     /// Number of cells of the sampling table along the polar angle.
     cells: usize,
-    /// Radiances, top row first, W/(m² sr nm).
+    /// Radiance of each texel, top row first, W/(m² sr nm).
     pub texels: Vec<[f32; 4]>,
     /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
     rows: Vec<f32>,
     columns: Vec<f32>,
-    /// Rotation or reflection from the world to the map's local frame.
+    /// Rotation or reflection from world axes to the map's local axes.
     to_local: Mat3A,
     pub polarized: Polarized,
 }
 
 impl Sky {
-    /// Creates a map of `width` × `height` texels, top row first; `to_world` rotates or mirrors the map's
-    /// local frame. Returns `None` if the map is black.
+    /// Creates a map of `width` × `height` texels, top row first. `to_world` maps local axes to world axes
+    /// and may include a reflection. Returns `None` if the map is black.
     pub fn new(
         [width, height]: [usize; 2],
         texels: Vec<[f32; 4]>,
@@ -57,7 +57,7 @@ impl Sky {
         to_world: Mat3A,
         polarized: Polarized,
     ) -> Option<Self> {
-        // A single row is constant from pole to pole.
+        // A map with a single row is constant from pole to pole.
         let placed = if height == 1 { Rows::Centres } else { placed };
         let cells = match placed {
             Rows::Centres => height,
@@ -114,7 +114,7 @@ impl Sky {
         self.placed
     }
 
-    /// Returns the rotation or reflection from the map's local frame to the world.
+    /// Returns the rotation or reflection from the map's local axes to world axes.
     pub fn to_world(&self) -> Mat3A {
         self.to_local.transpose()
     }
@@ -144,7 +144,7 @@ impl Sky {
         bilinear(x, y, at)
     }
 
-    /// Returns the density of [`Self::sample`] per steradian.
+    /// Returns the probability density of [`Self::sample`] per steradian.
     #[inline]
     pub fn density(&self, dir: Vec3A) -> f32 {
         let [x, y] = self.place(dir);
@@ -153,7 +153,7 @@ impl Sky {
         let row = &self.columns[j * self.width..(j + 1) * self.width];
         let share = below(&self.rows, j) * below(row, i);
         let sin = (PI * y / self.cells as f32).sin();
-        // dω = sinθ dθ dφ.
+        // The solid angle is dω = sinθ dθ dφ.
         share * (self.width * self.cells) as f32 / (PI * TAU * sin.max(1e-6))
     }
 
@@ -170,11 +170,11 @@ impl Sky {
         let x = choose(&self.columns[j * self.width..(j + 1) * self.width], u);
         let (theta, phi) = (PI * y / self.cells as f32, TAU * x / self.width as f32);
         let (sin, cos) = theta.sin_cos();
-        // The transpose of `to_local` maps to the world.
+        // The transpose of `to_local` maps local to world axes.
         (self.to_local.transpose() * Vec3A::new(sin * phi.sin(), cos, -sin * phi.cos())).normalize()
     }
 
-    /// Samples light from the sky toward `p`. The light starts at a distance of `far` metres. `chance` is
+    /// Samples light from the sky at point `p`. The light starts at a distance of `far` metres. `chance` is
     /// the probability of sampling the sky.
     #[inline]
     pub(super) fn draw(&self, p: Vec3A, u: [f32; 2], far: f32, chance: f32) -> Option<Drawn> {

@@ -1,9 +1,9 @@
-//! A light tree that samples one of many lights by its estimated contribution at a point.
+//! A light tree, which samples one of many lights by the estimated contribution at a point.
 //!
 //! The method is that of Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree
-//! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. From the root down, a
-//! child is sampled with a probability proportional to an upper estimate of its contribution, intensity ·
-//! cosθ · cosθ' / distance². A node has eight children, whose estimates are computed in eight lanes.
+//! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. Starting at the root, a
+//! child is sampled with probability proportional to an upper estimate of its contribution, intensity · cosθ
+//! · cosθ' / distance². A node has eight children, whose estimates are computed in eight SIMD lanes.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;
@@ -14,33 +14,32 @@ use std::f32::consts::PI;
 
 /// Number of children of a node.
 const WIDTH: usize = 8;
-/// Flag of a child index that denotes a light.
+/// Flag of a child index that is the index of a light, not of a node.
 const LEAF: u32 = 1 << 31;
-/// Index that stands for the parent of the root.
+/// Index that denotes the missing parent of the root.
 const NONE: u32 = u32::MAX;
-/// Number of intervals along each axis. Lights may be divided at the ends of the intervals.
+/// Number of bins along each axis. Lights may be divided at the bin boundaries.
 const BINS: usize = 12;
 /// Largest `f32` below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// One number for each child.
+/// One value per child of a node.
 type Row = Eight;
 const ZERO: Row = Eight::splat(0.0);
 const ONE: Row = Eight::splat(1.0);
 
-/// The children of a tree node: groups of lights, one per lane.
+/// The children of a tree node; each is a group of lights and occupies one lane.
 #[derive(Clone, Debug)]
 struct Node {
     centre: [Row; 3],
     /// Radius of each child's bounding sphere, metres, and 3/radius².
     radius: Row,
     nearest: Row,
-    /// Radiant intensity of each child relative to the maximum of all lights; 0 for an unused child.
+    /// Radiant intensity of each child as a fraction of the total over all lights; 0 for an unused lane.
     intensity: Row,
-    /// Index of each child: of a node, or of a light with [`LEAF`].
+    /// Index of each child: a node, or a light with the flag [`LEAF`].
     child: [u32; WIDTH],
-    /// Index of the parent node times [`WIDTH`], plus the position of this node among the parent's
-    /// children.
+    /// Index of the parent node × [`WIDTH`], plus the position of this node among the parent's children.
     parent: u32,
     /// True if the lights of all children have normals in all directions.
     all_around: bool,
@@ -50,33 +49,33 @@ struct Node {
     sin_spread: Row,
     /// Cosine of [`Bounds::reach`] of each child.
     cos_reach: Row,
-    /// 1 for children that emit from both sides, else 0.
+    /// 1 for children that emit from both sides, otherwise 0.
     two_sided: Row,
 }
 
 #[derive(Clone, Debug)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// The position of each light, in the format of [`Node::parent`].
+    /// Position of each light in the tree, in the format of [`Node::parent`].
     places: Vec<u32>,
 }
 
-/// The choice of a light, in progress or complete.
+/// The choice of a light: in progress or complete.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// Index of the current node, or of the chosen light with [`LEAF`].
+    /// Index of the current node, or index of the chosen light with the flag [`LEAF`].
     number: u32,
-    /// Probability of this choice so far; 0 if no light can reach the point.
+    /// Probability of this choice up to the current node; 0 if no light can reach the point.
     pub chance: f32,
-    /// The part of the uniform number that the choice has not used, rescaled to 0..1.
+    /// The part of the uniform random number that is still unused, rescaled to [0, 1).
     pub which: f32,
 }
 
 impl Choice {
-    /// The choice of no light.
+    /// A complete choice of no light.
     pub const NONE: Self = Self { number: LEAF, chance: 0.0, which: 0.0 };
 
-    /// Begins a choice by the uniform number `which`. `chance` is the probability of using the tree.
+    /// Begins a choice by a uniform random number `which`. `chance` is the probability of using the tree.
     #[inline]
     pub fn open(which: f32, chance: f32) -> Self {
         Self { number: 0, chance, which }
@@ -100,7 +99,7 @@ impl Choice {
     }
 }
 
-/// Returns cos(a - b) of two angles in [0, π], each given by cosine and sine; 1 if a < b.
+/// Returns cos(a - b) for two angles in [0, π], each given by its cosine and sine; 1 if a < b.
 #[inline(always)]
 fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;
@@ -140,7 +139,7 @@ impl Node {
         let radius = bounds.radius();
         self.radius.0[i] = radius;
         self.nearest.0[i] = 3.0 / (radius * radius).max(3e-30);
-        // A cosine of -2 is less than that of any angle, so that rounding excludes no direction.
+        // A cosine of -2 is below that of any angle, so rounding cannot exclude a direction.
         let (sin, cos) = if bounds.spread >= PI {
             (0.0, -2.0)
         } else {
@@ -154,7 +153,7 @@ impl Node {
         self.intensity.0[i] = bounds.intensity * scale;
     }
 
-    /// Returns an estimate of the contribution of each child, up to a common factor.
+    /// Returns an estimate of the contribution of each child, up to a factor common to all children.
     #[inline(always)]
     fn importances(&self, at: &Receiver) -> [f32; WIDTH] {
         if self.all_around { self.importances_of::<true>(at) } else { self.importances_of::<false>(at) }
@@ -168,24 +167,24 @@ impl Node {
         let d = [0, 1, 2].map(|x| self.centre[x] - p[x]);
         let d2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).max(Eight::splat(1e-30));
         let over = d2.sqrt().recip();
-        // Half angle of the sphere about the lights, as seen from the point.
+        // Sine of the half angle of the lights' bounding sphere, as seen from the point.
         let sin_ball = self.radius * over;
         let inside = ONE.le(sin_ball);
         let emits = if AROUND {
             ONE
         } else {
-            // Minimum angle between a normal and a direction to the point.
+            // Minimum angle between a light's normal and the direction to the point.
             let axis = &self.axis;
             let along = (axis[0] * d[0] + axis[1] * d[1] + axis[2] * d[2]) * over.neg();
             let along = ZERO.lt(self.two_sided).select(along.max(along.neg()), along);
             let middle = cos_less([along, sine(along)], [self.cos_spread, self.sin_spread]);
-            // Upper bound of the cosine over the sphere: cos(a - b) ≤ cos a + sin b.
+            // Upper bound of the cosine over the bounding sphere: cos(a - b) ≤ cos a + sin b.
             let most = inside.select(ONE, (middle + sin_ball).min(ONE));
-            // Use the mean of the bound and the value at the centre, since a group's lights are spread out.
+            // Average the bound and the value at the centre, because the lights fill the bounding sphere.
             let emits = half * (most + middle.max(ZERO));
             self.cos_reach.lt(most).select(emits, ZERO)
         };
-        // The same for the angle between the receiver's normal and the direction to the lights.
+        // Same computation for the angle between the receiver's normal and the direction to the lights.
         let receives = if at.normal == Vec3A::ZERO {
             ONE
         } else {
@@ -193,7 +192,7 @@ impl Node {
             let most = inside.select(ONE, (up + sin_ball).min(ONE)).max(ZERO);
             half * (most + up.max(ZERO))
         };
-        // For a group that contains the point, the mean of 1/distance² is that of a ball, 3/radius².
+        // For a point inside the group, limit 1/distance² to its mean over a ball, 3/radius².
         let near = (over * over).min(self.nearest);
         (self.intensity * emits * receives * near).0
     }
@@ -201,19 +200,19 @@ impl Node {
     #[inline(always)]
     fn descend(&self, at: &Receiver, choice: &mut Choice) {
         let weights = self.importances(at);
-        // The start of each child's interval, and the end of the last.
+        // The start of each child's interval, and the end of the last interval.
         let mut begins = [0.0; WIDTH + 1];
         for i in 0..WIDTH {
             begins[i + 1] = begins[i] + weights[i];
         }
         let all = begins[WIDTH];
-        // NaN if estimates overflow.
+        // The sum is infinite or NaN if estimates overflow.
         if !(all > 0.0 && all < f32::INFINITY) {
             *choice = Choice::NONE;
             return;
         }
         let target = choice.which * all;
-        // A child of weight 0 has an empty interval and is skipped.
+        // A child with weight 0 has an empty interval and cannot be chosen.
         let mut i: usize = begins[1..WIDTH].iter().map(|end| usize::from(target >= *end)).sum();
         while weights[i] == 0.0 {
             i -= 1;
@@ -226,7 +225,7 @@ impl Node {
 
 impl LightTree {
     /// Builds a tree over lights, which keep their indices. Returns `None` if there are fewer than two
-    /// lights, or if none emits.
+    /// lights, or if no light emits.
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
         if lights.len() < 2 || !(most > 0.0 && most.is_finite()) {
@@ -238,11 +237,11 @@ impl LightTree {
         Some(tree)
     }
 
-    /// Adds a node with all its descendants, and returns the node's index.
+    /// Adds a node with all its descendants, and returns the index of the node.
     fn add(&mut self, items: &mut [(u32, Bounds)], parent: u32, scale: f32) -> u32 {
         let number = self.nodes.len() as u32;
         self.nodes.push(Node::empty(parent));
-        // Divide the group of highest cost until there are enough groups.
+        // Divide the group with the highest cost until there are enough groups.
         let mut groups = vec![items];
         while groups.len() < WIDTH {
             let costs = groups.iter().map(|g| (g.len() > 1).then(|| bounds_of(g).cost()));
@@ -269,8 +268,8 @@ impl LightTree {
         number
     }
 
-    /// Completes the choices of several points. The choices descend the tree in lockstep, so that the
-    /// latency of each overlaps with the arithmetic of the others.
+    /// Completes the choices for several points. The choices descend the tree in lockstep, so that the
+    /// arithmetic of one choice hides the latency of the others.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         let mut open: ArrayVec<u8, N> = (0..N as u8).filter(|i| choices[*i as usize].is_open()).collect();
@@ -287,7 +286,7 @@ impl LightTree {
         }
     }
 
-    /// Returns the probability with which [`Self::choose`] chooses a light for a point.
+    /// Returns the probability with which [`Self::choose`] chooses light `light` for a point.
     #[inline]
     pub fn chance(&self, at: &Receiver, light: usize) -> f32 {
         let (mut place, mut chance) = (self.places[light], 1.0);
@@ -307,7 +306,7 @@ impl LightTree {
 
 fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     let [(_, first), rest @ ..] = items else {
-        unreachable!("a group is split into two non-empty groups");
+        unreachable!("internal error: an empty group of lights");
     };
     rest.iter().fold(*first, |all, (_, b)| all.union(b))
 }
@@ -325,7 +324,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         let x = (b.centre()[axis] - low[axis]) / extent[axis];
         ((x * BINS as f32) as usize).min(BINS - 1)
     };
-    // Cost, axis and first bin of the second part.
+    // Cost, axis, and first bin of the second group.
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in (0..3).filter(|axis| extent[*axis] > 0.0) {
         let mut bins = [None::<Bounds>; BINS];
@@ -342,7 +341,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         };
         let before: Vec<_> = bins.iter().scan(None, |all, bin| Some(join(all, bin))).collect();
         let mut after = None;
-        // Penalize thin groups.
+        // Increase the cost of thin groups.
         let thin = extent.max_element() / extent[axis];
         for at in (1..BINS).rev() {
             let (Some(left), Some(right)) = (before[at - 1], join(&mut after, &bins[at])) else {
@@ -355,7 +354,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         }
     }
     let Some((_, axis, at)) = best else {
-        // All lights are at one position.
+        // All lights are at the same position.
         return items.len() / 2;
     };
     let mut middle = 0;

@@ -1,4 +1,4 @@
-//! Ground-truth quantities of a material at a point: the visible plain material, its normal and its albedo.
+//! Ground-truth material quantities at a point: the visible plain material, its normal and its albedo.
 
 use super::{Lobe, Material, Materials, Specular, mirror_or_sheet};
 use crate::geometry::ray::Surface;
@@ -6,11 +6,11 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 
 impl Materials {
-    /// Returns the plain material seen from `wo`, and the surface with the normal of that material.
+    /// Returns the plain material visible from `wo`, and the surface with the normal of this material.
     ///
-    /// For a composite, the plain material is the side of a two-sided material that faces `wo`, the larger
-    /// share of a blend, and the material under a normal map or a depolarizer. Returns `None` for an
-    /// absorbing side.
+    /// In a composite, the plain material is the side of a two-sided material that faces `wo`, the component
+    /// of a blend with the larger share, or the material under a normal map or a depolarizer. Returns `None`
+    /// for a side that absorbs all light.
     pub(crate) fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.foremost(m.side(at, wo)?, at, wo),
@@ -26,9 +26,9 @@ impl Materials {
 
     /// Returns the albedo of a material per wavelength.
     ///
-    /// This is the albedo of a diffuse surface or of the body of plastic, the mean by share of a blend, and 0
-    /// for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
-    /// reflection depends on angle, and for measured tables, which do not separate body and surface
+    /// The result is the albedo of a diffuse surface or of a plastic body, the weighted mean over a blend,
+    /// and 0 for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
+    /// reflectance depends on angle, and for measured tables, which do not separate body and surface
     /// reflection.
     pub fn albedo(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Spectral> {
         match &self.list[id as usize] {
@@ -58,8 +58,8 @@ impl Materials {
         }
     }
 
-    /// Returns the lobe of light that a smooth interface or a sheet transmits to `wo`, at the wavelength of
-    /// `lane`. Returns `None` if the foremost material does not transmit or reflects all light.
+    /// Returns the lobe that a smooth interface or a sheet transmits to `wo`, at the wavelength of `lane`.
+    /// Returns `None` if the foremost material does not transmit or reflects all light.
     pub(crate) fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
         let (id, at) = self.foremost(id, at, wo)?;
         self.specular(id, &at, wo, Lobe::Transmitted, lane)

@@ -1,4 +1,4 @@
-//! A mixture of two materials below pixel resolution: their Mueller matrices, weighted by area.
+//! A mixture of two materials below pixel resolution: their Mueller matrices are averaged with area weights.
 
 use super::Materials;
 use super::lanes::Lanes;
@@ -15,11 +15,11 @@ use optics::spectrum::Spectral;
 pub struct Blend {
     pub a: u32,
     pub b: u32,
-    /// Share w of material `b`, clamped to 0..1.
+    /// Share w of material `b`, clamped to [0, 1].
     pub weight: Scalar,
 }
 
-/// Adds the interactions of two materials between the same two directions.
+/// Adds the scattering matrices of two materials for the same pair of directions.
 #[inline]
 fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
     match (a, b) {
@@ -48,8 +48,8 @@ impl Blend {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
-    /// Samples a material by its share, then a direction from the material. The share and the probability
-    /// cancel.
+    /// Samples one of the materials by its share, then a direction from this material. The factor share /
+    /// probability is 1.
     #[inline]
     pub fn sample(
         &self,
@@ -64,8 +64,8 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// Returns a delta lobe, see [`Materials::specular`]. If the lobes of the two materials have different
-    /// directions, only that of the first is returned.
+    /// Returns a delta lobe (see [`Materials::specular`]). If the lobes of the two materials have different
+    /// directions, only the lobe of the first is returned.
     #[inline]
     pub fn specular(
         &self,

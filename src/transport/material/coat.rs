@@ -1,19 +1,19 @@
 //! Transmission of light into and out of a dielectric coat, through the mean surface or through its facets.
 //!
 //! The body of [`super::plastic`] is illuminated through the coat. There are three models of the power
-//! transmittance at an angle θ:
+//! transmittance at angle θ:
 //!
-//! - smooth: Fresnel's transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
+//! - smooth: the Fresnel transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
 //!   `pplastic`);
-//! - facets: all light that the facets do not reflect, T(θ) = 1 - E(θ), with E the directional albedo of the
-//!   coat. A coat over a white body reflects all light;
-//! - single passage: light refracted by one facet and not masked by another, and internal light reflected
-//!   by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1, two
-//!   thirds at α = 1.
+//! - facets: the fraction of light that the facets do not reflect, T(θ) = 1 - E(θ), where E is the directional
+//!   albedo of the coat. A coat over a white body reflects all light;
+//! - single passage: light that is refracted by one facet and not masked by another, and internal light that is
+//!   reflected by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1,
+//!   two thirds at α = 1.
 //!
-//! With D_v the density of the normals h that are visible from `wo`, E = ∫ D_v F(wo·h) G2/G1 dh and T_single
-//! = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the passage is also a mean over facets, Σ D_v
-//! T_b(wo·h) cos 2φ, with φ the angle between the planes of incidence.
+//! Let D_v be the density of the normals h that are visible from `wo`. Then E = ∫ D_v F(wo·h) G2/G1 dh, and
+//! T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the transmission is also a mean over
+//! facets, Σ D_v T_b(wo·h) cos 2φ, where φ is the angle between the planes of incidence.
 //!
 //! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image, as texels
 //! of two [`Textures`] images.
@@ -29,12 +29,12 @@ use optics::spectrum::Spectral;
 /// Model of transmission through a coat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Passage {
-    /// Transmission through the smooth mean surface.
+    /// Fresnel transmission of the smooth mean surface.
     #[default]
     Smooth,
     /// Transmission of all light that the facets do not reflect.
     Facets,
-    /// Transmission through a single facet.
+    /// Transmission through a single facet only.
     Single,
 }
 
@@ -42,10 +42,10 @@ pub enum Passage {
 const COSINES: u32 = 64;
 /// Number of rows of a table, one per value of α.
 const ALPHAS: u32 = 16;
-/// Number of sample directions per dimension for one table entry.
+/// Number of sampled directions per dimension for one table entry.
 const DRAWN: u32 = 32;
-/// Number of sample directions per dimension from inside, where total reflection makes the integrand
-/// discontinuous.
+/// Number of sampled directions per dimension inside the coat, where total internal reflection makes the
+/// integrand discontinuous.
 const DRAWN_INSIDE: u32 = 64;
 
 /// Power transmission of a coat: elements M00 and M01, in the frame perpendicular to the plane of
@@ -54,7 +54,7 @@ const DRAWN_INSIDE: u32 = 64;
 pub struct Passed {
     /// M00, the transmittance of unpolarized light.
     pub a: Spectral,
-    /// M01, the diattenuation times the transmittance.
+    /// M01, the product of diattenuation and transmittance.
     pub b: Spectral,
 }
 
@@ -75,19 +75,19 @@ pub struct Table {
 }
 
 impl Table {
-    /// Returns the transmission at a cosine `cos` above 0 and a roughness α.
+    /// Returns the transmission at cosine `cos` > 0 and roughness α.
     #[inline]
     pub fn at(&self, textures: &Textures, cos: f32, alpha: f32) -> Passed {
         let [a, b] = self.images.map(|image| textures.eval(image, [cos, alpha]));
         Passed { a, b }
     }
 
-    /// Tabulates a coat of relative index `eta` (1 in unused lanes) and adds the table to `textures`.
+    /// Tabulates a coat with relative index `eta` (1 in unused lanes) and adds the tables to `textures`.
     pub fn new(textures: &mut Textures, roughness: &Roughness, eta: Spectral, single: bool) -> Self {
         let rows = if roughness.alpha.texture.is_some() { ALPHAS } else { 1 };
         let mut entries = vec![];
         for row in 0..rows {
-            // Texture coordinate v counts from the last row.
+            // Texture coordinate v increases from the last row to the first.
             let alpha = match rows {
                 1 => roughness.alpha.value,
                 _ => 1.0 - (row as f32 + 0.5) / rows as f32,
@@ -119,12 +119,12 @@ fn model(roughness: &Roughness, alpha: f32) -> Microfacet {
     }
 }
 
-/// Returns the unit vector with z = `cos` in the plane y = 0.
+/// Returns the unit vector in the plane y = 0 whose z component is `cos`.
 fn toward(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// Calls `f` for normals h among those visible from `wo`, sampled on an n × n grid.
+/// Calls `f` for facet normals h that are visible from `wo`, sampled on an n × n grid.
 fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A)) {
     for i in 0..n * n {
         let u = [i % n, i / n].map(|k| (k as f32 + 0.5) / n as f32);
@@ -132,7 +132,7 @@ fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A))
     }
 }
 
-/// Returns the directional albedo of the coat: the fraction of power at cosine `cos` that the facets reflect.
+/// Returns the directional albedo of the coat: the fraction of power that the facets reflect at cosine `cos`.
 pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectral {
     let wo = toward(cos);
     let g1 = model.g1(wo);
@@ -147,7 +147,7 @@ pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectra
     sum / Spectral::splat((n * n) as f32)
 }
 
-/// Returns the transmission of the facets at a cosine of incidence.
+/// Returns the transmission through the facets at cosine of incidence `cos`.
 fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
     let wo = toward(cos);
     let (mut a, mut b) = (Spectral::ZERO, Spectral::ZERO);
@@ -155,7 +155,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
         let cos = wo.dot(h);
         let mut through = fresnel::dielectric(cos, eta).transmission;
         if single {
-            // The refracted direction differs between wavelengths.
+            // The refracted direction depends on wavelength.
             let kept = eta.to_array().map(|eta| match refract(wo, h, eta) {
                 Some(wt) if wt.z < 0.0 => model.g1(wt),
                 _ => 0.0,
@@ -163,7 +163,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
             through = through.scaled(Spectral::new(kept));
         }
         a += through.a;
-        // cos 2φ of the facet's s direction against that of the mean surface, which is y.
+        // cos 2φ, where φ is the angle from the s direction of the mean surface (y) to that of the facet.
         let s = h.cross(wo);
         let length2 = s.length_squared();
         if length2 > 1e-12 {
@@ -179,8 +179,8 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The result is for a single α; for an image, half its range is used. In the facets model, reciprocity
-/// gives the result from outside directions, without an integral inside.
+/// The result is for a single α. For an image, α is half of the image's factor. In the facets model,
+/// reciprocity gives the result from outside directions, without an integral over inside directions.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
         return smooth_internal_reflectance(eta);
@@ -190,11 +190,11 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
     let mut sum = Spectral::ZERO;
     if passage == Passage::Single {
         let inside = Microfacet {
-            // Inside, the two directions are masked independently (Walter et al. 2007).
+            // Inside the coat, the two directions are masked independently (Walter et al. 2007).
             masking: Masking::Separable,
             ..model
         };
-        // Mitsuba's quadrature, with cosines that include both ends: 1 - F is 2 % too low at small α.
+        // Mitsuba's quadrature, whose cosines include both ends, so that 1 - F is 2 % too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);
@@ -210,12 +210,12 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
     Spectral::ONE - sum / (eta * eta)
 }
 
-/// Returns ∫ R(θ) 2 cosθ d(cosθ) from inside an interface of relative index `eta`. The midpoint rule is
-/// accurate to 1e-6 or better.
+/// Returns ∫ R(θ) 2 cosθ d(cosθ) from inside an interface with relative index `eta`. The error of the
+/// midpoint rule is at most 1e-6.
 pub fn smooth_internal_reflectance(eta: Spectral) -> Spectral {
     const N: u32 = 4096;
     // Integrate over outside angles, (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), because this integrand is smooth.
-    // The integrand inside is not, because of total reflection.
+    // The integrand over inside angles is not smooth, because of total internal reflection.
     let mut sum = Spectral::ZERO;
     for k in 0..N {
         let cos = (k as f32 + 0.5) / N as f32;
@@ -234,7 +234,7 @@ mod tests {
         Roughness { distribution: Distribution::Ggx, masking, alpha: Scalar::uniform(alpha) }
     }
 
-    /// Verifies that facets close to the mean surface transmit according to Fresnel's equations.
+    /// Verifies that facets close to the mean surface transmit as Fresnel's equations predict.
     #[test]
     fn smooth_facets_transmit_like_the_mean_surface() {
         let eta = Spectral::splat(1.5);
@@ -258,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Compares with Mitsuba 3.9.1's `eval_transmittance` and `eval_reflectance`, which `roughplastic`
+    /// Compares with `eval_transmittance` and `eval_reflectance` of Mitsuba 3.9.1, which `roughplastic`
     /// tabulates (GGX, relative index 1.49). A script evaluated Mitsuba's formulas with 65,536 normals.
     #[test]
     fn a_single_passage_matches_roughplastic() {
@@ -281,7 +281,7 @@ mod tests {
         }
     }
 
-    /// Verifies that the diattenuation never exceeds the transmission.
+    /// Verifies that M01 never exceeds M00.
     #[test]
     fn passages_are_realizable() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

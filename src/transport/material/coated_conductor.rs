@@ -1,7 +1,7 @@
-//! Mirror under thin films: metal or glass with up to four coatings, in reflection only.
+//! A mirror under thin films: metal or glass with up to four coatings, in reflection only.
 //!
-//! The Mueller matrix is that of [`thin_film::reflection`]. A film mainly changes the phase between s and p,
-//! which distinguishes a protected mirror from a bare one.
+//! [`thin_film::reflection`] computes the Mueller matrix. A film mainly changes the phase difference between
+//! s and p reflection, which distinguishes a protected mirror from a bare one.
 
 use super::conductor::mirror;
 use super::lobe::Specular;
@@ -14,13 +14,13 @@ use optics::spectrum::Spectral;
 /// Maximum number of films.
 pub const MAX_FILMS: usize = 4;
 
-/// Smooth opaque substrate under films, with the complex index n + i·k relative to the outside.
+/// A smooth opaque substrate under films, with complex index n + i·k relative to the medium outside.
 #[derive(Clone, Copy, Debug)]
 pub struct CoatedConductor {
     pub n: Spectral,
-    /// Imaginary part k ≥ 0 of the substrate's index.
+    /// Imaginary part k ≥ 0 of the relative index of the substrate.
     pub k: Spectral,
-    /// Films from the outside in; only the first `count` are used.
+    /// Films, ordered from the outside in; only the first `count` are used.
     pub films: [Film; MAX_FILMS],
     pub count: usize,
 }

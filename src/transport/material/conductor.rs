@@ -1,4 +1,4 @@
-//! Smooth metal: mirror reflection with Fresnel's Mueller matrix.
+//! A smooth metal: mirror reflection with the Fresnel Mueller matrix.
 
 use super::facets::reflect;
 use super::lobe::Specular;
@@ -11,18 +11,18 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Smooth conductor with the complex index n + i·k relative to the outside.
+/// A smooth conductor with complex index n + i·k relative to the medium outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
     pub n: Spectral,
-    /// Imaginary part k ≥ 0 of the index.
+    /// Imaginary part k ≥ 0 of the relative index.
     pub k: Spectral,
-    /// Factor applied to the reflected light, 0..1.
+    /// Factor by which the reflected light is multiplied, in [0, 1].
     pub reflectance: Spectrum,
 }
 
-/// Returns the lobe of mirror reflection at a smooth opaque surface. `fresnel` is a function of the cosine
-/// of incidence.
+/// Returns the lobe of mirror reflection at a smooth opaque surface. `fresnel` maps the cosine of incidence
+/// to a Mueller block.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;

@@ -1,14 +1,14 @@
 //! Optical constants n + i·k of common substances by name.
 //!
-//! The values come from the table `pbrdf/optical_constants.csv`, which is compiled into the program
-//! (refractiveindex.info, CC0). The table and `pbrdf/README.md` cite the paper of each substance. Between the
-//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does.
+//! The values come from the table `pbrdf/optical_constants.csv` (refractiveindex.info, CC0), which is
+//! compiled into the program. The table and `pbrdf/README.md` cite the paper for each substance. Between the
+//! wavelengths of the table, n and k are interpolated linearly, as refractiveindex.info does.
 
 use std::sync::OnceLock;
 
 const TABLE: &str = include_str!("../../../pbrdf/optical_constants.csv");
 
-/// Aliases of substance names.
+/// Pairs of an alias and the substance name in the table.
 const ALIASES: [(&str, &str); 20] = [
     ("gold", "Au"),
     ("silver", "Ag"),
@@ -35,7 +35,7 @@ const ALIASES: [(&str, &str); 20] = [
 /// The optical constants of one substance.
 #[derive(Clone, Debug)]
 pub struct OpticalConstants {
-    /// Name of the substance in the table.
+    /// Substance name in the table.
     pub name: String,
     /// Authors and year of the source paper.
     pub source: String,
@@ -76,10 +76,10 @@ fn plain(name: &str) -> String {
     name.trim().to_lowercase().replace([' ', '-'], "_")
 }
 
-/// Finds a substance by name or alias, ignoring case.
+/// Finds a substance by name or alias; case is ignored.
 ///
 /// # Errors
-/// [`ConstantsError::Unknown`], which lists all names.
+/// Returns [`ConstantsError::Unknown`], which lists all names, if there is no such substance.
 pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
     let wanted = plain(name);
     let wanted = ALIASES.iter().find(|(alias, _)| *alias == wanted).map_or(wanted, |(_, real)| plain(real));
@@ -92,7 +92,7 @@ pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
 /// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
 ///
 /// # Errors
-/// [`ConstantsError`] if the substance or the wavelength is not in the table.
+/// Returns a [`ConstantsError`] if the substance is unknown or the wavelength is outside its range.
 pub fn lookup(name: &str, nm: f64) -> Result<(f64, f64), ConstantsError> {
     find(name)?.at(nm)
 }
@@ -101,7 +101,7 @@ impl OpticalConstants {
     /// Returns n and k at a vacuum wavelength in nanometres.
     ///
     /// # Errors
-    /// [`ConstantsError::Range`] outside the table.
+    /// Returns [`ConstantsError::Range`] if the wavelength is outside the range of the table.
     pub fn at(&self, nm: f64) -> Result<(f64, f64), ConstantsError> {
         let after = self.samples.partition_point(|[x, ..]| *x < nm);
         match (after.checked_sub(1).map(|i| self.samples[i]), self.samples.get(after)) {
@@ -124,7 +124,7 @@ impl OpticalConstants {
 mod tests {
     use super::*;
 
-    /// Verifies n and k at 450, 550, 635 and 660 nm against values printed by an independent evaluation of
+    /// Verifies n and k at 450, 550, 635 and 660 nm against printed values of an independent evaluation of
     /// the database. The tolerance is about half a unit of the last printed digit.
     #[test]
     fn the_table_holds_the_published_numbers() {
@@ -145,14 +145,14 @@ mod tests {
             ("quartz_e", ["1.56186", "1.55511", "1.55157", "1.55076"], ["0"; 4]),
             ("milk_fat", ["1.470", "1.463", "1.460", "1.459"], ["1.14e-5", "4.6e-6", "5.0e-6", "5.0e-6"]),
             ("casein", ["1.503"; 4], ["0"; 4]),
-            // Fused silica at its D line, as in Born & Wolf.
+            // The value of fused silica at the sodium D line is that in Born & Wolf.
             ("SiO2", ["1.4656", "1.4599", "1.4570", "1.4563"], ["0"; 4]),
         ];
         let same = |got: f64, printed: &str| {
             let (mantissa, power) = printed.split_once('e').unwrap_or((printed, "0"));
             let digits = mantissa.split_once('.').map_or(0, |(_, d)| d.len() as i32);
             let unit = 10_f64.powi(power.parse::<i32>().unwrap() - digits);
-            // 0.55 instead of 0.5: one number of the source was rounded twice.
+            // The tolerance is 0.55 instead of 0.5 units, because one source value was rounded twice.
             (got - printed.parse::<f64>().unwrap()).abs() <= 0.55 * unit
         };
         for (name, n, k) in FACTS {
@@ -160,7 +160,7 @@ mod tests {
                 let got = lookup(name, nm).unwrap();
                 assert!(
                     same(got.0, n[i]) && same(got.1, k[i]),
-                    "{name} at {nm} nm: {got:?} is not {} / {}",
+                    "{name} at {nm} nm: found (n, k) = {got:?}, expected ({}, {})",
                     n[i],
                     k[i]
                 );

@@ -1,9 +1,9 @@
-//! Smooth dielectric interface: reflection and refraction, sampled by their power.
+//! Smooth dielectric interface: reflection and refraction, sampled in proportion to their power.
 //!
 //! Refraction scales radiance by the squared ratio of the indices. If the index depends on wavelength,
-//! refraction separates the wavelengths. The path then continues with a single wavelength, sampled
-//! uniformly, with the weight of all wavelengths (Wilkie et al. 2014, "Hero wavelength spectral sampling").
-//! Reflection keeps all wavelengths.
+//! refraction separates the wavelengths. The path then continues with a single, uniformly sampled wavelength,
+//! which represents all wavelengths (Wilkie et al. 2014, "Hero wavelength spectral sampling"). Reflection
+//! keeps all wavelengths.
 
 use super::facets::{reflect, refract};
 use super::filling::Filling;
@@ -25,24 +25,24 @@ pub struct Dielectric {
     pub interior: Spectral,
     /// Refractive index outside per wavelength (1 in unused lanes).
     pub exterior: Spectral,
-    /// True if the indices of used lanes differ.
+    /// True if the index differs between used lanes.
     pub dispersive: bool,
 }
 
 /// An interface at one point for light that leaves along `wo`.
 pub(super) struct Interface {
-    /// Shading normal on the side of `wo`.
+    /// Shading normal, on the side of `wo`.
     n: Vec3A,
     wo: Vec3A,
-    /// Index on the far side; `eta` is the ratio of `far` to the index on the near side.
+    /// Index on the far side. `eta` is `far` divided by the index on the near side.
     far: Spectral,
     eta: Spectral,
     fresnel: DielectricFresnel,
 }
 
-/// Returns the direction from which light arrives if it is refracted along `wo`. `eta` is the far index
-/// over the near index. Returns `None` under total reflection, or if shading and geometric normals disagree
-/// about the side.
+/// Returns the direction from which light is refracted into direction `wo`. `eta` is the index on the far
+/// side divided by that on the near side. Returns `None` under total reflection, or if shading and geometric
+/// normals disagree about the side.
 #[inline]
 fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
     let wi = refract(wo, n, eta)?.normalize();
@@ -63,7 +63,7 @@ impl Interface {
                 filling: None,
             });
         }
-        // Radiance over the squared index is invariant; power transmittance is equal in both directions.
+        // Radiance divided by the squared index is invariant; both directions have equal transmittance.
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
@@ -76,20 +76,20 @@ impl Interface {
 }
 
 impl Dielectric {
-    /// Returns the indices on the side of `wo` and on the other side, in this order.
+    /// Returns the index on the side of `wo`, then the index on the other side.
     #[inline]
     pub(super) fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
         if at.ng.dot(wo) > 0.0 { (self.exterior, self.interior) } else { (self.interior, self.exterior) }
     }
 
-    /// Returns the medium on the side opposite to `wo`.
+    /// Returns the medium on the side opposite `wo`.
     #[inline]
     pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
-    /// Returns the direction on the other side from which light is refracted along `wo`. Also returns the
-    /// ratio of the index on the side of `wo` to that on the other side. Returns `None` under total
+    /// Returns the direction on the other side from which light is refracted into direction `wo`, and the
+    /// ratio of the index on the side of `wo` to the index on the other side. Returns `None` under total
     /// reflection, or if shading and geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
@@ -99,7 +99,7 @@ impl Dielectric {
         Some((through(at, n, wo, far / near)?, near / far))
     }
 
-    /// Returns the interface for light that leaves along `wo`; `None` if shading and geometric normals
+    /// Returns the interface for light that leaves along `wo`; `None` if the shading and geometric normals
     /// disagree about the side.
     #[inline]
     pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {
@@ -122,7 +122,7 @@ impl Dielectric {
         Some(s)
     }
 
-    /// Selects the wavelength that a refracted path follows, and returns its lane and the weight that
+    /// Samples the wavelength that a refracted path keeps, and returns its lane and the weight with which it
     /// represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {

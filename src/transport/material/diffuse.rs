@@ -15,7 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 /// Depolarizing Lambertian surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Diffuse {
-    /// Albedo ρ, 0..1.
+    /// Albedo ρ in [0, 1].
     pub albedo: Spectrum,
 }
 
@@ -30,15 +30,15 @@ impl Diffuse {
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
-        // Non-short-circuit `|`: one branch, because each condition alone is unpredictable.
+        // `|` instead of `||`, because each condition alone is unpredictable and would be a separate branch.
         if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }
         Some(Scatter::Depolarize(self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI)))
     }
 
-    /// Returns true if light can arrive from `wi`. The direction was sampled by the cosine about the
-    /// shading normal on the side of `wo`.
+    /// Returns true if light can arrive from `wi`, which was sampled with a density proportional to the
+    /// cosine to the shading normal on the side of `wo`.
     #[inline(always)]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)

@@ -1,23 +1,23 @@
-//! Crystals that split ordinary and extraordinary rays (double images).
+//! Crystals that split light into ordinary and extraordinary rays (double images).
 //!
 //! A plane wave inside the crystal is described by its index vector k (refractive index times unit normal).
 //! With the optic axis c and
 //!
 //! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
 //!
-//! extraordinary waves satisfy F(k) = 1, and ordinary waves k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3).
-//! At a face the tangential part of k is conserved (Snell); the normal part of k solves a quadratic
-//! equation. Light travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). The
-//! optical path per length is k·S. The electric vector is S × c for the ordinary ray. For the extraordinary
-//! ray, it is perpendicular to S × c and to S.
+//! extraordinary waves satisfy F(k) = 1, and ordinary waves satisfy k² = n_o² (Born & Wolf 1999, 15.2 and
+//! 15.3.3). A face conserves the tangential part of k (Snell's law); the normal part of k solves a quadratic
+//! equation. Light travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). The optical
+//! path per unit length is k·S. The electric vector of the ordinary ray is along S × c. That of the
+//! extraordinary ray is perpendicular to S × c and to S.
 //!
 //! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
 //! polarizer along the wave's electric vector. The two rays are incoherent, as if the crystal were much
-//! thicker than the coherence length or the beams narrower than their separation. Together they transmit
-//! all light except an error of the approximate faces of about half of (n_e - n_o)² (1 to 2 % for calcite).
-//! A projector inside such a crystal is treated as if it were inside glass.
+//! thicker than the coherence length or the beams narrower than their separation. Because the faces are
+//! approximate, the total transmitted power has an error of about half of (n_e - n_o)² (1 to 2 % for
+//! calcite). A projector inside such a crystal is treated as if it were inside glass.
 //!
-//! At a surface, it is unknown which of the two waves a path from inside belongs to. One wave is therefore
+//! At a surface, it is unknown to which of the two waves a path from inside belongs. One wave is therefore
 //! sampled, and the polarizers correct the result: for the wrong wave the polarizers are crossed, and the
 //! path contributes nothing.
 
@@ -57,7 +57,7 @@ struct Optics {
     outside: f32,
 }
 
-/// Returns a unit vector perpendicular to a ray and to the axis.
+/// Returns a unit vector perpendicular to a ray and to the optic axis.
 #[inline]
 fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
     ray.cross(axis).try_normalize().unwrap_or_else(|| perpendicular(ray))
@@ -86,7 +86,7 @@ impl Optics {
     }
 
     /// Returns the two waves (ordinary first) that travel to the side of the unit normal `n` and have the
-    /// tangential index vector `t`; `None` for evanescent waves.
+    /// tangential index vector `t`. A wave is `None` if it is evanescent.
     #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;
@@ -95,7 +95,7 @@ impl Optics {
         let alpha = 1.0 / (self.n_e * self.n_e);
         let beta = 1.0 / (self.n_o * self.n_o) - alpha;
         let (tc, nc) = (t.dot(c), n.dot(c));
-        // F(t + q n) = 1 as a q² + 2 b q + d = 0; take the root with the ray along n.
+        // F(t + q n) = 1 is a q² + 2 b q + d = 0; use the root whose ray is on the side of n.
         let (a, b) = (alpha + beta * nc * nc, beta * tc * nc);
         let d = alpha * t.length_squared() + beta * tc * tc - 1.0;
         let root2 = b * b - a * d;
@@ -108,8 +108,8 @@ impl Optics {
     }
 }
 
-/// Returns a Fresnel block as a matrix between frames `out` and `inn` of light along `d_out` and `d_in`.
-/// The frame of the block itself is `s`, projected perpendicular to the light.
+/// Returns a Fresnel block as a Mueller matrix between the frames `out` of light along `d_out` and `inn` of
+/// light along `d_in`. The block's own frame vector is `s`, projected perpendicular to each direction.
 #[inline]
 fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
     let mut m = block.to_mueller();
@@ -131,7 +131,7 @@ impl Crystal {
         }
     }
 
-    /// Samples a direction for a crystal that splits light, see [`super::Materials::sample`].
+    /// Samples a direction for a crystal that splits light (see [`super::Materials::sample`]).
     pub(super) fn sample_split(
         &self,
         at: &Surface,
@@ -163,12 +163,12 @@ impl Crystal {
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
     }
 
-    /// Returns the lobes of light that leaves along `wo` outside the crystal, one for each of the two waves
+    /// Returns the lobes of light that leaves along `wo` on the outside of the crystal, one lobe per wave
     /// inside.
     fn entered(&self, at: &Surface, wo: Vec3A, lane: usize, weight: Spectral) -> [Option<Specular>; 2] {
         let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
         let cos = n.dot(wo);
-        // Tangential part of the index vectors for the path's direction of travel, away from the camera.
+        // Tangential part of the index vectors, for propagation away from the camera.
         let t = (n * cos - wo) * optics.outside;
         optics.refracted(t, -n).map(|wave| {
             let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;
@@ -183,7 +183,7 @@ impl Crystal {
         })
     }
 
-    /// Returns the lobe of light that passes the face as one wave (0 ordinary, 1 extraordinary), at one
+    /// Returns the lobe of light that passes the face as one wave (0 ordinary, 1 extraordinary) at one
     /// wavelength, for a crystal that splits light. If `wo` is inside, the light along `wo` must be this
     /// wave.
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
@@ -205,8 +205,8 @@ impl Crystal {
         choose(&lobes, 0.5, lanes, stream)
     }
 
-    /// Returns the lobes of light that leaves along `wo` inside as one wave: one from outside, and one for
-    /// each of the two waves that the face reflects.
+    /// Returns the lobes of light that leaves along `wo` inside the crystal as one wave: a lobe from the
+    /// outside, and two lobes of waves that the face reflects.
     fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
         let (optics, n) = (self.optics(lane), at.ns);
         let from = optics.along(-wo)[wave];
@@ -255,7 +255,7 @@ impl Crystal {
     }
 }
 
-/// Samples one of several lobes by intensity. `chance` is the probability of reaching this choice.
+/// Samples one of several lobes by intensity. `chance` is the probability of all earlier choices.
 fn choose(lobes: &[Option<Specular>], chance: f32, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
     let share = |l: &Specular| lanes.mean(l.scatter.m00()).max(0.0);
     let total: f32 = lobes.iter().flatten().map(share).sum();

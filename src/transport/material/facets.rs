@@ -1,13 +1,13 @@
 //! Reflection and refraction by the microfacets of a rough surface.
 //!
-//! All vectors are in the local frame of the shading normal on the side of `wo`. The normal h of a
-//! reflecting facet is the half vector. The normal of a refracting facet is h ∝ ∓(wo + η·wi) (Walter et al.
-//! 2007, eqs. 13, 14, 16, 17). For facets that reflect or refract all light, radiance times cosθ_i is
+//! All vectors are in the local frame of the shading normal on the side of `wo`. The normal h of a reflecting
+//! facet is the half vector. The normal of a refracting facet is h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs.
+//! 13, 14, 16, 17). If facets reflect or refract all light, the BSDF times cosθ_i is
 //!
-//! - reflection D·G2 / (4 cosθ_o),
-//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), Walter's eq. 21 with radiance scaled by 1/η².
+//! - D·G2 / (4 cosθ_o) for reflection,
+//! - D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²) for refraction, Walter's eq. 21 with radiance scaled by 1/η².
 //!
-//! Multiple scattering between facets is absorbed.
+//! Light that would be scattered by more than one facet is absorbed.
 
 use super::texture::{Scalar, Textures};
 use crate::geometry::ray::Surface;
@@ -19,7 +19,7 @@ use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 pub struct Roughness {
     pub distribution: Distribution,
     pub masking: Masking,
-    /// Width α of the distribution of normals, above 0.
+    /// Width parameter α of the distribution of normals, greater than 0.
     pub alpha: Scalar,
 }
 
@@ -30,33 +30,33 @@ pub(super) const LEAST_ALPHA: f32 = 1e-3;
 #[derive(Clone, Copy)]
 pub(super) struct Facets {
     model: Microfacet,
-    /// Rotation from the local frame to the world.
+    /// Rotation from the local frame to world space.
     frame: Mat3A,
-    /// Direction `wo` in the local frame; its z component is the cosine to the normal, above 0.
+    /// Direction `wo` in the local frame; the z component is the cosine to the normal and exceeds 0.
     pub lo: Vec3A,
 }
 
-/// The contribution of the facets that scatter one direction into another.
+/// The contribution of the facets that scatter light from `wi` to `wo`.
 #[derive(Clone, Copy)]
 pub(super) struct Passage {
     /// Cosine between the facet normal and `wo`.
     pub cos_o: f32,
     /// Absolute cosine between the facet normal and `wi`.
     pub cos_i: f32,
-    /// Radiance times cosθ_i for facets that reflect or refract all light.
+    /// BSDF times cosθ_i if the facets reflect or refract all light.
     pub value: f32,
-    /// Density of `wi`, 1/sr, if a facet is sampled among the visible ones and reflects or refracts.
+    /// Density of `wi`, 1/sr, if a facet is sampled among the visible facets and reflects or refracts.
     pub pdf: f32,
 }
 
-/// Returns `wo` reflected at the plane with normal `h`.
+/// Returns the reflection of `wo` at the plane with normal `h`.
 #[inline]
 pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
     h * (2.0 * wo.dot(h)) - wo
 }
 
-/// Returns `wo` refracted at the plane with normal `h` (on the side of `wo`) for the index ratio `eta`;
-/// `None` under total reflection.
+/// Returns the refraction of `wo` at the plane with normal `h` (on the side of `wo`) for the index ratio
+/// `eta`; `None` under total reflection.
 #[inline]
 pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos = wo.dot(h);
@@ -103,13 +103,13 @@ impl Facets {
         (self.frame * w).normalize()
     }
 
-    /// Samples a local facet normal among those visible from `wo`.
+    /// Samples a facet normal in the local frame among those visible from `wo`.
     #[inline]
     pub fn visible(&self, u: [f32; 2]) -> Vec3A {
         self.model.visible_normal(self.lo, u)
     }
 
-    /// Returns G2/G1: the fraction of light not masked toward `li` if the facet is visible from `wo`.
+    /// Returns G2/G1: the fraction of light from `li` that is not masked if the facet is visible from `wo`.
     #[inline]
     pub fn kept(&self, li: Vec3A) -> f32 {
         self.model.g2(self.lo, li) / self.model.g1(self.lo)
@@ -130,11 +130,11 @@ impl Facets {
     }
 
     /// Evaluates refraction from the local direction `li` on the far side. `eta` is the index on the far side
-    /// over that on the near side.
+    /// divided by the index on the near side.
     #[inline]
     pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
         let v = self.lo + li * eta;
-        // (wo·h + η wi·h)².
+        // This is (wo·h + η wi·h)².
         let length2 = v.length_squared();
         if li.z >= 0.0 || length2 < 1e-10 {
             return None;

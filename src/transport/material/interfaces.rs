@@ -1,4 +1,4 @@
-//! Queries about interfaces for manifold connections to pinholes: which materials redirect light, and how.
+//! Queries for manifold connections to pinholes: which materials redirect light, and in which direction.
 
 use super::{Material, Materials, Specular, dielectric};
 use crate::geometry::ray::Surface;
@@ -16,7 +16,7 @@ impl Materials {
         self.interface(id).is_some()
     }
 
-    /// Returns the faces of a smooth interface that refracts light of one wavelength into a single direction.
+    /// Returns the faces of a smooth interface that refracts a single wavelength into a single direction.
     #[inline]
     fn interface(&self, id: u32) -> Option<&dielectric::Dielectric> {
         match &self.list[id as usize] {
@@ -26,9 +26,9 @@ impl Materials {
         }
     }
 
-    /// Returns the direction from which light of wavelength `lane` arrives through a smooth interface if
-    /// the light leaves along `wo`. Also returns the ratio of the index on the side of `wo` to that on the
-    /// other side. Returns `None` under total reflection and for all other materials.
+    /// Returns the direction from which light of wavelength `lane` is refracted into direction `wo` by a
+    /// smooth interface, and the ratio of the index on the side of `wo` to the index on the other side.
+    /// Returns `None` under total reflection and for all other materials.
     #[inline]
     pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         self.interface(id)?.refracted(at, wo, lane)
@@ -39,7 +39,7 @@ impl Materials {
         matches!(self.list[id as usize], Material::RoughDielectric(_) | Material::RoughCrystal(_))
     }
 
-    /// Returns true if the material's interface refracts wavelengths into different directions.
+    /// Returns true if the interface refracts different wavelengths into different directions.
     #[inline]
     pub(crate) fn disperses(&self, id: u32) -> bool {
         match &self.list[id as usize] {
@@ -55,7 +55,7 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    /// Returns the lobe of light that passes a crystal's face as one of the two waves
+    /// Returns the lobe of light that passes the face of a crystal as one of its two waves
     /// (`double_refraction`), at one wavelength.
     #[inline]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
@@ -65,7 +65,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if a normal map changes the normals of the material or of one of its parts.
+    /// Returns true if a normal map changes the normals of the material or of one of its components.
     pub(crate) fn is_turned(&self, id: u32) -> bool {
         let material = &self.list[id as usize];
         matches!(material, Material::NormalMap(_)) || material.parts().any(|part| self.is_turned(part))

@@ -3,7 +3,7 @@
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// The set of live wavelength lanes of a path; dispersion reduces it to one.
+/// The set of wavelength lanes that a path still carries; dispersion reduces the set to one lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lanes {
     /// Bit mask of the live lanes: bit i is set if lane i is live.
@@ -23,13 +23,13 @@ impl Lanes {
         self.mask.count_ones()
     }
 
-    /// Returns 1 in live lanes, 0 in the others.
+    /// Returns 1 in live lanes and 0 in the other lanes.
     #[inline]
     pub fn ones(self) -> Spectral {
         Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
     }
 
-    /// Returns the `k`-th live lane.
+    /// Returns the index of the `k`-th live lane, counted from 0.
     #[inline]
     pub fn nth(self, k: u32) -> usize {
         let mut left = k;
@@ -60,8 +60,8 @@ impl Lanes {
         self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
     }
 
-    /// Samples one live lane uniformly and drops the others. Returns the lane, and the weight with which
-    /// the lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    /// Samples one live lane uniformly and removes the others. Returns the lane, and the weight with which
+    /// this lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
         let alive = self.count().max(1);
@@ -73,7 +73,7 @@ impl Lanes {
     }
 }
 
-/// Returns true if the first `count` lanes of a value differ.
+/// Returns true if the first `count` lanes of a value are not all equal.
 pub fn varies(value: Spectral, count: usize) -> bool {
     let lanes = value.to_array();
     lanes[1..count].iter().any(|l| *l != lanes[0])

@@ -5,12 +5,12 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// One sampled direction.
+/// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled {
     /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// Interaction divided by the density of `wi` and the probability of the lobe.
+    /// Scattering matrix divided by the density of `wi` and the probability of the lobe.
     pub scatter: Scatter,
     /// True if `wi` belongs to a delta lobe.
     pub delta: bool,
@@ -18,10 +18,10 @@ pub struct Sampled {
     pub filling: Option<Filling>,
 }
 
-/// Interactions by kind of lobe. A kind is represented by the bits that it sets in a label
-/// ([`tensor::label`]). Each kind occurs at most once.
+/// Scattering matrices by kind of lobe. The first element contains the bits that the kind sets in a path
+/// label ([`tensor::label`]). Each kind occurs at most once.
 ///
-/// The type is a `Vec`, because matrices are large and would otherwise occupy the caller's stack.
+/// A `Vec` is used because the matrices are too large for the caller's stack.
 pub type Lobes = Vec<(u8, Scatter)>;
 
 /// The two delta lobes of a smooth surface.
@@ -33,19 +33,19 @@ pub enum Lobe {
     Transmitted,
 }
 
-/// A delta lobe, not divided by a sampling probability.
+/// A delta lobe that has not been divided by a sampling probability.
 #[derive(Clone, Copy, Debug)]
 pub struct Specular {
     /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// The interaction: radiance out = matrix · radiance in.
+    /// Scattering matrix: radiance along `wo` = matrix · radiance from `wi`.
     pub scatter: Scatter,
     /// The medium along `wi`, if light crossed an interface.
     pub filling: Option<Filling>,
 }
 
 impl Specular {
-    /// Converts the lobe to a sample that was chosen with probability `p`.
+    /// Converts the lobe to a sample that was taken with probability `p`.
     #[inline]
     pub(super) fn chosen(self, p: f32) -> Sampled {
         Sampled {

@@ -1,9 +1,9 @@
-//! The lobes of a material by kind, for slices that request them: the bits of a path's label
-//! ([`tensor::label`]) that an interaction sets, and the contribution of each kind.
+//! The lobes of a material by kind, for slices with path labels: the label bits ([`tensor::label`]) that a
+//! scattering event sets, and the contribution of each kind.
 //!
-//! Reflection by a smooth surface is specular. Reflection by facets, and single scattering below plastic's
-//! coat, are glossy. Lambertian surfaces and plastic's body are diffuse. Smooth transmission sets no bit;
-//! transmission through facets is glossy. A measured table is not separated and sets both bits.
+//! Reflection by a smooth surface is specular. Reflection by facets and single scattering below a plastic
+//! coat are glossy. Reflection by Lambertian surfaces and plastic bodies is diffuse. Smooth transmission sets
+//! no bit; transmission through facets is glossy. A measured table cannot be separated and sets both bits.
 
 use super::lobe::{Lobes, Sampled};
 use super::{Material, Materials, mirror_or_sheet};
@@ -15,7 +15,7 @@ use optics::spectrum::Spectral;
 use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
 
 impl Materials {
-    /// Returns [`Self::eval`] separated by kind of lobe; empty where the value is zero.
+    /// Returns [`Self::eval`] by kind of lobe; empty if the value is zero.
     pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
         match &self.list[id as usize] {
@@ -53,8 +53,8 @@ impl Materials {
         }
     }
 
-    /// Samples one kind of lobe by its intensity for unpolarized light. Returns the kind and its
-    /// interaction divided by the probability, or `None` if there are no lobes.
+    /// Samples one kind of lobe by its intensity for unpolarized light. Returns the kind and its scattering
+    /// matrix divided by the probability, or `None` if there are no lobes.
     pub(crate) fn draw_lobe(
         &self,
         id: u32,
@@ -80,11 +80,11 @@ impl Materials {
         (chance > 0.0).then(|| (kind, scatter.scaled(Spectral::splat(1.0 / chance))))
     }
 
-    /// Returns the label bits of a sampled direction.
+    /// Returns the path-label bits of a sampled direction.
     ///
-    /// If several kinds of lobe contribute to the direction, one kind is sampled. `sampled` is then
-    /// replaced with the interaction of this kind, divided by the density over all kinds and by the
-    /// probability of the kind.
+    /// If several kinds of lobe contribute to the direction, one kind is sampled. The matrix in `sampled` is
+    /// then replaced by that of this kind, divided by the density over all kinds and by the probability of
+    /// the kind.
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

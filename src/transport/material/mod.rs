@@ -1,9 +1,8 @@
-//! Polarimetric BRDFs: one material per file, plain data, dispatched by enum.
+//! Polarimetric BRDFs: one material per file, stored as plain data and dispatched by enum.
 //!
-//! Directions have unit length, point away from the surface and are in world space. `wo` is the direction
-//! in which light leaves (toward the camera). `wi` is the direction from which light arrives. Values are
-//! per projected solid angle of `wi`, so they include |cosθ_i|. Opaque materials are two-sided: the shading
-//! normal is flipped to the side of `wo`.
+//! Directions are unit vectors in world space that point away from the surface. `wo` is the direction in
+//! which light leaves (toward the camera). `wi` is the direction from which light arrives. Values include the
+//! factor |cosθ_i|. Opaque materials are two-sided: the shading normal is flipped to the side of `wo`.
 //!
 //! Composite materials ([`two_sided`], [`blend`], …) refer to other materials by index in [`Materials`].
 
@@ -87,7 +86,7 @@ impl Material {
     }
 }
 
-/// Matches smooth metals and sheets, which have delta lobes only and no inside.
+/// Matches smooth metals and sheets, which have only delta lobes and no inside.
 macro_rules! mirror_or_sheet {
     () => {
         Material::Conductor(_)
@@ -100,7 +99,7 @@ macro_rules! mirror_or_sheet {
 }
 use mirror_or_sheet;
 
-/// Matches plain materials without delta lobes.
+/// Matches plain materials that have no delta lobes.
 macro_rules! extended {
     () => {
         Material::Diffuse(_)
@@ -112,9 +111,9 @@ macro_rules! extended {
     };
 }
 
-/// All materials of a scene with their shared textures and tables.
+/// All materials of a scene, with the textures and tables that they share.
 ///
-/// A material refers only to materials with smaller indices, which the scene builder ensures. Recursive
+/// A material refers only to materials with smaller indices, as the scene builder ensures. Recursive
 /// evaluation therefore terminates.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {
@@ -124,7 +123,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Returns the material if it is a plain Lambertian surface, else `None`.
+    /// Returns the material if it is a plain Lambertian surface, otherwise `None`.
     #[inline(always)]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
         match &self.list[id as usize] {
@@ -151,14 +150,14 @@ impl Materials {
         material.parts().any(|part| self.has_extended_lobe(part))
     }
 
-    /// Returns the Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
+    /// Returns the Mueller BRDF times |cosθ_i|, 1/sr; `None` if it is zero.
     #[inline(never)]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval_inline(id, at, wo, wi)
     }
 
-    /// Works as [`Self::eval`], but is always inlined. Only one loop gains enough from inlining to justify
-    /// the code size.
+    /// Works as [`Self::eval`], but is always inlined. Use this only in the path-tracing loop, where the gain
+    /// justifies the code size.
     #[inline(always)]
     pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
@@ -176,8 +175,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::eval`] for composite and rarer materials. The function is separate so that the
-    /// common materials can be inlined.
+    /// Works as [`Self::eval`] for composite and rarer materials. This is a separate function so that common
+    /// materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
@@ -223,8 +222,8 @@ impl Materials {
         self.sample_inline(id, at, wo, lanes, stream)
     }
 
-    /// Works as [`Self::sample`], but is always inlined. Only one loop gains enough from inlining to
-    /// justify the code size.
+    /// Works as [`Self::sample`], but is always inlined. Use this only in the path-tracing loop, where the
+    /// gain justifies the code size.
     #[inline(always)]
     pub fn sample_inline(
         &self,
@@ -245,7 +244,7 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::sample`] for composite and rarer materials. The function is separate so that the
+    /// Works as [`Self::sample`] for composite and rarer materials. This is a separate function so that
     /// common materials can be inlined.
     fn sample_rest(
         &self,
@@ -281,8 +280,8 @@ impl Materials {
         }
     }
 
-    /// Returns a delta lobe, not divided by a sampling probability. Returns `None` if the material has no
-    /// such lobe, or if no light arrives along the lobe.
+    /// Returns a delta lobe that is not divided by a sampling probability. Returns `None` if the material has
+    /// no such lobe, or if the lobe carries no light.
     ///
     /// `lane` is the wavelength lane that determines the direction if the material is dispersive.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
@@ -310,10 +309,10 @@ impl Materials {
         }
     }
 
-    /// Returns true if some material transmits light undeflected, so that connections must be tested for
-    /// such materials.
+    /// Returns true if some material transmits light without deflection, so that connections must be tested
+    /// for such materials.
     pub(crate) fn any_straight(&self) -> bool {
-        // Composite materials need no case: their parts are in the same list.
+        // Composite materials need no case, because the list also contains their components.
         self.list.iter().any(|m| {
             matches!(
                 m,
@@ -322,7 +321,7 @@ impl Materials {
         })
     }
 
-    /// Returns true if some material redirects light from one direction into a single other direction.
+    /// Returns true if some material redirects light from one direction into a single, different direction.
     pub(crate) fn any_redirecting(&self) -> bool {
         self.list.iter().any(|m| {
             matches!(
@@ -351,7 +350,7 @@ impl Materials {
         }
     }
 
-    /// Returns the Mueller matrix of a sheet for light transmitted without deflection to `wo`; `None` if the
+    /// Returns the Mueller matrix of a sheet for light transmitted to `wo` without deflection; `None` if the
     /// material blocks or deflects the light.
     #[inline]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
@@ -359,7 +358,7 @@ impl Materials {
         (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
-    /// Returns the medium on the side opposite to `wo`, if the material can scatter light to that side.
+    /// Returns the medium on the side opposite `wo`, if the material can scatter light to that side.
     #[inline]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
         match &self.list[id as usize] {
@@ -395,7 +394,7 @@ impl Materials {
         matches!(self.list[id as usize], Material::Null)
     }
 
-    /// Returns the Mueller matrix of a straight path of `length` metres through a medium for light that
+    /// Returns the Mueller matrix of a straight path segment of `length` metres in a medium, for light that
     /// travels along ±`dir`. Returns `None` if the medium does not change polarization.
     #[inline]
     pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {

@@ -1,11 +1,11 @@
-//! Bump maps and normal maps: a material whose shading normal is perturbed by an image.
+//! Bump maps and normal maps: an image perturbs the shading normal of another material.
 //!
-//! A bump map contains heights along the shading normal n, in metres times a factor. The surface derivatives
-//! become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the normal is perpendicular to both (Blinn 1978,
-//! "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
+//! A bump map contains heights along the shading normal n, in units of `strength` metres. The surface
+//! derivatives become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the new normal is perpendicular to both (Blinn
+//! 1978, "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
 //!
-//! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal).
-//! Each coordinate c is stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
+//! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, z along the shading normal). Each
+//! component c is stored as (c + 1)/2 (Cohen et al. 1998), with +y up as in OpenGL.
 
 use super::Materials;
 use crate::geometry::ray::Surface;
@@ -15,13 +15,13 @@ use glam::Vec3A;
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
     pub material: u32,
-    /// Index of the image. The first three channels of the image are x, y, z; for a bump map, the first
-    /// channel is the height.
+    /// Index of the image. The first three channels of a normal map are x, y, z; the first channel of a bump
+    /// map is the height.
     pub texture: u32,
-    /// Factor of x and y: 0 flattens the normals, 1 leaves them unchanged. For a bump map: height in metres
-    /// at the image value 1.
+    /// Factor of x and y of a normal map: 0 flattens the normals, 1 leaves them unchanged. For a bump map,
+    /// the height in metres for the image value 1.
     pub strength: f32,
-    /// True for a bump map.
+    /// True for a bump map, false for a normal map.
     pub heights: bool,
 }
 

@@ -1,8 +1,8 @@
-//! A material that partly depolarizes light, by subsurface scattering that is too fine to be traced.
+//! A material that partly depolarizes light, to model subsurface scattering at scales that cannot be traced.
 //!
-//! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer of equal
-//! throughput (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is
-//! unchanged, so two materials that differ only in f are *metamers*: only their Mueller matrices differ.
+//! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer with equal
+//! reflectance (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is unchanged.
+//! Two materials that differ only in f are therefore *metamers*: only their Mueller matrices differ.
 
 use super::Materials;
 use super::texture::Scalar;
@@ -11,16 +11,16 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Another material whose light is depolarized by a fraction.
+/// Another material, whose light is partly depolarized.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
     pub material: u32,
-    /// Fraction f of the light that is depolarized, clamped to 0..1.
+    /// Fraction f of the light that is depolarized, clamped to [0, 1].
     pub fraction: Scalar,
 }
 
 impl PartialDepolarizer {
-    /// Depolarizes an interaction of the material between `wi` and `wo`.
+    /// Depolarizes the scattering matrix of the material between `wi` and `wo`.
     #[inline]
     pub(super) fn apply(
         &self,

@@ -3,20 +3,20 @@
 //!
 //! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i)
 //!
-//! The first term is microfacet reflection with Fresnel's matrix R. The second term is body reflection.
-//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside.
-//! The light leaves partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and
-//! `wo`). T is Fresnel's transmission of the smooth mean surface, or the transmission of the facets
+//! The first term is microfacet reflection with the Fresnel matrix R. The second term is body reflection.
+//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside. The
+//! light that leaves is partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and
+//! `wo`). T is the Fresnel transmission of the smooth mean surface, or the transmission of the facets
 //! ([`super::coat`]).
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
-//! inside leaves later. Then ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal
-//! reflectance. Mitsuba's `plastic` uses this value of ρ' with `nonlinear`, and by default ρ' = ρ / (η² (1
-//! - F)), proportional to ρ. In both cases a white body returns all light that enters.
+//! into the body may leave later. Then ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal
+//! reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true, and otherwise ρ' = ρ / (η² (1 - F)),
+//! proportional to ρ. In both cases, a white body returns all light that enters.
 //!
-//! An optional third lobe models light scattered once below the surface (Hwang et al. 2022, "Sparse
-//! ellipsometry"). The lobe has the form of the surface reflection, including R, but is coloured and has a
-//! separate width: ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
+//! An optional third lobe models light that is scattered once below the surface (Hwang et al. 2022, "Sparse
+//! ellipsometry"). The lobe has the form of the surface reflection, including R, but has its own colour and
+//! width: ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
 use super::coat;
 use super::facets::{Facets, Roughness, reflect};
@@ -36,38 +36,38 @@ use std::f32::consts::FRAC_1_PI;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Plastic {
-    /// Albedo ρ of the base, 0..1.
+    /// Albedo ρ of the base in [0, 1].
     pub albedo: Spectrum,
-    /// Index of the coat relative to the outside (1 in unused lanes).
+    /// Index of the coat relative to the medium outside (1 in unused lanes).
     pub eta: Spectral,
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
     pub interreflection: Interreflection,
-    /// Transmission of the coat's facets; `None` for the transmission of the smooth mean surface.
+    /// Transmission of the coat's facets; `None` if the smooth mean surface transmits the light.
     pub passage: Option<coat::Table>,
     /// Light scattered once below the coat, if modelled.
     pub single_scatter: Option<SingleScatter>,
 }
 
-/// Treatment of light that a coat reflects back into the body. F is the mean internal reflectance, see
-/// [`coat::internal_reflectance`].
+/// Treatment of light that the coat reflects back into the body. F is the mean internal reflectance (see
+/// [`coat::internal_reflectance`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interreflection {
-    /// Lost light: ρ' = ρ.
+    /// The light is lost: ρ' = ρ.
     Lost,
-    /// Light reflected again by the body: ρ' = ρ / (η² (1 - ρ F)). Contains F.
+    /// The body reflects the light again: ρ' = ρ / (η² (1 - ρ F)). The field is F.
     Coloured(Spectral),
-    /// Light reflected again by a white body: ρ' = ρ / (η² (1 - F)), proportional to ρ. Contains F.
+    /// A white body would reflect the light again: ρ' = ρ / (η² (1 - F)), proportional to ρ. The field is F.
     Linear(Spectral),
 }
 
 /// Light scattered once below the surface.
 #[derive(Clone, Copy, Debug)]
 pub struct SingleScatter {
-    /// Factor ρ_s, 0..1.
+    /// Factor ρ_s in [0, 1].
     pub albedo: Spectrum,
-    /// Width α of the distribution of normals. The type of the distribution is that of the surface.
+    /// Width parameter α of the distribution of normals, which has the type of the surface's distribution.
     pub alpha: Scalar,
 }
 
@@ -76,19 +76,19 @@ struct Seen {
     facets: Facets,
     n: Vec3A,
     wo: Vec3A,
-    /// Albedo ρ' of the base with interreflection.
+    /// Albedo ρ' of the base, including interreflection.
     base: Spectral,
-    /// Transmission of the light that leaves.
+    /// Transmission of light that leaves through the coat.
     out: coat::Passed,
-    /// Factor ρ_s and facets of single scattering.
+    /// Factor ρ_s and facets of the single-scattering lobe.
     single: Option<(Spectral, Facets)>,
     /// Probabilities of sampling the surface reflection and single scattering.
     share: [f32; 2],
 }
 
 impl Seen {
-    /// Evaluates facet reflection from the local direction `li`. Returns the cosine between facet normal
-    /// and light, the sum of the facet lobes without R, and the density of `li` over all lobes.
+    /// Evaluates facet reflection from the local direction `li`. Returns the cosine between the facet normal
+    /// and the light, the sum of the facet lobes without R, and the density of `li` over all lobes.
     #[inline]
     fn reflection(&self, specular: Spectral, li: Vec3A) -> Option<(f32, Spectral, f32)> {
         let to = self.facets.reflection(li)?;
@@ -125,7 +125,7 @@ impl Plastic {
             let alpha = s.alpha.at(textures, at.uv);
             (s.albedo.at(textures, at.uv), facets.with_alpha(alpha))
         });
-        // Unused lanes have no lobe, so they do not contribute.
+        // Unused lanes have no lobe and thus do not contribute.
         let reflected = |factor: Spectral| (fresnel.reflection.a * factor).reduce_add();
         let power = [reflected(self.specular), single.map_or(0.0, |(albedo, _)| reflected(albedo))];
         let diffuse = (out.a * base).reduce_add();
@@ -153,8 +153,8 @@ impl Plastic {
         Some(Scatter::Full { mueller, frame_out: s, frame_in: s })
     }
 
-    /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` and `li` are the direction of
-    /// incident light in world space and in the local frame.
+    /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` and `li` are the direction from
+    /// which light arrives, in world space and in the local frame.
     #[inline(always)]
     fn add_body(
         &self,
@@ -182,7 +182,7 @@ impl Plastic {
         }
     }
 
-    /// Returns [`Self::eval`] in two parts: facet reflection and body reflection.
+    /// Returns [`Self::eval`] as two separate matrices: facet reflection and body reflection.
     pub(crate) fn eval_parted(
         &self,
         textures: &Textures,
@@ -213,8 +213,8 @@ impl Plastic {
         self.value(textures, &seen, wi, |_| 1.0)
     }
 
-    /// Returns the density of the mixture of visible facets and cosine, weighted by the reflection and
-    /// transmission of a smooth surface.
+    /// Returns the sampling density of `wi`: a mixture of visible facets and a cosine lobe, weighted by the
+    /// reflection and transmission of a smooth surface.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));
@@ -224,8 +224,8 @@ impl Plastic {
         }
     }
 
-    /// Samples a direction, see [`super::Materials::sample`]. The weight is the value of all lobes over the
-    /// density of all lobes.
+    /// Samples a direction (see [`super::Materials::sample`]). The weight is the sum of all lobes divided by
+    /// the density over all lobes.
     pub fn sample(
         &self,
         textures: &Textures,

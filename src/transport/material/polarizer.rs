@@ -1,17 +1,17 @@
-//! Polarizer sheet, linear or circular.
+//! Polarizer sheets, linear or circular.
 //!
-//! A linear polarizer is dichroic: it blocks the component of the electric vector along the absorbing axis
-//! a. With a' = a projected perpendicular to the ray d, the component along t = d × a' passes (Korger et
-//! al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At
-//! normal incidence t is the transmitting axis. In the frame t, the matrix is a diattenuator with power
+//! A linear polarizer is dichroic: it blocks the component of the electric vector along the absorbing axis a.
+//! With a' = a projected perpendicular to the ray d, the component along t = d × a' passes (Korger et al.
+//! 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At normal
+//! incidence, t is the transmission axis. In the frame of t, the matrix is a diattenuator with power
 //! transmittances T (along t) and ε·T (along a'):
 //!
 //! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
 //!
-//! Reflection by the faces is neglected, but T may include the loss.
+//! Reflection by the faces is neglected, but T may include the reflection loss.
 //!
-//! A circular polarizer passes one handedness of circular light and blocks the other, from either side. In
-//! any frame
+//! A circular polarizer passes one handedness of circular polarization and blocks the other, from either
+//! side. In any frame, its elements are
 //!
 //! > M00 = M33 = T(1 + ε)/2,  M03 = M30 = ±T(1 - ε)/2 (+ right),  M11 = M22 = T√ε.
 
@@ -32,7 +32,7 @@ use sheet::SheetAxis;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Passes {
-    /// Linear polarization along the transmitting axis.
+    /// Linear polarization along the transmission axis.
     #[default]
     Linear,
     /// Right circular polarization, s3 > 0.
@@ -43,18 +43,18 @@ pub enum Passes {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Polarizer {
-    /// Transmitting axis.
+    /// Transmission axis.
     pub axis: SheetAxis,
-    /// The polarization state that passes. The axis is used only for linear polarizers.
+    /// The polarization state that passes. `axis` is used only for linear polarizers.
     pub passes: Passes,
-    /// Power transmittance T of light along the transmitting axis, 0..1.
+    /// Power transmittance T of light polarized along the transmission axis, in [0, 1].
     pub transmittance: Spectral,
-    /// Transmittance ε of the blocked component as a fraction of T, 0..1.
+    /// Power transmittance ε of the blocked component as a fraction of T, in [0, 1].
     pub extinction: Spectral,
 }
 
 impl Polarizer {
-    /// Returns the lobe of undeflected transmission to `wo`.
+    /// Returns the lobe of transmission to `wo` without deflection.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         if self.passes != Passes::Linear {
@@ -102,7 +102,7 @@ impl Polarizer {
 mod tests {
     use super::*;
 
-    /// Compares with Mitsuba 3.9.1's `polarizer` at `theta = -30` (Mitsuba's angle has the opposite sign).
+    /// Compares with `polarizer` of Mitsuba 3.9.1 at `theta = -30` (Mitsuba's angle has the opposite sign).
     #[test]
     fn tilted_polarizers_match_mitsuba() {
         let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };

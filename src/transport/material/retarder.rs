@@ -1,7 +1,8 @@
 //! Retarder sheet: a wave plate or a stretched film.
 //!
-//! In the frame of the sheet's fast axis, the matrix is M22 = M33 = cos δ, M23 = -M32 = sin δ; the slow
-//! axis lags by δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is selectable:
+//! In the frame of the sheet's fast axis, the matrix has M22 = M33 = cos δ and M23 = -M32 = sin δ; light
+//! along the slow axis lags by δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is
+//! selectable:
 //!
 //! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. The optic axis c is in the
 //!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray
@@ -12,7 +13,7 @@
 //! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. This model is not
 //!   physical.
 //!
-//! Reflection by the faces is neglected, but the transmittance may include the loss.
+//! Reflection by the faces is neglected, but the transmittance may include the reflection loss.
 
 use super::lobe::Specular;
 use super::sheet;
@@ -40,13 +41,13 @@ pub struct Retarder {
     pub axis: SheetAxis,
     /// Retardance δ₀ at normal incidence per wavelength, radians.
     pub retardance: Spectral,
-    /// Power transmittance, 0..1.
+    /// Power transmittance in [0, 1].
     pub transmittance: Spectral,
     pub tilt: Tilt,
 }
 
 impl Retarder {
-    /// Returns the lobe of undeflected transmission to `wo`.
+    /// Returns the lobe of transmission to `wo` without deflection.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         let axis = self.axis.at(at);
@@ -66,7 +67,7 @@ impl Retarder {
     }
 }
 
-/// Returns the fast axis for light to `wo` (a unit vector perpendicular to `wo`), and sin²ψ / cosθ_t.
+/// Returns the fast axis for light to `wo`, a unit vector perpendicular to `wo`, and sin²ψ / cosθ_t.
 #[inline]
 fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let n = if normal.dot(wo) < 0.0 { -normal } else { normal };
@@ -80,7 +81,7 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     // parallel, because the ray is inclined by at most asin(1/ior) to the sheet's normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
-    // From the refracted ray to the outer one: the component along s is unchanged, the other rotates.
+    // From the refracted to the outer ray, the component along s is unchanged and the other one rotates.
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }
@@ -90,7 +91,7 @@ mod tests {
     use super::*;
     use optics::polarization::frame::perpendicular;
 
-    /// Compares with Mitsuba 3.9.1's `retarder` at `theta = 30`, `delta = 100`, from either side.
+    /// Compares with `retarder` of Mitsuba 3.9.1 at `theta = 30`, `delta = 100`, from either side.
     #[test]
     fn upright_retarders_match_mitsuba() {
         let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };

@@ -1,8 +1,8 @@
-//! Rough metal with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
+//! Rough metals with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
-//! Only single scattering between facets is modelled: multiply scattered energy is absorbed. Mitsuba's
-//! `roughconductor` uses separable masking and shadowing. At α = 0.3 the correlated form differs by well
-//! under 1 %; the difference grows with α⁴.
+//! Only single scattering by facets is modelled; light that would hit several facets is absorbed. Mitsuba's
+//! `roughconductor` uses separable masking and shadowing. At α = 0.3, the correlated form differs by well
+//! under 1 %; the difference increases as α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;
@@ -15,13 +15,13 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Rough conductor with the complex index n + i·k relative to the outside and isotropic roughness.
+/// A rough conductor with complex index n + i·k relative to the medium outside and isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
     pub n: Spectral,
-    /// Imaginary part k ≥ 0 of the index.
+    /// Imaginary part k ≥ 0 of the relative index.
     pub k: Spectral,
-    /// Factor applied to the reflected light, 0..1.
+    /// Factor by which the reflected light is multiplied, in [0, 1].
     pub reflectance: Spectrum,
     pub roughness: Roughness,
 }
@@ -52,7 +52,7 @@ impl RoughConductor {
         Some(self.fresnel(factor, wo, wi, to.cos_o))
     }
 
-    /// Returns the sampling density of `wi`, 1/sr: the density of the visible normal over 4 wo·h.
+    /// Returns the sampling density of `wi`, 1/sr: the density of visible normals divided by 4 wo·h.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let passage = |facets: Facets| facets.reflection(facets.local(wi));
@@ -62,7 +62,7 @@ impl RoughConductor {
         }
     }
 
-    /// Samples a facet among those visible from `wo`; the weight is F·G2/G1.
+    /// Samples a facet among those visible from `wo`; the weight is F·G2/G1, with the Fresnel matrix F.
     #[inline]
     pub fn sample(
         &self,

@@ -1,15 +1,15 @@
 //! A closed surface filled with a uniaxial crystal with rough faces, in the joined-ray model.
 //!
-//! The faces reflect and refract like a [`super::rough_dielectric`] of index (n_o + n_e)/2. Every straight
-//! path segment inside is a retarder as in the smooth [`super::crystal`], according to the length and
+//! The faces reflect and refract like a [`super::rough_dielectric`] with index (n_o + n_e)/2. Each straight
+//! path segment inside is a retarder as in the smooth [`super::crystal`], which depends on the length and
 //! direction of the segment. The two models agree as α → 0.
 //!
 //! Approximations, in addition to those of [`super::crystal`]:
 //!
 //! - Paths through different facets add incoherently, each with its own matrix. Light that passes a rough
-//!   face is therefore depolarized according to the spread of retardances, and there is no speckle.
-//! - Facets do not split ordinary and extraordinary rays; `split` requires smooth faces.
-//! - Multiple scattering between facets is absorbed, as for all rough materials.
+//!   face is therefore depolarized by the spread of retardances, without speckle.
+//! - Facets do not split light into ordinary and extraordinary rays; `split` requires smooth faces.
+//! - Light that would be scattered by several facets is absorbed, as in all rough materials.
 
 use super::crystal::Crystal;
 use super::facets::Roughness;
@@ -32,13 +32,13 @@ pub struct RoughCrystal {
 }
 
 impl RoughCrystal {
-    /// Returns the faces as a rough dielectric of the mean index.
+    /// Returns the faces as a rough dielectric with the mean index.
     #[inline]
     pub fn faces(&self) -> RoughDielectric {
         RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }
 
-    /// Samples a direction, see [`super::Materials::sample`]; `id` is this material's index.
+    /// Samples a direction (see [`super::Materials::sample`]); `id` is the index of this material.
     #[inline]
     pub fn sample(
         &self,

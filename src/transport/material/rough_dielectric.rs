@@ -1,11 +1,11 @@
-//! Rough dielectric interface with reflecting and refracting microfacets (Walter et al. 2007).
+//! Rough dielectric interfaces with reflecting and refracting microfacets (Walter et al. 2007).
 //!
-//! Each facet has Fresnel's Mueller matrices. The frame vector s is perpendicular to the plane of `wo` and
-//! `wi`, which contains the facet normal. Radiance is scaled by 1/η² as at the smooth [`super::dielectric`].
+//! Each facet has the Fresnel Mueller matrices. The frame vector s is perpendicular to the plane of `wo` and
+//! `wi`, which contains the facet normal. Radiance is scaled by 1/η², as in the smooth [`super::dielectric`].
 //!
-//! For two directions on different sides, the normal of the refracting facet depends on the wavelength if
-//! the index is dispersive. A sampled reflection keeps all wavelengths; a sampled refraction with a
-//! dispersive index keeps one (see [`super::dielectric`]).
+//! For two directions on different sides, the normal of the refracting facet depends on wavelength if the
+//! index is dispersive. A sampled reflection keeps all wavelengths. A sampled refraction with a dispersive
+//! index keeps one wavelength (see [`super::dielectric`]).
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
@@ -31,18 +31,18 @@ pub struct RoughDielectric {
     pub lanes: Lanes,
 }
 
-/// Returns the cosine to the facet normal on the side of lower index, and the value of a refraction with
+/// Returns the cosine to the facet normal on the side of lower index, and the BSDF value of refraction with
 /// index ratio `eta`.
 ///
-/// Power transmittance is equal in both directions. On the side of lower index there is no total reflection,
-/// so f32 cosines are accurate enough.
+/// The power transmittance is equal in both directions. On the side of lower index, there is no total
+/// reflection, so f32 cosines are accurate enough.
 #[inline]
 fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
     passage.map_or((1.0, 0.0), |p| (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value))
 }
 
 impl RoughDielectric {
-    /// Returns the facets, the index on the far side, and the ratio of the far index to the near one.
+    /// Returns the facets, the index on the far side, and the far index divided by the near index.
     #[inline]
     fn facets(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<(Facets, Spectral, Spectral)> {
         let facets = Facets::new(&self.roughness, textures, at, facing(at, wo)?, wo);
@@ -56,7 +56,7 @@ impl RoughDielectric {
         self.interface.dispersive && self.lanes.count() > 1
     }
 
-    /// Returns the Mueller BSDF times |cosθ_i|, see [`super::Materials::eval`]; `wi` may be on either side.
+    /// Returns the Mueller BSDF times |cosθ_i| (see [`super::Materials::eval`]); `wi` may be on either side.
     #[inline]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let (facets, _, eta) = self.facets(textures, at, wo)?;

@@ -1,6 +1,6 @@
-//! Shared code of sheets (polarizers, retarders): an axis in the sheet and undeflected transmission.
+//! Shared code of sheets (polarizers, retarders): an axis in the sheet, and transmission without deflection.
 //!
-//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. In
+//! Sheets are thin: light leaves at the point of entry, in the same direction and into the same medium. In
 //! the frame of the sheet's axis, the matrix of a sheet has the block form of a Fresnel matrix.
 
 use super::lobe::Specular;
@@ -21,8 +21,8 @@ pub enum SheetAxis {
 }
 
 impl SheetAxis {
-    /// Returns the unit vector along the axis. The axis is a line in space, equal for light from either
-    /// side.
+    /// Returns the unit vector along the axis. The axis is a line in space and thus equal for light from
+    /// either side.
     #[inline]
     pub fn at(&self, at: &Surface) -> Vec3A {
         match self {
@@ -36,15 +36,15 @@ impl SheetAxis {
     }
 }
 
-/// Returns the lobe of undeflected transmission to `wo` by an element with matrix `block` in the frame
-/// `axis`.
+/// Returns the lobe of transmission to `wo` without deflection, by an element with matrix `block` in the
+/// frame `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the lobe of undeflected transmission to `wo` at a boundary between media of equal index, which
-/// preserves the polarization.
+/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The light keeps its
+/// direction and its polarization.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

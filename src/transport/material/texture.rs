@@ -1,4 +1,4 @@
-//! Textures on surfaces: albedo, roughness, blend weight, normals.
+//! Textures on surfaces, for albedo, roughness, blend weights and normals.
 
 use optics::spectrum::Spectral;
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ pub enum Wrap {
     /// The image repeats.
     #[default]
     Repeat,
-    /// The image repeats, with every second copy mirrored.
+    /// The image repeats, and every second copy is mirrored.
     Mirror,
     /// The texels at the edge extend to infinity.
     Clamp,
@@ -24,7 +24,7 @@ pub enum Filter {
     /// Bilinear interpolation of the four nearest texels.
     #[default]
     Bilinear,
-    /// Value of the nearest texel.
+    /// Value of the nearest texel, without interpolation.
     Nearest,
 }
 
@@ -43,23 +43,23 @@ pub struct Image {
     pub first: u32,
     pub filter: Filter,
     pub wrap: Wrap,
-    /// Map from the surface's texture coordinates to the image's coordinates.
+    /// Map from texture coordinates of the surface to those of the image.
     pub uv: UvMap,
 }
 
 impl Image {
-    /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
+    /// Returns an image whose texels begin at `first`, with the default filter, wrap mode and map.
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
         Self { width, height, first, filter: Filter::default(), wrap: Wrap::default(), uv: SAME }
     }
 
-    /// Returns the continuous column and row at the surface's texture coordinates, up to whole periods.
+    /// Returns the continuous column and row at texture coordinates of the surface, up to whole periods.
     #[inline]
     fn place(&self, uv: [f32; 2]) -> (f32, f32) {
         let [u, v] = self.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
         let (w, h) = (self.width as f32, self.height as f32);
         match self.wrap {
-            // Remove whole periods first: far from the origin, f32 leaves few digits for the fraction.
+            // Remove whole periods first, because f32 leaves few digits for the fraction far from the origin.
             Wrap::Repeat => (u.rem_euclid(1.0) * w, (1.0 - v.rem_euclid(1.0)) * h),
             Wrap::Mirror => (u.rem_euclid(2.0) * w, (1.0 - v.rem_euclid(2.0)) * h),
             Wrap::Clamp => (u.clamp(-1.0, 2.0) * w, (1.0 - v.clamp(-1.0, 2.0)) * h),
@@ -85,7 +85,7 @@ impl Image {
     }
 }
 
-/// Interpolates the four values around a position; `at` returns the value at whole coordinates.
+/// Interpolates the four values around a position; `at` returns the value at integer coordinates.
 #[inline(always)]
 pub(crate) fn bilinear(x: f32, y: f32, at: impl Fn(f32, f32) -> Spectral) -> Spectral {
     let (x0, y0) = (x.floor(), y.floor());
@@ -96,29 +96,29 @@ pub(crate) fn bilinear(x: f32, y: f32, at: impl Fn(f32, f32) -> Spectral) -> Spe
     lerp(top, bottom, fy)
 }
 
-/// Image index that selects values at the corners of a mesh's triangles ([`Textures::corners`]) instead of
-/// an image.
+/// Image index that selects values at the corners of mesh triangles ([`Textures::corners`]) instead of an
+/// image.
 pub const ATTRIBUTE: u32 = u32::MAX;
 /// Number of triangles in one row of the texture-coordinate grid of [`corner_uv`].
 const COLUMNS: u32 = 2048;
-/// Maximum number of triangles with corner values. Beyond this number, f32 texture coordinates are too
+/// Maximum number of triangles with corner values. For more triangles, f32 texture coordinates are too
 /// coarse.
 pub const MOST_CORNERS: usize = 1 << 22;
 
 /// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
 ///
-/// Each triangle has a cell of 2 × 2 units and keeps a margin to the edges of the cell.
+/// Each triangle has a cell of 2 × 2 units of texture coordinates, with a margin to the edges.
 pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
     let cell = [number % COLUMNS, number / COLUMNS];
     let [u, v] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k];
     [2.0 * cell[0] as f32 + 0.5 + u, 2.0 * cell[1] as f32 + 0.5 + v]
 }
 
-/// All images, with their spectral texels in one table.
+/// All images of a scene, whose texels are in one table.
 #[derive(Clone, Debug, Default)]
 pub struct Textures {
     pub images: Vec<Image>,
-    /// Texels, top row first.
+    /// Texel values per wavelength lane, top row first in each image.
     pub texels: Vec<[f32; 4]>,
     /// Values at the corners of triangles, which meshes address through texture coordinates
     /// ([`corner_uv`]).
@@ -126,8 +126,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Returns the value at texture coordinates. The lower left corner of the image has the coordinates (0,
-    /// 0).
+    /// Returns the value of an image at texture coordinates, which are (0, 0) in the lower left corner.
     #[inline]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
         if texture == ATTRIBUTE {
@@ -142,8 +141,8 @@ impl Textures {
         bilinear(x - 0.5, y - 0.5, at)
     }
 
-    /// Returns the derivatives of the first channel, bilinearly interpolated, with respect to the surface's
-    /// texture coordinates u and v.
+    /// Returns the derivatives of the first channel, interpolated bilinearly, with respect to the texture
+    /// coordinates u and v of the surface.
     pub fn gradient(&self, texture: u32, uv: [f32; 2]) -> [f32; 2] {
         let image = &self.images[texture as usize];
         let (w, h) = (image.width as f32, image.height as f32);
@@ -154,7 +153,7 @@ impl Textures {
         let at = |i: f32, j: f32| self.texels[image.texel((x0 + i) as i64, (y0 + j) as i64)][0];
         let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
         let along = w * lerp(at(1.0, 0.0) - at(0.0, 0.0), at(1.0, 1.0) - at(0.0, 1.0), fy);
-        // Rows are counted from the top.
+        // v increases upward, but rows are counted from the top.
         let up = -h * lerp(at(0.0, 1.0) - at(0.0, 0.0), at(1.0, 1.0) - at(1.0, 0.0), fx);
         let [[a, b, _], [d, e, _]] = image.uv;
         [along * a + up * d, along * b + up * e]
@@ -178,7 +177,7 @@ impl Textures {
 /// A value per wavelength, optionally multiplied by an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Spectrum {
-    /// The value, or the factor of the image.
+    /// The value, or the factor by which the image is multiplied.
     pub value: Spectral,
     pub texture: Option<u32>,
 }
@@ -200,7 +199,7 @@ impl Spectrum {
 /// A number, optionally multiplied by the first channel of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar {
-    /// The value, or the factor of the image.
+    /// The value, or the factor by which the image is multiplied.
     pub value: f32,
     pub texture: Option<u32>,
 }
@@ -262,7 +261,7 @@ mod tests {
             let found = [1.1, -0.1, 1.9, -0.9].map(|u| at(wrap, u));
             assert_eq!(found, expected, "{wrap:?}");
         }
-        // On the edge between two neighbouring copies, the value is their mean.
+        // On the border between two adjacent copies, the value is the mean of both.
         let mixed = |wrap| value(&textures(Filter::Bilinear, wrap, SAME), 1.0, 0.25);
         assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
         assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
@@ -286,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Verifies corner values also for high triangle indices, where texture coordinates are coarse.
+    /// Verifies corner values, including high triangle indices, for which texture coordinates are coarse.
     #[test]
     fn corner_values_are_interpolated() {
         let mut t = Textures::default();

@@ -1,9 +1,9 @@
-//! Thin glass plate: a window pane, a beam splitter or a cover glass.
+//! Thin glass plates, such as window panes, beam splitters and cover glasses.
 //!
-//! The plate is plane-parallel, much thicker than the coherence length of the light and much thinner than
-//! the scene. Light reflected repeatedly between its faces leaves in parallel, and the orders add as
-//! Mueller matrices. Let R and T be the power reflection and transmission matrices of one face in the s
-//! frame. These matrices commute, and the matrices of both faces are equal. Then
+//! The plate is plane-parallel, much thicker than the coherence length of the light, and much thinner than
+//! the scene. Light that is reflected repeatedly between the faces leaves in parallel orders, whose Mueller
+//! matrices add. Let R and T be the power reflection and transmission matrices of one face in the s frame.
+//! They commute, and are equal for both faces. Then
 //!
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!
@@ -13,8 +13,8 @@
 //!
 //! > t̄ = (1 - r)/(1 + r), r̄ = r (1 + t̄);  M22: x̄_t = (1 - r_s)(1 - r_p)/(1 - x²), x̄_r = x (1 + x̄_t).
 //!
-//! As the orders are incoherent, the plate depolarizes slightly. Transmitted light is not deflected or
-//! displaced, and the plate adds no travel time.
+//! Because the orders are incoherent, the plate depolarizes slightly. Transmitted light is neither deflected
+//! nor displaced, and the plate adds no travel time.
 
 use super::dielectric::Dielectric;
 use super::facets::reflect;
@@ -38,12 +38,12 @@ pub struct ThinDielectric {
 
 /// Returns the power reflection and transmission matrices of the plate in the s frame.
 ///
-/// `cos` is the cosine of incidence; `eta` is the index inside over that outside.
+/// `cos` is the cosine of incidence; `eta` is the index inside divided by the index outside.
 #[inline]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;
     let one = Spectral::ONE;
-    // Rounding may give a power above 1. Under total reflection the sums are 0/0 and evaluate to 0.
+    // Rounding may give a power above 1. Under total reflection, the sums would be 0/0; they evaluate to 0.
     let passed = |r: Spectral| (one - r).max(Spectral::ZERO);
     let (s, p) = (face.a + face.b, face.a - face.b);
     let (t_s, t_p) = (passed(s) / (one + s), passed(p) / (one + p));
@@ -83,8 +83,8 @@ impl ThinDielectric {
         })
     }
 
-    /// Samples a lobe by its power, averaged over the live lanes. All live lanes continue. See
-    /// [`super::Materials::sample`].
+    /// Samples a lobe by its power, averaged over the live lanes (see [`super::Materials::sample`]). All live
+    /// lanes continue.
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
         let through = self.specular(at, wo, Lobe::Transmitted)?;

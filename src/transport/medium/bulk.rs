@@ -1,10 +1,10 @@
-//! Bulk optical properties of a cloud of particles, from single-particle scattering.
+//! Bulk optical properties of a cloud of particles, computed from the scattering by single particles.
 //!
-//! With N particles per m³ of mean cross section C, μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed
-//! over the kinds of particle. The scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, with dσ/dΩ = S/k² for
-//! each kind. Scattering is independent (each particle is illuminated only by the incident wave), which is
-//! valid up to volume fractions of a few per cent. The number density is N = f/⟨V⟩ for a volume fraction f;
-//! a mass concentration c has f = c/ρ.
+//! With N particles per m³ of mean cross section C, μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed over
+//! the kinds of particle. The scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each
+//! kind. Scattering is independent (only the incident wave illuminates each particle), which is valid up to
+//! volume fractions of a few per cent. For a volume fraction f, the number density is N = f/⟨V⟩; a mass
+//! concentration c gives f = c/ρ.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
@@ -13,14 +13,14 @@ use super::rayleigh::Rayleigh;
 use super::size_distribution::{SizeDistribution, SizeError};
 use std::f64::consts::PI;
 
-/// Reasons why a medium cannot be computed.
+/// Reasons why the optics of a medium cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BulkError {
     #[error(transparent)]
     Mie(#[from] MieError),
     #[error(transparent)]
     Size(#[from] SizeError),
-    /// The amount of particles is negative or NaN, or the particles fill more than the volume.
+    /// The amount is negative or NaN, or the particles fill more than the whole volume.
     #[error("the volume fraction of the particles must be in 0..1, got {0}")]
     Amount(f64),
     #[error("the density must be in 0.001..1e6 kg/m³, got {0} kg/m³")]
@@ -29,11 +29,11 @@ pub enum BulkError {
     Constants(#[from] crate::material::constants::ConstantsError),
 }
 
-/// An error in one kind of particle.
+/// An error in the parameters of one kind of particle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{error}")]
 pub struct KindError {
-    /// Index of the kind of particle in the list.
+    /// Index of the kind of particle in the list of kinds.
     pub kind: usize,
     pub error: BulkError,
 }
@@ -46,15 +46,15 @@ impl From<KindError> for BulkError {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
-    /// Fraction of the volume that the particles fill, 0..1.
+    /// Fraction of the volume that the particles fill, in [0, 1].
     VolumeFraction(f64),
     /// Number of particles per m³.
     NumberDensity(f64),
-    /// Mass concentration in kg/m³ (= g/L), with the density of a particle.
+    /// Mass concentration, with the density of the particle material.
     Mass {
         /// Mass of particles per volume of the medium, kg/m³.
         concentration: f64,
-        /// Density of a particle, kg/m³.
+        /// Density of the particle material, kg/m³.
         density: f64,
     },
 }
@@ -63,7 +63,7 @@ impl Amount {
     /// Returns the number of particles per m³.
     ///
     /// # Errors
-    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN or too large.
+    /// Returns [`BulkError::Density`], or [`BulkError::Amount`] if the amount is negative, NaN or too large.
     pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
         let volume = sizes.mean_volume();
         let n = match self {
@@ -115,18 +115,18 @@ pub struct Ensemble {
     wave_number: f64,
     /// Number of particles per m³.
     number: f64,
-    /// Sums over all kinds of particle: Σ N C_sca and Σ N C_abs, both 1/m, and Σ N C_sca g.
+    /// Sums over all kinds of particle: Σ N C_sca (1/m), Σ N C_abs (1/m), and Σ N C_sca g (1/m).
     scattering: f64,
     absorption: f64,
     cosine: f64,
-    /// Number of terms of the longest series.
+    /// Number of terms of the longest Mie series.
     terms: usize,
-    /// Products of the series, which replace the spheres if there are many.
+    /// Precomputed products of the series, which replace the spheres if there are many spheres.
     products: Option<Products>,
 }
 
 impl Ensemble {
-    /// Creates an empty ensemble in a host of real refractive index `host`, at the vacuum wavelength `nm`
+    /// Creates an empty ensemble in a host with real refractive index `host`, at the vacuum wavelength `nm`
     /// (nanometres).
     pub fn new(host: f64, nm: f64) -> Self {
         Self {
@@ -142,10 +142,10 @@ impl Ensemble {
         }
     }
 
-    /// Adds particles of index `n + i·k` (relative to vacuum).
+    /// Adds particles with index `n + i·k` relative to vacuum.
     ///
     /// # Errors
-    /// [`BulkError`] that identifies the parameter that is out of range.
+    /// Returns a [`BulkError`] that names the parameter that is out of range.
     pub fn add(
         &mut self,
         sizes: &SizeDistribution,
@@ -171,13 +171,13 @@ impl Ensemble {
     /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. The caller must call this method
     /// after the last [`Self::add`].
     pub fn finish(&mut self) {
-        // The cost of the quadratic forms, in terms of spheres.
+        // Cost of the quadratic forms, in units of the cost of a sphere.
         let long = 2 * self.terms * self.terms;
         let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
         self.products = many.then(|| Products::new(&self.spheres));
     }
 
-    /// Returns the bulk properties in a host with absorption `host_absorption`, 1/m.
+    /// Returns the bulk properties for a host with absorption coefficient `host_absorption`, 1/m.
     pub fn bulk(&self, host_absorption: f64) -> Bulk {
         let over = |sum: f64, by: f64| if by > 0.0 { sum / by } else { 0.0 };
         Bulk {
@@ -195,8 +195,8 @@ impl Ensemble {
         self.scattering <= 0.0
     }
 
-    /// Returns S11, S12, S33, S34 per steradian at a cosine of the scattering angle, normalized so that ∫ S11
-    /// dω = 1. `scratch` is a buffer for the angular functions.
+    /// Returns S11, S12, S33, S34 per steradian for a cosine of the scattering angle, normalized to ∫ S11 dω
+    /// = 1. `scratch` is a buffer for the angular functions.
     pub fn matrix(&self, cos: f64, scratch: &mut Vec<[f64; 2]>) -> [f64; 4] {
         mie::angular(cos, self.terms, scratch);
         if let Some(products) = &self.products {
@@ -216,11 +216,11 @@ impl Ensemble {
 /// Phase function of a medium, before tabulation.
 #[derive(Clone, Debug)]
 pub enum PhaseOptics {
-    /// Isotropic and depolarizing scattering.
+    /// Isotropic scattering that depolarizes completely.
     Isotropic,
     Rayleigh(Rayleigh),
     HenyeyGreenstein(HenyeyGreenstein),
-    /// Particle scattering, with one ensemble per wavelength.
+    /// Scattering by particles, with one ensemble per wavelength.
     Particles(Vec<Ensemble>),
 }
 
@@ -233,11 +233,11 @@ pub struct Optics {
 }
 
 impl Optics {
-    /// Computes the optics of particles in a host of real refractive index `host` and absorption
-    /// `host_absorption` (1/m). All lists have one entry per vacuum wavelength in `nm`.
+    /// Computes the optics of particles in a host with real refractive index `host` and absorption
+    /// coefficient `host_absorption` (1/m). All lists have one entry per vacuum wavelength in `nm`.
     ///
     /// # Errors
-    /// [`KindError`] with the first kind that has a parameter out of range.
+    /// Returns a [`KindError`] for the first kind that has a parameter out of range.
     pub fn particles(
         nm: &[f64],
         host: &[f64],

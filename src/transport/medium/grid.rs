@@ -1,32 +1,32 @@
-//! A grid of values in a box, for the spatially varying density of a medium.
+//! A grid of values in a box, for spatially varying media.
 //!
-//! Values between grid points are interpolated trilinearly. Within half a step of the box's faces, the
-//! values are those of the outermost points; outside the box, the values are 0. Along a ray, the values are
-//! a cubic polynomial in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule
-//! gives their integral exactly. Optical depths are therefore free of noise, and free paths are sampled by
-//! inversion of the optical depth.
+//! Interpolation between grid points is trilinear. Within half a step of the faces of the box, the values are
+//! those of the outermost points; outside the box, the values are 0. Along a ray, the value is a cubic
+//! polynomial in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule gives its
+//! exact integral. Optical depths are therefore free of noise, and free paths are sampled by inverting the
+//! optical depth.
 
 use crate::geometry::ray::Ray;
 use glam::{Affine3A, Vec3A};
 use optics::spectrum::Spectral;
 
-/// Maximum number of steps of the bracketed Newton's method that computes a free path.
+/// Maximum number of iterations of the bracketed Newton method that computes a free path.
 const STEPS: usize = 24;
 
 /// A grid of values in a box.
 #[derive(Clone, Debug)]
 pub struct Grid {
     size: [usize; 3],
-    /// Map from world to grid space. In grid space, the box is 0..size along each axis, and the grid points
-    /// are the centres of unit cubes.
+    /// Map from world space to grid space, where the box extends from 0 to size along each axis, and the grid
+    /// points are the centres of unit cubes.
     to_grid: Affine3A,
-    /// Values at the grid points: x fastest, then y, then z.
+    /// Values at the grid points; x varies fastest, then y, then z.
     values: Vec<[f32; 4]>,
-    /// True if values are constant per cell instead of interpolated.
+    /// True if values are constant in each cell instead of interpolated.
     nearest: bool,
 }
 
-/// A segment of a ray in one cell: start and end in metres, and the values at both ends and at the midpoint.
+/// A ray segment in one cell: start and end in metres, and the values at both ends and at the midpoint.
 struct Piece {
     from: f32,
     to: f32,
@@ -42,8 +42,8 @@ impl Piece {
 }
 
 impl Grid {
-    /// Creates a grid of `size` points (x fastest). `to_world` maps the unit cube to the box. Returns `None`
-    /// if the number of values does not match, or if the box has no volume.
+    /// Creates a grid of `size` points (x varies fastest). `to_world` maps the unit cube to the box. Returns
+    /// `None` if the number of values does not match `size`, or if the box has no volume.
     pub fn new(size: [usize; 3], values: Vec<[f32; 4]>, to_world: Affine3A, nearest: bool) -> Option<Self> {
         let scale = Vec3A::from_array(size.map(|n| n as f32));
         let to_grid = Affine3A::from_scale(scale.into()) * to_world.inverse();
@@ -81,13 +81,13 @@ impl Grid {
         self.value(own)
     }
 
-    /// Returns the value at a world point; outside the box, the value at the nearest point of the box.
+    /// Returns the value at a world point, or outside the box the value at the nearest point of the box.
     pub fn beyond(&self, p: Vec3A) -> Spectral {
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         self.value(self.to_grid.transform_point3a(p).clamp(Vec3A::ZERO, size))
     }
 
-    /// Visits the cells along a ray up to `length` metres, nearest first, until `visit` returns false.
+    /// Visits the cells along a ray up to `length` metres, in order of distance, until `visit` returns false.
     fn walk(&self, ray: &Ray, length: f32, mut visit: impl FnMut(&Piece) -> bool) {
         let (o, d) = (self.to_grid.transform_point3a(ray.origin), self.to_grid.transform_vector3a(ray.dir));
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
@@ -104,9 +104,9 @@ impl Grid {
         if near >= far {
             return;
         }
-        // With interpolation, cell boundaries are planes through the points, half a step off the unit cubes.
+        // With interpolation, cell boundaries pass through the grid points, at an offset of half a unit cube.
         let shift = if self.nearest { 0.0 } else { 0.5 };
-        // The index of the next plane along each axis, and the distance at which the ray crosses it.
+        // Index of the next plane along each axis, and distance at which the ray crosses this plane.
         let start = o + d * near - shift;
         let mut plane =
             [0, 1, 2].map(|k| if d[k] > 0.0 { start[k].floor() + 1.0 } else { start[k].ceil() - 1.0 });
@@ -148,7 +148,7 @@ impl Grid {
     }
 
     /// Returns the distance along a ray, in metres, at which the integral of one lane reaches `wanted`;
-    /// infinity if it does not.
+    /// infinity if the integral stays below `wanted`.
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);
         self.walk(ray, f32::INFINITY, |piece| {
@@ -163,8 +163,8 @@ impl Grid {
         found
     }
 
-    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`.
-    /// `wanted` is at most the integral of the whole segment.
+    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`,
+    /// which is at most the integral over the whole segment.
     fn within(&self, ray: &Ray, piece: &Piece, lane: usize, wanted: f32) -> f32 {
         let at = |t: f32| self.at_along(ray, t).to_array()[lane];
         let first = piece.ends[0].to_array()[lane];
@@ -211,7 +211,7 @@ mod tests {
         let turn = Mat3A::from_rotation_x(0.4) * Mat3A::from_rotation_z(1.1);
         let stretch = Mat3A::from_diagonal(glam::Vec3::new(0.7, 1.3, 0.5));
         let to_world = Affine3A { matrix3: turn * stretch, translation: Vec3A::new(0.2, -0.3, 0.1) };
-        Grid::new([3, 4, 2], values, to_world, nearest).expect("a grid")
+        Grid::new([3, 4, 2], values, to_world, nearest).expect("the grid is valid")
     }
 
     /// Returns a random ray that starts inside or outside the box.
@@ -223,7 +223,7 @@ mod tests {
         Ray { origin, dir }
     }
 
-    /// Integrates along a ray by the midpoint rule with 20,000 points.
+    /// Integrates along a ray with the midpoint rule at 20,000 points.
     fn quadrature(grid: &Grid, ray: &Ray, length: f32) -> f64 {
         const N: u32 = 20_000;
         let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -241,7 +241,7 @@ mod tests {
                 for length in [0.4, 3.0] {
                     let (found, want) =
                         (grid.integral(&ray, length).to_array()[0], quadrature(&grid, &ray, length));
-                    // The midpoint rule has an error of half a step at each discontinuity.
+                    // The error of the midpoint rule is half a step times the jump at each discontinuity.
                     let bound = 2e-5 + f64::from(length) * if nearest { 5e-4 } else { 1e-4 };
                     assert!((f64::from(found) - want).abs() < bound, "{nearest}: {found}, {want}");
                 }
@@ -272,15 +272,15 @@ mod tests {
         }
     }
 
-    /// Verifies rays along a grid axis, on a plane between cells, and past the box.
+    /// Verifies rays along a grid axis, in a plane between cells, and outside the box.
     #[test]
     fn rays_along_the_grid_are_integrated() {
         let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();
-        let grid = Grid::new([2, 1, 1], values, Affine3A::IDENTITY, false).expect("a grid");
+        let grid = Grid::new([2, 1, 1], values, Affine3A::IDENTITY, false).expect("the grid is valid");
         let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };
         for y in [0.0, 0.5, 1.0] {
             for dir in [Vec3A::X, -Vec3A::X] {
-                // 1 over a quarter, a ramp to 3 over a half, 3 over a quarter.
+                // The value is 1 over a quarter, increases to 3 over a half, and is 3 over a quarter.
                 let found = grid.integral(&along(y, dir), 9.0).to_array()[0];
                 assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
             }

@@ -1,4 +1,4 @@
-//! Lorenz–Mie scattering of a plane wave by a homogeneous sphere of complex index.
+//! Lorenz–Mie scattering of a plane wave by a homogeneous sphere with a complex refractive index.
 //!
 //! The formulas and conventions are those of Bohren & Huffman, "Absorption and Scattering of Light by Small
 //! Particles" (1983), ch. 4. Fields are Re E·exp(-iωt), so that an index m = n + i·k with k ≥ 0 absorbs, as
@@ -9,12 +9,12 @@
 //! - b_n the same with A = m D_n(mx) + n/x,
 //! - S1 = Σ (2n+1)/(n(n+1)) (a_n π_n + b_n τ_n), S2 = Σ (2n+1)/(n(n+1)) (a_n τ_n + b_n π_n) (their 4.74).
 //!
-//! S1 acts on the field perpendicular to the scattering plane, S2 on the field in it. The perpendicular is
-//! the first axis on both sides, and (perpendicular, parallel, direction) is right-handed, as in
-//! `polarization::fresnel`. S1 and S2 thus take the places of r_s and r_p, and the scattering matrix has
-//! the same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1* S2.
-//! (S12 has the opposite sign of Bohren & Huffman's S12, whose first axis is the parallel one. S34 has the
-//! same sign.)
+//! S1 acts on the field perpendicular to the scattering plane, S2 on the field in this plane. The
+//! perpendicular direction is the first axis of both frames, and (perpendicular, parallel, direction) is
+//! right-handed, as in `polarization::fresnel`. S1 and S2 thus replace r_s and r_p, and the scattering matrix
+//! has the same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1*
+//! S2. (S12 has the opposite sign of S12 in Bohren & Huffman, whose first axis is the parallel one. S34 has
+//! the same sign.)
 //!
 //! The recurrences are numerically stable at any size. For n ≤ x, where ψ_n oscillates, ψ_n is computed by
 //! an upward recurrence. For n > x, where ψ_n decays, ψ_n is computed from the logarithmic derivative, by a
@@ -28,25 +28,25 @@ pub type C = Complex<f64>;
 /// Minimum and maximum size parameter x.
 pub const SIZES: [f64; 2] = [1e-6, 3000.0];
 
-/// Maximum |m| x. Longer recurrences take too long.
+/// Maximum |m| x, which limits the computing time of the recurrences.
 pub const LARGEST_PHASE: f64 = 1e5;
 
-/// Reasons why a sphere cannot be computed.
+/// Reasons why the scattering by a sphere cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MieError {
     #[error("the size parameter 2π·radius·index/wavelength of a particle must be in 1e-6..3000, got {0:.4e}")]
     Size(f64),
-    /// The index is not that of a passive material, or extreme.
+    /// The index is not that of a passive material, or is outside the supported range.
     #[error(
         "the relative refractive index {0} + {1} i is outside the supported range (n > 0.001, k ≥ 0, |m| x ≤ 1e5)"
     )]
     Index(f64, f64),
 }
 
-/// A sphere's coefficients and efficiencies (cross sections over π r²).
+/// Mie coefficients and efficiencies (cross sections divided by π r²) of a sphere.
 #[derive(Clone, Debug)]
 pub struct Sphere {
-    /// Size parameter.
+    /// Size parameter x = 2π r n_host / λ.
     pub x: f64,
     pub q_sca: f64,
     pub q_abs: f64,
@@ -58,21 +58,21 @@ pub struct Sphere {
     sums: Vec<[C; 2]>,
 }
 
-/// Returns the number of terms of the series: the number of Wiscombe (1980, Appl. Opt. 19, 1505) plus a
-/// few.
+/// Returns the number of terms of the series: a few more than the number of Wiscombe (1980, Appl. Opt. 19,
+/// 1505).
 fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
 
-/// Returns the logarithmic derivatives D_0 … D_count. The recurrence runs downward from an index large
-/// enough that the initial error vanishes.
+/// Returns the logarithmic derivatives D_0 … D_count. The downward recurrence starts at an index that is
+/// large enough to make the initial error negligible.
 fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let start = (count as f64).max(z.norm() + 8.0 * z.norm().cbrt()) as usize + 16;
     let mut out = vec![C::default(); count + 1];
     let mut d = C::default();
     for n in (1..=start).rev() {
         let ratio = n as f64 / z;
-        // Negligible against all other terms; avoids division by zero at an exact zero of ψ.
+        // The constant is negligible, except that it avoids division by zero at an exact zero of ψ.
         d = ratio - (d + ratio + 1e-150).inv();
         if n - 1 <= count {
             out[n - 1] = d;
@@ -81,13 +81,13 @@ fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     out
 }
 
-/// Returns the Riccati–Bessel functions ψ_0 … ψ_count and χ_0 … χ_count of a real argument, with Bohren &
-/// Huffman's sign: ψ_0 = sin x, χ_0 = cos x.
+/// Returns the Riccati–Bessel functions ψ_0 … ψ_count and χ_0 … χ_count of a real argument, with the sign of
+/// Bohren & Huffman: ψ_0 = sin x, χ_0 = cos x.
 fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
     let (mut psi, mut chi) = (vec![0.0; count + 1], vec![0.0; count + 1]);
     let (sin, cos) = x.sin_cos();
     (psi[0], chi[0]) = (sin, cos);
-    // The functions of order -1.
+    // Functions of order -1.
     let (mut psi_before, mut chi_before) = (cos, -sin);
     let decay = logarithmic_derivatives(C::new(x, 0.0), count);
     for n in 1..=count {
@@ -104,10 +104,10 @@ fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
 }
 
 impl Sphere {
-    /// Computes the sphere of size parameter `x` and index `m` relative to the host, m.im ≥ 0.
+    /// Computes a sphere with size parameter `x` and index `m` relative to the host, m.im ≥ 0.
     ///
     /// # Errors
-    /// [`MieError`] outside [`SIZES`], and for an index that is not that of a passive material.
+    /// Returns a [`MieError`] if `x` is outside [`SIZES`], or if `m` is not the index of a passive material.
     pub fn new(x: f64, m: C) -> Result<Self, MieError> {
         if !(SIZES[0]..=SIZES[1]).contains(&x) {
             return Err(MieError::Size(x));
@@ -149,7 +149,7 @@ impl Sphere {
         Ok(Self {
             x,
             q_sca: 2.0 * sca / x2,
-            // Rounding of A may make the absorption of a transparent sphere slightly negative.
+            // Rounding errors in A may make the absorption of a transparent sphere slightly negative.
             q_abs: (2.0 * abs / x2).max(0.0),
             q_back: back.norm_sqr() / x2,
             g: 2.0 * cosine / sca,
@@ -171,8 +171,8 @@ impl Sphere {
         &self.sums
     }
 
-    /// Returns the amplitudes S1 and S2, given at least [`Self::terms`] pairs of [`angular`] functions of
-    /// the direction.
+    /// Returns the amplitudes S1 and S2. `angular` must contain at least [`Self::terms`] pairs of [`angular`]
+    /// functions of the direction.
     pub(crate) fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());
         for ([sum, difference], [plus, minus]) in self.sums.iter().zip(angular) {
@@ -182,7 +182,7 @@ impl Sphere {
         [even + odd, even - odd]
     }
 
-    /// Returns the amplitudes S1 and S2 at a cosine of the scattering angle.
+    /// Returns the amplitudes S1 and S2 for a cosine of the scattering angle.
     pub fn amplitudes(&self, cos: f64) -> [C; 2] {
         let mut table = vec![];
         angular(cos, self.terms(), &mut table);
@@ -190,7 +190,7 @@ impl Sphere {
     }
 }
 
-/// Writes π_n + τ_n and π_n - τ_n for n = 1 … count at a cosine of the scattering angle (Bohren & Huffman
+/// Writes π_n + τ_n and π_n - τ_n for n = 1 … count and a cosine of the scattering angle (Bohren & Huffman
 /// 4.47) to `out`.
 pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
     out.clear();
@@ -220,19 +220,19 @@ mod tests {
     use std::f64::consts::PI;
 
     fn sphere(x: f64, n: f64, k: f64) -> Sphere {
-        Sphere::new(x, C::new(n, k)).expect("an admitted sphere")
+        Sphere::new(x, C::new(n, k)).expect("the sphere is supported")
     }
 
-    /// Compares with the printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm,
-    /// 632.8 nm, m = 1.55): S11 over S11 at 0°, degree of polarization -S12/S11 (in their convention),
-    /// S33/S11 and S34/S11. Signs are those of this file.
+    /// Compares with the printed result of the program in appendix A of Bohren & Huffman (radius 0.525 µm,
+    /// 632.8 nm, m = 1.55): S11 divided by S11 at 0°, degree of polarization -S12/S11 (in their convention),
+    /// S33/S11 and S34/S11. Signs are converted to those of this file.
     #[test]
     // One of the numbers is near π/4.
     #[expect(clippy::approx_constant)]
     fn matches_bohren_and_huffman() {
         let s = sphere(2.0 * PI * 0.525 / 0.6328, 1.55, 0.0);
         for (got, want) in [(s.q_sca, 3.10543), (s.q_ext(), 3.10543), (s.q_back, 2.92534)] {
-            assert!((got - want).abs() < 5e-6, "{got} is not {want}");
+            assert!((got - want).abs() < 5e-6, "found {got}, expected {want}");
         }
         let forward = matrix(s.amplitudes(1.0))[0];
         for (deg, want) in [
@@ -247,12 +247,12 @@ mod tests {
         ] {
             let [a, b, c, d] = matrix(s.amplitudes(f64::to_radians(deg).cos()));
             for (g, w) in [a / forward, b / a, c / a, d / a].into_iter().zip(want) {
-                assert!((g - w).abs() < 1.5e-6, "{deg}°: {g} is not {w}");
+                assert!((g - w).abs() < 1.5e-6, "at {deg}°: found {g}, expected {w}");
             }
         }
     }
 
-    /// Compares with Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to its printed
+    /// Compares Q_ext, Q_sca and g with those of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to the printed
     /// precision.
     #[test]
     fn matches_wiscombe() {
@@ -272,13 +272,13 @@ mod tests {
         ] {
             let s = sphere(x, n, k);
             for (got, want) in [(s.q_ext(), ext), (s.q_sca, sca), (s.g, g)] {
-                assert!((got - want).abs() < 6e-7, "{n} + {k} i, x = {x}: {got} is not {want}");
+                assert!((got - want).abs() < 6e-7, "{n} + {k} i, x = {x}: found {got}, expected {want}");
             }
         }
     }
 
-    /// Compares with Rayleigh's (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), up to relative
-    /// corrections of order x² (Bohren & Huffman 5.7).
+    /// Compares with the Rayleigh limits (8/3) x⁴ |K|² and 4 x Im K, where K = (m² - 1)/(m² + 2), up to
+    /// relative corrections of order x² (Bohren & Huffman 5.7).
     #[test]
     fn small_spheres_match_rayleigh() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
@@ -296,15 +296,15 @@ mod tests {
                     let [a, b, c, d] =
                         matrix(s.amplitudes(mu)).map(|e| e * 2.0 / (x.powi(6) * polarizability.norm_sqr()));
                     for (got, want) in [(a, 1.0 + mu * mu), (b, 1.0 - mu * mu), (c, 2.0 * mu), (d, 0.0)] {
-                        assert!((got - want).abs() < 10.0 * tolerance, "{deg}°: {got} is not {want}");
+                        assert!((got - want).abs() < 10.0 * tolerance, "{deg}°: {got}, expected {want}");
                     }
                 }
             }
         }
     }
 
-    /// Verifies Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by
-    /// Gauss–Legendre quadrature.
+    /// Verifies Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11, which
+    /// are computed by Gauss–Legendre quadrature.
     #[test]
     fn series_and_amplitudes_agree() {
         for (x, n, k) in
@@ -329,7 +329,7 @@ mod tests {
         }
     }
 
-    /// Returns nodes and weights of Gauss–Legendre quadrature on -1..1, computed by Newton's method.
+    /// Returns the nodes and weights of Gauss–Legendre quadrature on [-1, 1], computed by Newton's method.
     fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
         let node = |i: usize| {
             let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
@@ -348,9 +348,9 @@ mod tests {
         (0..count).map(node).collect()
     }
 
-    /// Away from the forward direction, scattering by a large metal sphere equals the Fresnel reflection at
-    /// the specular point, with an angle of incidence of (180° - θ)/2. The test thus verifies that the
-    /// order and signs of S1 and S2, the sign of time and the sign of k agree with `polarization::fresnel`.
+    /// Verifies that, outside the forward direction, scattering by a large metal sphere equals Fresnel
+    /// reflection at the specular point, with angle of incidence (180° - θ)/2. The order and signs of S1 and
+    /// S2, the sign of time and the sign of k therefore agree with `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_matches_fresnel() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -362,7 +362,7 @@ mod tests {
             for (got, want) in [b / a, c / a, d / a].into_iter().zip(&want[1..]) {
                 assert!((got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3, "{deg}°: {got} {want}");
             }
-            // Intensity: geometric reflection by a sphere is isotropic, with a quarter of the reflectance per
+            // The geometric reflection by a sphere is isotropic, with a quarter of the reflectance per
             // steradian in units of r².
             let brightness = 4.0 * a / 3000.0_f64.powi(2);
             assert!((brightness / want[0] - 1.0).abs() < 5e-3, "{deg}°: {brightness} {want:?}");
@@ -402,7 +402,7 @@ mod tests {
             prop_assert!(s.g.abs() <= 1.0 && s.q_back >= 0.0 && s.q_back.is_finite());
             let [a, b, c, d] = matrix(s.amplitudes(mu));
             prop_assert!(a >= 0.0 && (b * b + c * c + d * d - a * a).abs() <= 1e-12 * a * a);
-            // The optical theorem, where cancellation leaves enough digits.
+            // Verify the optical theorem where cancellation leaves enough digits.
             let theorem = 4.0 * s.amplitudes(1.0)[0].re / (x * x);
             prop_assert!((theorem - s.q_ext()).abs() < 1e-9 * s.q_ext(), "{} {}", theorem, s.q_ext());
         }

@@ -1,6 +1,6 @@
 //! Participating media: scattering and absorption. One phase function per file, dispatched by enum.
 //!
-//! Scattering matrices are per steradian and normalized to ∫ S11 dω = 1. Directions and frames are those of
+//! Scattering matrices are per steradian and normalized to ∫ S11 dω = 1. Directions and frames are defined in
 //! [`scattered`]. `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
 
 pub mod bulk;
@@ -35,18 +35,18 @@ const ISOTROPIC: f32 = 0.25 / PI;
 /// Phase function of a medium.
 #[derive(Clone, Copy, Debug)]
 pub enum Phase {
-    /// Isotropic and depolarizing scattering.
+    /// Isotropic scattering that depolarizes completely.
     Isotropic,
     Rayleigh(rayleigh::Rayleigh),
     HenyeyGreenstein(henyey_greenstein::HenyeyGreenstein),
-    /// Tabulated scattering, with the index of the matrix in [`Media::tables`].
+    /// Tabulated scattering matrix, with its index in [`Media::tables`].
     Table(u32),
 }
 
-/// Index that stands for no grid, for [`Medium::density`] and [`Medium::albedo`].
+/// Value of [`Medium::density`] and [`Medium::albedo`] that denotes no grid.
 pub const NO_GRID: u32 = u32::MAX;
 
-/// A medium, homogeneous except for its grids.
+/// A medium that is homogeneous, except for the grids to which it refers.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium {
     /// Absorption coefficient μ_a, 1/m; 0 in unused lanes.
@@ -56,10 +56,10 @@ pub struct Medium {
     /// Real refractive index of the host medium; 1 in unused lanes.
     pub index: Spectral,
     pub phase: Phase,
-    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; outside the grid's box, the
+    /// Index of a grid in [`Media::grids`] that multiplies both coefficients. Outside the grid's box, the
     /// factor is 0.
     pub density: u32,
-    /// Index of a grid with the fraction of `scattering` that scatters; the other fraction absorbs.
+    /// Index of a grid: the fraction of `scattering` that is scattered. The remaining fraction is absorbed.
     pub albedo: u32,
 }
 
@@ -127,7 +127,7 @@ impl Media {
         factors.fold(medium.scattering, |s, factor| s * factor)
     }
 
-    /// Returns the optical depth of `length` metres along a ray.
+    /// Returns the optical depth of a ray segment with a length of `length` metres.
     #[inline]
     pub fn depth(&self, id: u32, ray: &Ray, length: f32) -> Spectral {
         let medium = &self.list[id as usize];
@@ -137,7 +137,7 @@ impl Media {
         }
     }
 
-    /// Returns the distance along a ray at which a lane's optical depth reaches `depth`, metres.
+    /// Returns the distance along a ray at which the optical depth of a lane reaches `depth`, metres.
     #[inline]
     pub fn reach(&self, id: u32, ray: &Ray, lane: usize, depth: f32) -> f32 {
         let medium = &self.list[id as usize];
@@ -160,9 +160,9 @@ impl Media {
         extinction[..lanes].iter().fold(f32::INFINITY, |a, b| a.min(*b))
     }
 
-    /// Returns the Mueller phase function per steradian, from light travelling along `-wi` to light
-    /// travelling along `wo`. `wi` and `wo` are unit vectors away from the point. The first axis of both
-    /// frames is the normal of the scattering plane.
+    /// Returns the Mueller phase function per steradian, from light that travels along `-wi` to light that
+    /// travels along `wo`. `wi` and `wo` are unit vectors that point away from the scattering point. The
+    /// first axis of both frames is the normal of the scattering plane.
     #[inline]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
@@ -181,7 +181,7 @@ impl Media {
         self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
-    /// Samples the direction from which light along `wo` arrives, by the phase function of lane `lane`.
+    /// Samples the direction from which light along `wo` arrives, with the phase function of lane `lane`.
     #[inline]
     pub fn sample_direction(&self, id: u32, wo: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
         match self.sample_angle(self.list[id as usize].phase, lane, stream) {
@@ -190,8 +190,8 @@ impl Media {
         }
     }
 
-    /// Samples a scattering angle by the phase function of lane `lane`; `None` for isotropic phase
-    /// functions.
+    /// Samples a scattering angle with the phase function of lane `lane`; `None` if the phase function is
+    /// isotropic.
     #[inline]
     fn sample_angle(&self, phase: Phase, lane: usize, stream: &mut Stream) -> Option<Angle> {
         match phase {
@@ -202,8 +202,8 @@ impl Media {
         }
     }
 
-    /// Returns the interaction at a scattering angle; `s` computes the normal of the scattering plane if
-    /// needed.
+    /// Returns the scattering matrix at a scattering angle; `s` computes the normal of the scattering plane
+    /// if it is needed.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A) -> Scatter {
         match phase {

@@ -1,22 +1,22 @@
 //! Tracks the medium of a path through nested or overlapping filled objects.
 //!
-//! Every filled object has a priority. Where several objects overlap, the object of highest priority fills
-//! the space, and light ignores the boundaries of the other objects there (Schmidt & Budge 2002, "Simple
-//! nested dielectrics in ray traced images"). If priorities are equal, the object that was entered last
-//! fills the space, so nesting needs no priorities.
+//! Each filled object has a priority. Where several objects overlap, the object with the highest priority
+//! fills the space, and light ignores the boundaries of the other objects there (Schmidt & Budge 2002,
+//! "Simple nested dielectrics in ray traced images"). If priorities are equal, the object that was entered
+//! last fills the space. Nested objects therefore need no priorities.
 
-/// Maximum number of filled objects that contain the same point. Further objects are ignored.
+/// Maximum number of filled objects that may contain the same point. Further objects are ignored.
 pub const DEPTH: usize = 8;
 
-/// The boundary of an object.
+/// A boundary of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Boundary {
     /// Index of the medium inside.
     pub medium: u32,
-    /// Priority of the object. The highest priority among overlapping objects fills the space.
+    /// Priority of the object. Among overlapping objects, the one with the highest priority fills the space.
     pub priority: i32,
-    /// Index of the first boundary of the same object. The parts of an object may have different materials,
-    /// so light may enter through one boundary and leave through another.
+    /// Index of the first boundary of the same object. The surfaces of an object may have different
+    /// materials, so light may enter through one boundary and leave through another.
     pub object: u32,
 }
 
@@ -38,15 +38,15 @@ impl Nest {
         &self.entered[..usize::from(self.count)]
     }
 
-    /// Returns the index of the medium that fills the point; `None` outside all filled objects.
+    /// Returns the index of the medium at the point; `None` outside all filled objects.
     #[inline]
     pub fn medium(&self, boundaries: &[Boundary]) -> Option<u32> {
         let filled = self.list().iter().map(|id| boundaries[*id as usize]);
-        // `max_by_key` returns the last of equal elements.
+        // `max_by_key` returns the last of several equal elements.
         filled.max_by_key(|b| b.priority).map(|b| b.medium)
     }
 
-    /// Returns true if boundary `id` is inside an object of higher priority, so that light ignores it.
+    /// Returns true if boundary `id` is inside an object of higher priority and thus has no effect on light.
     #[inline]
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {
         let own = boundaries[id as usize];
@@ -54,7 +54,7 @@ impl Nest {
             && self.list().iter().any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
-    /// Crosses boundary `id`: to the inside if `enters`, else to the outside.
+    /// Crosses boundary `id`: to the inside if `enters` is true, otherwise to the outside.
     #[inline]
     pub fn cross(&mut self, boundaries: &[Boundary], id: u32, enters: bool) {
         let own = boundaries[id as usize];
@@ -83,7 +83,7 @@ mod tests {
         [of(10, 0, 0), of(11, 0, 1), of(12, 5, 2), Boundary::NONE, of(10, 0, 0)]
     }
 
-    /// Verifies that boundaries 0 and 4, of the same object, count as one object.
+    /// Verifies that boundaries 0 and 4, which belong to the same object, count as one object.
     #[test]
     fn parts_of_an_object_count_as_one() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(nest.medium(&b), None);
     }
 
-    /// Verifies two overlapping objects that are crossed in any order.
+    /// Verifies the media for two overlapping objects that are crossed in any order.
     #[test]
     fn the_highest_priority_fills_and_hides() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(nest.medium(&b), Some(10));
     }
 
-    /// Verifies that nesting deeper than [`DEPTH`] does not fail.
+    /// Verifies that more than [`DEPTH`] nested objects do not cause a failure.
     #[test]
     fn nesting_deeper_than_the_limit_does_not_fail() {
         let (b, mut nest) = (boundaries(), Nest::default());

@@ -4,24 +4,23 @@
 //! "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60),
 //! with the numbers of Frisvad's program of 2009:
 //!
-//! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030) from weight percentages w
-//!   of fat and of protein,
-//! - fat: log-normal; the area-weighted mean radius is r43/(c² + 1) with the coefficient of variation c =
-//!   0.6. r43 decreases with the homogenization pressure P in MPa as log r43 = log r_0 -
-//!   log(r_0/r_50)/log(50) log P, between a fit for untreated milk, r_0, and one at 50 MPa, r_50 (Walstra
-//!   1975; Olson, White & Richter 2004),
-//! - casein: volume-weighted density of t = r/(150 nm - r) log-normal with mean 43/107 and standard deviation
-//!   0.23, index 1.503,
-//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. The absorbance of riboflavin
-//!   (Du et al. 1998, 33 000 per M and cm at 266.5 nm) makes milk yellowish.
+//! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030), where w is the percentage
+//!   by weight of fat or of protein,
+//! - fat: log-normal, with area-weighted mean radius r43/(c² + 1) and coefficient of variation c = 0.6. r43
+//!   decreases with the homogenization pressure P in MPa as log r43 = log r_0 - log(r_0/r_50)/log(50) log P.
+//!   r_0 is a fit for untreated milk and r_50 a fit for 50 MPa (Walstra 1975; Olson, White & Richter 2004),
+//! - casein: the volume-weighted distribution of t = r/(150 nm - r) is log-normal with mean 43/107 and
+//!   standard deviation 0.23; the index is 1.503,
+//! - riboflavin (vitamin B2): the water contains 0.17 mg per 100 g of milk. The absorbance (Du et al. 1998,
+//!   33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
 //! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs,
 //! Yang & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). The absorption of polystyrene is negligible.
 //!
 //! **Marble, skin**: the source is Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for
-//! subsurface light transport", table of figure 5. The table has reduced scattering and absorption in red,
-//! green and blue, which are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced scattering
-//! is μ_s' = (1 - g) μ_s. The phase function is Henyey & Greenstein's with selectable g.
+//! subsurface light transport", table of figure 5. The table lists reduced scattering and absorption in red,
+//! green and blue. These are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced scattering is
+//! μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;
@@ -30,28 +29,28 @@ use super::water;
 use crate::material::constants::lookup;
 use optics::spectrum::Wavelengths;
 
-/// Composition of milk: weight percentages, homogenization and dilution.
+/// Composition of milk: fat content, homogenization and dilution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milk {
-    /// Percentage by weight of fat: whole milk 3.5, reduced-fat 1.5, skimmed 0.1.
+    /// Percentage of fat by weight: 3.5 in whole milk, 1.5 in reduced-fat milk, 0.1 in skimmed milk.
     pub fat_percent: f64,
     pub protein_percent: f64,
-    /// Pressure of homogenization in MPa; 0 for untreated milk.
+    /// Homogenization pressure in MPa; 0 for untreated milk.
     pub homogenization_mpa: f64,
-    /// Volume fraction of milk in a mixture of milk and water, 0..1.
+    /// Volume fraction of milk in a mixture of milk and water, in [0, 1].
     pub concentration: f64,
 }
 
-/// Absorbance of riboflavin every 25 nm from 375 nm, in units of [`RIBOFLAVIN_UNIT`].
+/// Absorbance of riboflavin every 25 nm, starting at 375 nm, in units of [`RIBOFLAVIN_UNIT`].
 const RIBOFLAVIN: [f64; 17] = [
     0.071_17, 0.059_34, 0.072_15, 0.083_00, 0.063_79, 0.019_62, 0.009_50, 0.009_57, 0.011_98, 0.010_47,
     0.010_46, 0.010_61, 0.006_71, 0.010_34, 0.005_89, 0.008_86, 0.010_15,
 ];
 
-/// Unit of [`RIBOFLAVIN`], per M and metre: 33 000 per M and cm corresponds to an absorbance of 0.25654.
+/// Unit of [`RIBOFLAVIN`], per M and metre: an absorbance of 0.25654 corresponds to 33 000 per M and cm.
 const RIBOFLAVIN_UNIT: f64 = 3.3e6 / 0.256_54;
 
-/// Riboflavin in milk, in moles per litre: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
+/// Concentration of riboflavin in milk, in moles per litre: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
 const RIBOFLAVIN_MOLAR: f64 = 0.17 / 376.368_2 / (100.0 / MILK_DENSITY);
 
 /// Density of milk, kg/L.
@@ -66,7 +65,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
         if w < 2.0 { -0.252_803_379_4 * w * w + 1.418_606_759 * w } else { 1.456_189_142 * w.powf(0.36) };
     let at_50 = 7.481_403_922e-4 * w * w + 3.203_991_829e-2 * w + 0.116_215_566_7;
     let r43 = if mpa > 1.0 {
-        // The power law through both fits, at 1 MPa and at 50 MPa.
+        // Power law through both fits, at 1 MPa and at 50 MPa.
         untreated * mpa.powf(-(untreated / at_50).ln() / 50.0_f64.ln())
     } else {
         untreated
@@ -74,7 +73,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
     r43 / (FAT_VARIATION * FAT_VARIATION + 1.0)
 }
 
-/// Coefficient of variation of the radii of fat globules, weighted by area.
+/// Area-weighted coefficient of variation of the radii of fat globules.
 const FAT_VARIATION: f64 = 0.6;
 
 /// Returns the distribution of the radii of casein micelles.
@@ -88,22 +87,22 @@ fn casein_sizes() -> SizeDistribution {
         let t = transform(r);
         (-(t.ln() - centre).powi(2) / (2.0 * variance)).exp() / t
     };
-    // Convert from volume-weighted to number-weighted: divide by r³. The range ends are negligible.
+    // Divide by r³ to convert from volume weights to number weights. The ends of the range are negligible.
     let radii = (2..75).map(|i| 2.0 * f64::from(i));
     SizeDistribution::List(radii.map(|r| [r * 1e-9, weight(r) / r.powi(3)]).collect())
 }
 
-/// Returns the absorption by the riboflavin in undiluted milk at a vacuum wavelength in nanometres, 1/m.
+/// Returns the absorption coefficient of riboflavin in undiluted milk at the vacuum wavelength `nm`, 1/m.
 fn riboflavin(nm: f64) -> f64 {
     let absorbance = water::even_table(&RIBOFLAVIN, 375.0, 25.0, nm);
     10.0_f64.ln() * RIBOFLAVIN_MOLAR * RIBOFLAVIN_UNIT * absorbance
 }
 
 impl Milk {
-    /// Returns the optical properties of the milk at the given wavelengths, 380 to 770 nm.
+    /// Returns the optical properties of the milk at the given wavelengths, which must be in 380 to 770 nm.
     ///
     /// # Errors
-    /// [`BulkError`] with the wavelength or parameter that is out of range.
+    /// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
     pub fn optics(&self, wavelengths: &Wavelengths) -> Result<Optics, BulkError> {
         let nm = wavelengths.nm();
         let host = nm.iter().map(|w| water::index(*w)).collect::<Result<Vec<_>, _>>()?;
@@ -120,7 +119,7 @@ impl Milk {
             let variance = (FAT_VARIATION * FAT_VARIATION + 1.0).ln();
             kinds.push(Kind {
                 sizes: SizeDistribution::LogNormal {
-                    // From the area-weighted mean to the number median: ⟨r³⟩/⟨r²⟩ = r_g exp(5σ²/2).
+                    // Convert the area-weighted mean to the number median: ⟨r³⟩/⟨r²⟩ = r_g exp(5σ²/2).
                     median: mean * (-2.5 * variance).exp(),
                     sigma: variance.sqrt(),
                 },
@@ -150,7 +149,7 @@ pub fn polystyrene_index(nm: f64) -> f64 {
 /// Returns the optical properties of polystyrene spheres in water.
 ///
 /// # Errors
-/// [`BulkError`] with the wavelength or parameter that is out of range.
+/// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
 pub fn polystyrene(
     sizes: SizeDistribution,
     amount: Amount,
@@ -182,10 +181,10 @@ pub const SKIN: Translucent =
     Translucent { reduced_scattering: [0.74, 0.88, 1.01], absorption: [0.032, 0.17, 0.48], index: 1.3 };
 
 impl Translucent {
-    /// Returns the optical properties at the given wavelengths, for the mean cosine `g` of the scattering
+    /// Returns the optical properties at the given wavelengths. `g` is the mean cosine of the scattering
     /// angle.
     pub fn optics(&self, g: f64, wavelengths: &Wavelengths) -> Optics {
-        // From 450 nm to 650 nm, per metre.
+        // Interpolate between 450 nm and 650 nm, and convert to 1/m.
         let at = |[red, green, blue]: [f64; 3], nm: f64| {
             1000.0 * water::even_table(&[blue, green, red], 450.0, 100.0, nm)
         };

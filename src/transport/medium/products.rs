@@ -1,4 +1,4 @@
-//! The scattering matrix of a set of spheres from mean products of their coefficients.
+//! Computes the scattering matrix of a set of spheres from the mean products of their Mie coefficients.
 //!
 //! With P = S1 + S2 = Σ s_n (π_n + τ_n) and Q = S1 - S2 = Σ d_n (π_n - τ_n), where the coefficients are
 //! (2n+1)/(n(n+1)) (a_n ± b_n),
@@ -6,20 +6,20 @@
 //! S11 = (|P|² + |Q|²)/4, S12 = Re P Q*/2, S33 = (|P|² - |Q|²)/4, S34 = Im P Q*/2.
 //!
 //! All four elements are quadratic forms of the angular functions. The matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and
-//! ⟨s_n d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number
-//! of sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and a few
-//! hundred sizes give a relative error of 10⁻³.
+//! ⟨s_n d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number of
+//! sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and with a few
+//! hundred sizes the relative error is 10⁻³.
 
 use super::mie::Sphere;
 
-/// Mean products of the coefficients of weighted spheres.
+/// Mean products of the Mie coefficients of weighted spheres.
 #[derive(Clone, Debug)]
 pub struct Products {
-    /// Number of terms of the longest series.
+    /// Number of terms of the longest Mie series.
     terms: usize,
-    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal entries doubled; then the same for d.
+    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal elements doubled, and the same for d.
     squares: [Vec<Vec<f64>>; 2],
-    /// Rows n of Re s_n d_m* and rows n of Im s_n d_m*, for all m.
+    /// Rows n of Re s_n d_m* and rows n of Im s_n d_m*, each for all m.
     mixed: [Vec<Vec<f64>>; 2],
 }
 
@@ -35,7 +35,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Products {
-    /// Computes the mean products over spheres, given as pairs of weight and sphere.
+    /// Computes the mean products over spheres, given as pairs of a weight and a sphere.
     pub fn new(spheres: &[(f64, Sphere)]) -> Self {
         let terms = spheres.iter().map(|(_, s)| s.terms()).max().unwrap_or(0);
         let triangle = || (0..terms).map(|n| vec![0.0; n + 1]).collect::<Vec<_>>();
@@ -43,7 +43,7 @@ impl Products {
         let (mut squares, mut mixed) = ([triangle(), triangle()], [square(), square()]);
         let (mut re, mut im) = ([vec![], vec![]], [vec![], vec![]]);
         for (weight, sphere) in spheres {
-            // s and d of this sphere as separate real and imaginary parts, for the inner loops.
+            // Separate real and imaginary parts of s and d of this sphere, for the inner loops.
             for which in 0..2 {
                 re[which].clear();
                 im[which].clear();
@@ -98,7 +98,7 @@ mod tests {
     fn products_are_sums_over_spheres() {
         let spheres: Vec<(f64, Sphere)> =
             [(0.5, 12.0, 1.5, 0.0), (2.0, 3.0, 1.33, 0.1), (7.0, 0.3, 0.4, 2.5)]
-                .map(|(w, x, n, k)| (w, Sphere::new(x, C::new(n, k)).expect("admitted")))
+                .map(|(w, x, n, k)| (w, Sphere::new(x, C::new(n, k)).expect("the sphere is supported")))
                 .to_vec();
         let products = Products::new(&spheres);
         let mut table = vec![];
@@ -110,7 +110,7 @@ mod tests {
                 want.iter_mut().zip(m).for_each(|(sum, e)| *sum += w * e);
             }
             for (got, want_e) in products.matrix(&table).into_iter().zip(want) {
-                assert!((got - want_e).abs() < 1e-11 * want[0], "{mu}: {got} is not {want_e}");
+                assert!((got - want_e).abs() < 1e-11 * want[0], "μ = {mu}: {got}, expected {want_e}");
             }
         }
     }

@@ -1,10 +1,10 @@
 //! The geometry of one scattering event, and its matrix in the scattering plane.
 //!
-//! As for surfaces, `wo` is the direction in which light leaves, and `wi` the direction from which light
-//! arrives. Both point away from the scattering point. Light travels along -wi before the event and along
-//! wo after it, so cosθ = -wi·wo. The first axis of both Stokes frames is perpendicular to the scattering
-//! plane, s ∥ wi × wo, as for reflection ([`Scatter::Fresnel`]). In these frames, the matrix of any cloud
-//! of randomly oriented, mirror-symmetric particles is (van de Hulst 1957, sect. 5.22)
+//! As for surfaces, light leaves along `wo` and arrives from `wi`. Both directions point away from the
+//! scattering point. Light travels along -wi before the event and along wo after it, so cosθ = -wi·wo. The
+//! first axis of both Stokes frames is perpendicular to the scattering plane, s ∥ wi × wo, as for reflection
+//! ([`Scatter::Fresnel`]). In these frames, the matrix of randomly oriented, mirror-symmetric particles is
+//! (van de Hulst 1957, sect. 5.22)
 //!
 //!     S11 S12  0   0
 //!     S12 S22  0   0
@@ -18,13 +18,13 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each is accurate near 0, because forward peaks
-/// are narrower than the resolution of an f32 cosine.
+/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0, because forward
+/// peaks are narrower than the resolution of cosθ in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
-    /// 1 - cosθ, 0..2.
+    /// 1 - cosθ, in [0, 2].
     pub forward: f32,
-    /// 1 + cosθ, 0..2.
+    /// 1 + cosθ, in [0, 2].
     pub backward: f32,
 }
 
@@ -39,19 +39,19 @@ impl Angle {
         }
     }
 
-    /// Returns the angle for a cosine in -1..1.
+    /// Returns the scattering angle for a cosine in [-1, 1].
     #[inline]
     pub(crate) fn of_cos(mu: f32) -> Self {
         Self { forward: 1.0 - mu, backward: 1.0 + mu }
     }
 
-    /// Returns the angle for 1 - cosθ in 0..2.
+    /// Returns the scattering angle for a value of 1 - cosθ in [0, 2].
     #[inline]
     pub(crate) fn of_forward(forward: f32) -> Self {
         Self { forward, backward: 2.0 - forward }
     }
 
-    /// Returns the supplement 180° - θ.
+    /// Returns the supplementary angle 180° - θ.
     #[inline]
     pub fn supplement(self) -> Self {
         Self { forward: self.backward, backward: self.forward }
@@ -67,8 +67,8 @@ impl Angle {
         self.forward * self.backward
     }
 
-    /// Returns the direction `wi` at this angle to `wo` and at an azimuth of `turns` full turns (0..1).
-    /// Also returns the unit normal of the scattering plane.
+    /// Returns the direction `wi` at this angle to `wo` and at an azimuth of 2π `turns` (0 ≤ `turns` ≤ 1),
+    /// and the unit normal of the scattering plane.
     #[inline]
     pub fn direction(self, wo: Vec3A, turns: f32) -> (Vec3A, Vec3A) {
         let x = perpendicular(wo);
@@ -80,11 +80,11 @@ impl Angle {
     }
 }
 
-/// Returns the unit normal of the scattering plane. In the forward and backward directions, the result is
-/// an arbitrary perpendicular, on which the matrix does not depend there.
+/// Returns the unit normal of the scattering plane. In the forward and backward directions, the result is an
+/// arbitrary perpendicular unit vector, because the matrix does not depend on the normal there.
 #[inline]
 pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
-    // For nearly parallel vectors, use their short sum or difference to avoid cancellation.
+    // For nearly parallel vectors, use the short sum or difference to avoid cancellation.
     let short = if wo.dot(wi) < 0.0 { wo + wi } else { wo - wi };
     let n = wo.cross(short);
     let n2 = n.length_squared();
@@ -94,7 +94,7 @@ pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 /// The six elements of the scattering matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// Element S11, the intensity for unpolarized light, per steradian, with integral 1 over the sphere.
+    /// Element S11 per steradian: the intensity for unpolarized light, whose integral over the sphere is 1.
     pub s11: T,
     pub s12: T,
     pub s22: T,
@@ -104,7 +104,7 @@ pub struct Elements<T> {
 }
 
 impl Elements<f32> {
-    /// Returns the same elements in all wavelength lanes.
+    /// Returns elements with the same values in all wavelength lanes.
     #[inline]
     pub fn splat(self) -> Elements<Spectral> {
         Elements {
@@ -119,7 +119,7 @@ impl Elements<f32> {
 }
 
 impl Elements<Spectral> {
-    /// Returns the interaction with these elements in a scattering plane with unit normal `s`.
+    /// Returns the scattering matrix with these elements for a scattering plane with unit normal `s`.
     #[inline]
     pub fn scatter(self, s: Vec3A) -> Scatter {
         let z = Spectral::ZERO;

@@ -1,4 +1,4 @@
-//! Distributions of particle radii, and quadratures over them.
+//! Distributions of particle radii, and quadrature over them.
 //!
 //! The distributions are number densities n(r) with ∫ n dr = 1:
 //!
@@ -7,10 +7,10 @@
 //! - gamma (Hansen 1971, J. Atmos. Sci. 28, 1400): n(r) ∝ r^{(1-3b)/b} exp(-r/(ab)). The area-weighted mean
 //!   is the effective radius a, the area-weighted relative variance is the effective variance b < 1/2.
 //!
-//! Smooth distributions are integrated by the trapezoidal rule in ln r, which converges faster than any
-//! power for functions that vanish at both ends. The accuracy is limited by the resonances of large
-//! transparent spheres, which are narrower than any grid. With about 60 points per unit of the size
-//! parameter, the coefficients of a cloud are accurate to about 10⁻⁵; with 4 points, to 10⁻³.
+//! Smooth distributions are integrated with the trapezoidal rule in ln r, which converges faster than any
+//! power for functions that vanish at both ends. The resonances of large transparent spheres, which are
+//! narrower than any grid, limit the accuracy. With about 60 points per unit of the size parameter, the
+//! coefficients of a cloud are accurate to about 10⁻⁵; with 4 points, they are accurate to 10⁻³.
 
 use optics::sampling::gamma::ln_gamma;
 use std::f64::consts::PI;
@@ -18,29 +18,29 @@ use std::f64::consts::PI;
 /// Distribution of particle radii, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeDistribution {
-    /// Equal radii of all particles.
+    /// All particles have the same radius, metres.
     Single { radius: f64 },
-    /// Log-normal distribution: the median in metres, and the standard deviation of ln r.
+    /// A log-normal distribution: median in metres, and standard deviation of ln r.
     LogNormal { median: f64, sigma: f64 },
-    /// Hansen's gamma distribution.
+    /// The gamma distribution of Hansen.
     Gamma {
         /// Effective radius ⟨r³⟩/⟨r²⟩, metres.
         effective_radius: f64,
-        /// Effective variance, dimensionless.
+        /// Effective variance (dimensionless).
         effective_variance: f64,
     },
-    /// List of radii in metres with relative numbers of particles.
+    /// A list of radii in metres with relative numbers of particles.
     List(Vec<[f64; 2]>),
 }
 
-/// Reasons why a distribution is refused.
+/// Reasons why a distribution is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SizeError {
-    #[error("radius is {0} m; expected 1e-12..0.01 m")]
+    #[error("the particle radius is {0} m; expected 1e-12 m to 0.01 m")]
     Radius(f64),
-    #[error("sigma is {0}; expected 0.001..2")]
+    #[error("sigma is {0}; expected 0.001 to 2 (standard deviation of ln r)")]
     Sigma(f64),
-    #[error("the effective variance is {0}; expected 0.001..0.45")]
+    #[error("the effective variance is {0}; expected 0.001 to 0.45")]
     Variance(f64),
     #[error("the list of sizes is empty, or a weight is negative or not finite")]
     List,
@@ -49,14 +49,14 @@ pub enum SizeError {
 /// Minimum and maximum number of points of a quadrature.
 const POINTS: [f64; 2] = [500.0, 8000.0];
 
-/// Maximum of the number of points times the cube of the largest size parameter. The cost of a phase
-/// function is nearly proportional to this product.
+/// Maximum of the number of points times the cube of the largest size parameter. The cost of computing a
+/// phase function is nearly proportional to this product.
 const WORK: f64 = 2.6e11;
 
-/// Relative size of the integrand, compared with its maximum, below which it is neglected at either end.
+/// Fraction of the integrand's maximum below which the integrand is neglected at both ends.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// Returns the error `error` if `good` is false.
+/// Returns `error` if `good` is false.
 fn refuse_unless(good: bool, error: SizeError) -> Result<(), SizeError> {
     if good { Ok(()) } else { Err(error) }
 }
@@ -65,7 +65,7 @@ impl SizeDistribution {
     /// Checks the parameters of the distribution.
     ///
     /// # Errors
-    /// [`SizeError`] that identifies the parameter that is out of range.
+    /// Returns a [`SizeError`] that names the parameter that is out of range.
     pub fn check(&self) -> Result<(), SizeError> {
         let radius = |r: f64| refuse_unless((1e-12..=0.01).contains(&r), SizeError::Radius(r));
         match self {
@@ -92,7 +92,7 @@ impl SizeDistribution {
         let cube = match self {
             Self::Single { radius } => radius.powi(3),
             Self::LogNormal { median, sigma } => median.powi(3) * (4.5 * sigma * sigma).exp(),
-            // ⟨r³⟩ of a gamma density of shape k and scale ab is k (k+1) (k+2) (ab)³.
+            // For a gamma density with shape k and scale ab, ⟨r³⟩ is k (k+1) (k+2) (ab)³.
             Self::Gamma { effective_radius: a, effective_variance: b } => {
                 let k = (1.0 - 2.0 * b) / b;
                 k * (k + 1.0) * (k + 2.0) * (a * b).powi(3)
@@ -105,7 +105,7 @@ impl SizeDistribution {
         4.0 / 3.0 * PI * cube
     }
 
-    /// Returns ln(r n(r)), the logarithm of the density in ln r, at the radius r with logarithm `ln_r`.
+    /// Returns ln(r n(r)), the logarithm of the density in ln r, at the radius with logarithm `ln_r`.
     fn ln_density(&self, ln_r: f64) -> f64 {
         match self {
             Self::LogNormal { median, sigma } => {
@@ -121,12 +121,12 @@ impl SizeDistribution {
         }
     }
 
-    /// Returns radii in metres with fractions of the number of particles, for a wave number k = 2π n_host/λ
-    /// in 1/m. The fractions add up to 1, except for particles that are too small to be significant.
+    /// Returns pairs of a radius in metres and a fraction of the number of particles, for a wave number k =
+    /// 2π n_host/λ in 1/m. The fractions add up to 1, except for insignificantly small particles.
     ///
-    /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its peak. Below x = 1, the
-    /// bound on the cross section is x³. Above x = 1, the exponent decreases from 6 to 2, and the larger
-    /// bound is used.
+    /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its maximum. Below x = 1,
+    /// the cross section is bounded by x³ (relative to its scale). Above x = 1, the exponent decreases from 6
+    /// to 2, and the larger bound is used.
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
             Self::Single { radius } => return vec![[*radius, 1.0]],
@@ -138,7 +138,7 @@ impl SizeDistribution {
             Self::LogNormal { median, sigma } => (median.ln(), *sigma),
             Self::Gamma { effective_radius: a, effective_variance: b } => (a.ln(), b.sqrt()),
         };
-        // A coarse scan for the ends.
+        // Find the ends of the range by a coarse scan.
         let (first, last) = (centre - 12.0 * width - 2.0, centre + (12.0 + 6.0 * width) * width);
         let steps = 4000;
         let at = |i: usize| first + (last - first) * i as f64 / steps as f64;
@@ -154,8 +154,8 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        // The series of large spheres are long: use fewer points above x of about 300, which would otherwise
-        // take minutes.
+        // The Mie series of large spheres are long. Use fewer points above x of about 300, for which the
+        // computation would otherwise take minutes.
         let most = (WORK / (wave_number * high.exp()).powi(3)).max(24.0);
         let count = (64.0 * range).clamp(POINTS[0], POINTS[1]).min(most) as usize;
         let step = (high - low) / count as f64;

@@ -1,17 +1,17 @@
-//! A scattering matrix tabulated over the scattering angle for up to four wavelengths, and its sampler.
+//! A scattering matrix tabulated by scattering angle for up to four wavelengths, with importance sampling.
 //!
-//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond. The grid is nearly
-//! uniform in θ (dθ/dv = 2 to 2.8), and v needs only one square root. The grid is accurate at both ends,
-//! where peaks of large particles are narrower than the resolution of an f32 cosine. S1 and S2 are
-//! polynomials in cosθ = 1 - 2v², so all elements are smooth and even in v. Interpolation is cubic over
-//! four nodes; the node before the first equals the second. The grid is doubled until the interpolated
-//! matrix halfway between nodes is accurate to [`TOLERANCE`].
+//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) above 90°. It is nearly uniform
+//! in θ (dθ/dv = 2 to 2.8), and v takes only one square root. It is accurate at both ends, where peaks of
+//! large particles are narrower than the resolution of cosθ in f32. S1 and S2 are polynomials in cosθ = 1 -
+//! 2v², so all elements are smooth and even functions of v. Interpolation is cubic over four nodes; the node
+//! before the first equals the second. The grid is doubled until the interpolated matrix halfway between
+//! nodes is accurate to [`TOLERANCE`].
 //!
-//! Directions are sampled from a density that agrees with S11 at the nodes and is linear in cosθ between
-//! nodes. A cell is chosen by Walker's alias method (Walker 1977; Vose 1991), which takes constant time for
-//! any grid and is accurate also in cells of low probability behind a forward peak. Within the cell the
-//! cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the
-//! density is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
+//! Directions are sampled with a density that agrees with S11 at the nodes and is linear in cosθ between
+//! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time is constant for any grid,
+//! and cells of low probability behind a forward peak are also sampled accurately. In the cell, the
+//! cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the density
+//! is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
@@ -23,22 +23,21 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 /// Target interpolation error, relative to S11 at the same angle.
 pub const TOLERANCE: f64 = 1e-5;
 
-/// Minimum and maximum number of cells from 0 to 90°.
+/// Minimum and maximum number of cells between 0 and 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method for one wavelength. The cell is chosen with probability `keep`, else the cell
-/// `other`.
+/// A cell of the alias method for one wavelength. The cell itself is chosen with probability `keep`,
+/// otherwise the cell `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {
     keep: f32,
     other: u32,
 }
 
-/// The table of a scattering matrix, with data for the forward half and for the backward half of the
-/// sphere.
+/// A tabulated scattering matrix, with data for the forward half and the backward half of the sphere.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Number of cells of one half of the sphere.
+    /// Number of cells in each half of the sphere.
     cells: usize,
     /// Matrices per steradian at the nodes -1 … cells + 1 of each half.
     nodes: Vec<FresnelBlock>,
@@ -48,23 +47,23 @@ pub struct Table {
     alias: Vec<[Alias; MAX_WAVELENGTHS]>,
 }
 
-/// A position between the nodes of the table.
+/// A position between two nodes of the table.
 #[derive(Clone, Copy, Debug)]
 struct Lookup {
     backward: bool,
     cell: usize,
-    /// Position in the cell, linear in v, 0..1.
+    /// Position in the cell, linear in v, in [0, 1].
     fraction: f32,
 }
 
-/// Returns cosθ at node `i` of a half with `cells` cells.
+/// Returns cosθ at node `i` of a half that has `cells` cells.
 fn cos_at(i: f64, cells: usize, backward: bool) -> f64 {
     let v = i * FRAC_1_SQRT_2 / cells as f64;
     let cos = 1.0 - 2.0 * v * v;
     if backward { -cos } else { cos }
 }
 
-/// Returns the weights of cubic (Lagrange) interpolation on nodes -1, 0, 1, 2 at `t` in 0..1.
+/// Returns the weights of cubic (Lagrange) interpolation between nodes -1, 0, 1, 2 at `t` in [0, 1].
 #[inline]
 fn cubic(t: f32) -> [f32; 4] {
     let (before, after, beyond) = (t + 1.0, 1.0 - t, 2.0 - t);
@@ -76,10 +75,10 @@ fn cubic(t: f32) -> [f32; 4] {
     ]
 }
 
-/// Weights [`cubic`] halfway between two nodes.
+/// Result of [`cubic`] halfway between two nodes.
 const HALF_WAY: [f64; 4] = [-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0];
 
-/// Matrices S11, S12, S33, S34 at nodes 0 … cells + 1 of a half, per wavelength.
+/// Elements S11, S12, S33, S34 at nodes 0 … cells + 1 of one half, per wavelength.
 type Half = Vec<Vec<[f64; 4]>>;
 
 /// Returns the matrices at the nodes of both halves, and the number of cells.
@@ -128,7 +127,7 @@ fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     }
 }
 
-/// Returns the alias table for probabilities whose sum is about 1.
+/// Returns the alias table for probabilities that add up to about 1.
 fn alias(probabilities: &[f64]) -> Vec<Alias> {
     let total: f64 = probabilities.iter().sum();
     let count = probabilities.len();
@@ -147,7 +146,7 @@ fn alias(probabilities: &[f64]) -> Vec<Alias> {
 }
 
 impl Table {
-    /// Tabulates 1 to 4 ensembles of particles, one per wavelength. An ensemble without scattering is
+    /// Tabulates 1 to 4 ensembles of particles, one per wavelength. An ensemble that does not scatter is
     /// treated as isotropic.
     pub fn new(ensembles: &[Ensemble]) -> Self {
         let lanes = ensembles.len().min(MAX_WAVELENGTHS);
@@ -195,13 +194,13 @@ impl Table {
     #[inline]
     fn place(&self, at: Angle) -> Lookup {
         let backward = at.forward > at.backward;
-        // v/sin 45° = √(1 - cosθ).
+        // v/sin 45° is √(1 - cosθ).
         let i = at.forward.min(at.backward).sqrt() * self.cells as f32;
         let cell = (i as usize).min(self.cells - 1);
         Lookup { backward, cell, fraction: (i - cell as f32).min(1.0) }
     }
 
-    /// Returns the matrix per steradian, with S11, S12, S33, S34 in place of a, b, c, d.
+    /// Returns the scattering matrix per steradian; a, b, c, d of the block are S11, S12, S33, S34.
     #[inline]
     pub fn block(&self, at: Angle) -> FresnelBlock {
         self.block_at(self.place(at))
@@ -216,7 +215,7 @@ impl Table {
             |f: fn(&FresnelBlock) -> Spectral| f(n[0]) * w0 + f(n[1]) * w1 + f(n[2]) * w2 + f(n[3]) * w3;
         let a = mix(|n| n.a).max(Spectral::ZERO);
         let (b, c, d) = (mix(|n| n.b), mix(|n| n.c), mix(|n| n.d));
-        // Interpolation may give a degree of polarization slightly above 1: scale it back to 1.
+        // Interpolation may give a degree of polarization slightly above 1, which is then scaled back to 1.
         let polarized = (b * b + c * c + d * d).sqrt().max(Spectral::splat(f32::MIN_POSITIVE));
         let f = (a / polarized).min(Spectral::ONE);
         FresnelBlock { a, b: b * f, c: c * f, d: d * f }
@@ -232,13 +231,13 @@ impl Table {
     fn density_at(&self, p: Lookup) -> Spectral {
         let first = p.cell + if p.backward { self.cells + 1 } else { 0 };
         let (near, far) = (self.density[first], self.density[first + 1]);
-        // Linear in cosθ; 1 - cosθ is proportional to the square of the position.
+        // The density is linear in cosθ, and 1 - cosθ is proportional to the square of the position.
         let i = p.cell as f32;
         let s = p.fraction * (2.0 * i + p.fraction) / (2.0 * i + 1.0);
         near + (far - near) * Spectral::splat(s)
     }
 
-    /// Samples a scattering angle with the density of one lane.
+    /// Samples a scattering angle with the density of lane `lane`.
     #[inline]
     pub fn sample(&self, lane: usize, stream: &mut Stream) -> Angle {
         let count = self.alias.len();
@@ -254,7 +253,7 @@ impl Table {
         let u = stream.uniform();
         let root = (near * near + u * (far * far - near * near)).max(0.0).sqrt();
         let s = (u * (near + far) / (near + root).max(f32::MIN_POSITIVE)).min(1.0);
-        // (1 - cosθ)·cells² = i² + s (2i + 1).
+        // Solve (1 - cosθ)·cells² = i² + s (2i + 1).
         let (i, n) = (within as f32, self.cells as f32);
         let at = Angle::of_forward((i * i + s * (2.0 * i + 1.0)) / (n * n));
         if backward { at.supplement() } else { at }

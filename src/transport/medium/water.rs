@@ -1,8 +1,8 @@
-//! Water, the host of milk and of most suspensions.
+//! Optical constants of water, the host of milk and of most suspensions.
 //!
-//! The refractive index is from the optical constants (Daimon & Masumura 2007, 20 °C). The absorption is
-//! from Pope & Fry (1997, Appl. Opt. 36, 8710) from 380 to 700 nm, and from Hale & Querry (1973, Appl. Opt.
-//! 12, 555) beyond. Both are interpolated linearly.
+//! The refractive index is that of Daimon & Masumura 2007 at 20 °C. The absorption is that of Pope & Fry
+//! (1997, Appl. Opt. 36, 8710) from 380 to 700 nm, and that of Hale & Querry (1973, Appl. Opt. 12, 555) above
+//! 700 nm. Both are interpolated linearly.
 
 use crate::material::constants::{ConstantsError, lookup};
 use std::f64::consts::PI;
@@ -23,8 +23,8 @@ const INFRARED: [f64; 12] = [
     2.89e-6,
 ];
 
-/// Interpolates linearly in a table with arguments `first`, `first + step`, …; arguments outside the table
-/// are clamped.
+/// Interpolates linearly in a table whose arguments are `first`, `first + step`, …; arguments outside the
+/// table are clamped.
 pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else {
         return 0.0;
@@ -35,14 +35,14 @@ pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 
     values[i] + (next - values[i]) * (place - i as f64)
 }
 
-/// Returns the absorption coefficient 4πk/λ, 1/m, for the extinction coefficient `k` at a vacuum wavelength
-/// in nanometres.
+/// Returns the absorption coefficient 4πk/λ, 1/m, for extinction coefficient `k` at the vacuum wavelength
+/// `nm` (nanometres).
 pub fn of_extinction(k: f64, nm: f64) -> f64 {
     4.0 * PI * k / (nm * 1e-9)
 }
 
-/// Returns the absorption coefficient of pure water, 1/m, at a vacuum wavelength in nanometres, clamped to
-/// 380..1000.
+/// Returns the absorption coefficient of pure water, 1/m, at the vacuum wavelength `nm` (nanometres), which
+/// is clamped to 380 to 1000 nm.
 pub fn absorption(nm: f64) -> f64 {
     let infrared = |nm: f64| of_extinction(even_table(&INFRARED, 725.0, 25.0, nm), nm);
     match nm {
@@ -55,10 +55,10 @@ pub fn absorption(nm: f64) -> f64 {
     }
 }
 
-/// Returns the refractive index of water at 20 °C and a vacuum wavelength in nanometres.
+/// Returns the refractive index of water at 20 °C and the vacuum wavelength `nm` (nanometres).
 ///
 /// # Errors
-/// [`ConstantsError`] outside 380 to 1000 nm.
+/// Returns a [`ConstantsError`] if the wavelength is outside 380 to 1000 nm.
 pub fn index(nm: f64) -> Result<f64, ConstantsError> {
     Ok(lookup("water", nm)?.0)
 }
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn absorption_matches_published_values() {
-        // Table entries, a midpoint, the seam between the tables, and 4πk/λ beyond it.
+        // Table entries, a midpoint, the transition between the tables, and 4πk/λ above the transition.
         for (nm, want) in [
             (380.0, 0.01137),
             (450.0, 0.00922),
@@ -84,7 +84,7 @@ mod tests {
             (300.0, 0.01137),
         ] {
             let got = absorption(nm);
-            assert!((got / want - 1.0).abs() < 1e-6, "{nm} nm: {got} is not {want}");
+            assert!((got / want - 1.0).abs() < 1e-6, "at {nm} nm: found {got}, expected {want}");
         }
         assert!((index(550.0).expect("in range") - 1.33468).abs() < 1e-9);
         assert!(index(1e6).is_err());

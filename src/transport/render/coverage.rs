@@ -1,14 +1,14 @@
-//! Reports light of a scene that its integrator cannot find.
+//! Reports light in a scene that the scene's integrator cannot find.
 //!
-//! Projector and camera have no extent. Paths from the camera therefore miss light of the projector that a
-//! mirror or smooth glass has redirected. Paths from both ends miss light that is redirected on both sides
-//! of a single rough surface, except for the light that manifold connections find through interfaces and
-//! crystals and over mirrors.
+//! The projector and the camera have no spatial extent. Paths from the camera therefore miss light of the
+//! projector that a mirror or smooth glass has redirected. Paths from both ends miss light that is redirected
+//! both before and after a single rough surface, except for the light that manifold connections find through
+//! interfaces and crystals and over mirrors.
 
 use crate::integrator_choice::meets;
 use crate::scene::Scene;
 
-/// Returns one sentence for each kind of light that the scene's integrator is known to miss.
+/// Returns one sentence for each kind of light that the integrator is known to miss.
 pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];
     if !scene.lights.distant.is_empty() && scene.materials.any_redirecting() {
@@ -34,7 +34,7 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     if !both && lit.interface > 0.0 {
         out.push(if scene.settings.manifold {
             format!(
-                "{} of the projector's pixels illuminate smooth interfaces; the light reflected there is not found; remove \
+                "{} of the projector's pixels illuminate smooth interfaces; the light reflected there is missing; remove \
                  `integrator`",
                 percent(lit.interface)
             )

@@ -1,4 +1,4 @@
-//! Light of emitters that paths hit: emissive surfaces, and the environment behind all surfaces.
+//! Light of emitters that paths hit: emissive surfaces, and the environment beyond all surfaces.
 
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -12,40 +12,40 @@ use optics::polarization::chain::Chain;
 use optics::polarization::frame::turn;
 use optics::spectrum::Spectral;
 
-/// Sampling of the direction of a path's ray.
+/// How the direction of a path's ray was sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectionSampling {
-    /// Density of the ray's direction per steradian; 0 if no connection can sample the same path.
+    /// Sampling density of the direction per steradian; 0 if no connection can sample the same path.
     pub density: f32,
-    /// Origin of the ray's direction, before any sheets in between.
+    /// The point at which the direction was sampled, before any sheets on the ray.
     pub from: Receiver,
 }
 
 impl DirectionSampling {
-    /// Describes a ray that no connection can sample: from a mirror, from smooth glass or from the camera.
+    /// Returns the value for a ray that no connection can sample: from a mirror, smooth glass or the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self { density: 0.0, from: Receiver::anywhere(from) }
     }
 
-    /// Returns the MIS weight relative to a connection that samples the direction with density `other`.
+    /// Returns the MIS weight, relative to a connection that samples the direction with density `other`.
     #[inline]
     fn share(self, other: f32) -> f32 {
         if self.density > 0.0 { share(self.density, other) } else { 1.0 }
     }
 }
 
-/// An emissive surface that a path hit.
+/// A hit of a path on an emissive surface.
 pub(super) struct EmitterHit {
     pub chain: Chain,
-    /// The light to which the path's product applies.
+    /// The light on which the path's product acts.
     pub beam: Beam,
     pub surface: Surface,
-    /// Index of the hit triangle in the mesh, if known.
+    /// Index in the mesh of the triangle that was hit, if known.
     pub facet: Option<u32>,
     /// Optical length of the path, metres.
     pub optical_m: f64,
-    /// Number of previous interactions, and their path label.
+    /// Number of earlier interactions.
     pub interactions: u32,
     pub label: u8,
     pub chosen: DirectionSampling,
@@ -59,7 +59,7 @@ pub(super) fn add_emissive_surface(scene: &Scene, glow: &EmitterHit, out: &mut C
     if radiance == Spectral::ZERO {
         return;
     }
-    // If no connection can sample the path, its density is not computed.
+    // If no connection can sample the path, the density of connections is not computed.
     let share = if glow.chosen.density > 0.0 {
         let found = Found { number, surface, facet: glow.facet };
         glow.chosen.share(scene.lights.density(&glow.chosen.from, -beam.travel, &found))
@@ -73,8 +73,8 @@ pub(super) fn add_emissive_surface(scene: &Scene, glow: &EmitterHit, out: &mut C
     out.push(extent, time_ps, NO_PIXEL, glow.interactions, glow.label);
 }
 
-/// Appends the light of the environment to a path that left the scene after `bounces` interactions with label
-/// `label`; `beam` is the light to which the path's product applies.
+/// Appends the light of the environment to a path that left the scene after `bounces` interactions with path
+/// label `label`. `beam` is the light on which the path's product acts.
 #[inline]
 pub(super) fn add_environment(
     scene: &Scene,

@@ -1,12 +1,12 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
-//! surface may start beyond the other surface and miss it, and rays from a distance may hit the two
-//! surfaces in either order. If the meaning of a contact is known ([`Contact`]), one surface can be moved.
-//! Other gaps are rejected.
+//! surface may start beyond the other surface and miss it, and rays from a distance may hit the two surfaces
+//! in either order. If the meaning of a contact is known ([`Contact`]), one surface can be moved. Other gaps
+//! are rejected.
 //!
-//! Let δ be the offset of rays from a surface and k the rounding constant of the surface
-//! (`geometry::rounding`). Light passes safely from surface A to B if the gap is wider than 3 δ_A + δ_B
-//! (the rays of `manifold` use twice δ_A). Rays from a distance equal to the scene's extent distinguish A
-//! and B if the gap is wider than (k_A + k_B) u times the scene's extent.
+//! Let δ be the offset of rays from a surface, k the rounding constant of the surface (`geometry::rounding`),
+//! and u = 2⁻²⁴. Light passes safely from surface A to surface B if the gap is wider than 3 δ_A + δ_B (rays
+//! of `manifold` use twice δ_A). Rays from a distance equal to the scene's extent distinguish A and B if the
+//! gap is wider than (k_A + k_B) u times this extent.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::bvh::Outline;
@@ -16,23 +16,23 @@ use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
 use rayon::prelude::*;
 
-/// Number of rays along each side of a device's image, and maximum number of surfaces that each ray passes.
+/// Number of rays along each side of a device's image, and maximum number of surfaces that a ray crosses.
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
 /// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap, because wedges are thin at the edge.
+/// Minimum cosine between the normals on both sides of a gap, because all wedges are thin at the edge.
 const PARALLEL: f32 = 0.95;
 
-/// Reciprocal of the maximum difference between equal directions across gaps.
+/// Reciprocal of the maximum component difference between directions that count as equal.
 const DIRECTIONS: f32 = 8.0;
 
-/// Minimum number of times that a gap must be found; a single find may be at a rim.
+/// Minimum number of times that a gap must be found, because a single find may be at a rim.
 const LEAST_FINDS: usize = 3;
 
-/// Search distance behind a surface in units of δ/k; it exceeds the required width for any two surfaces.
+/// Search distance behind a surface in units of δ/k, which exceeds the required width for any two surfaces.
 const SEARCHED: f32 = 1024.0;
 
 /// Tested points of a primitive, as barycentric coordinates in both halves of a parallelogram, or as
@@ -42,17 +42,17 @@ const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8],
 /// A gap in which light would be lost.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Width of the gap, and the minimum required width, metres.
+    /// Width of the gap in metres; `least` is the minimum required width.
     pub width: f32,
     pub least: f32,
-    /// A point of the gap, and the unit direction across the gap, away from the transmitting surface.
+    /// A point in the gap; `across` is the unit direction across the gap, away from the transmitting surface.
     pub at: Vec3A,
     pub across: Vec3A,
-    /// Object numbers on both sides, the transmitting surface first; `None` for copies of groups.
+    /// Object indices on both sides, the transmitting surface first; `None` for instances of groups.
     pub objects: [Option<u32>; 2],
     pub contact: Contact,
-    /// False if the direction contradicts the gap, because each of two coincident surfaces is found behind
-    /// the other. Light leaves glass toward an object that touches the glass, and hits the front of a
+    /// False if the direction contradicts the kind of gap, because each of two coincident surfaces is found
+    /// behind the other. Light leaves glass toward an object that touches the glass, and hits the front of a
     /// surface under a sheet.
     likely: bool,
 }
@@ -60,13 +60,13 @@ pub struct Gap {
 /// The meaning of a contact between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air is between the two surfaces, or would have no effect: the surface on this side (0 or 1) does not
-    /// refract, or is separate.
+    /// Air is between the two surfaces, or would have no effect: the surface on this side (index 0 or 1) does
+    /// not refract light or is separate.
     Air(usize),
-    /// The two surfaces touch within rounding errors. The first surface refracts light and the other is
-    /// opaque: light inside the first object hits the other surface.
+    /// The two surfaces touch within rounding errors. The first surface refracts light, and the second is
+    /// opaque, so light inside the first object hits the second surface.
     Touch,
-    /// Both surfaces refract light, so air between them would change the result.
+    /// Both surfaces refract light, so air between them would change the light.
     Glass,
 }
 
@@ -90,7 +90,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     let near = g.moved(s);
     let scale = near / s.rounding;
     let (across, far) = (s.ng * s.ng.dot(dir).signum(), SEARCHED * scale);
-    // Seen from a point that is certainly beyond, distances are accurate.
+    // Seen from a point that is certainly beyond the gap, distances are accurate.
     let back = Ray { origin: s.p + across * far, dir: -across };
     let gap = |other: Hit| {
         if (other.leaf, other.owner) == (hit.leaf, hit.owner) {
@@ -99,7 +99,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
         let t = g.surface(&back, &other);
         let both = (s.rounding + t.rounding) * UNIT * g.extent;
         let least = (3.0 * near + g.moved(&t)).max(both);
-        // A surface in front by more than rounding is hit first.
+        // A surface that is in front by more than rounding errors is hit first.
         let width = far - other.t;
         let close = width < least && width > -4.0 * scale;
         if !close || t.ng.dot(s.ng).abs() <= PARALLEL {
@@ -170,7 +170,7 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
 }
 
 /// Returns the gaps that rays of camera and projector cross, and the gaps behind points of all transmitting
-/// surfaces. Surfaces in instances are tested only by the rays. For each pair of objects and each
+/// surfaces. Surfaces in instances are tested only with these rays. For each pair of objects and each
 /// direction, only the narrowest gap is returned. Gaps are sorted by width.
 pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
@@ -210,7 +210,7 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
         let same = |other: &Gap| {
             let (along, against) =
                 (direction(&gap) == direction(other), direction(&gap) == -direction(other));
-            // An unlikely gap is a likely one seen from the wrong side.
+            // An unlikely gap is a likely gap that is seen from the wrong side.
             (other.objects == [a, b] && (along || against && other.likely && !gap.likely))
                 || (other.objects == [b, a] && against)
         };

@@ -1,4 +1,4 @@
-//! Renders a scene into finished tiles of its slices: path sampling, connections, scheduling.
+//! Renders the slices of a scene as tiles: path sampling, connections, scheduling.
 
 mod bidirectional;
 pub mod coverage;

@@ -1,27 +1,27 @@
-//! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): paths with low throughput and connections
-//! with low contribution are often skipped, and the weights of the others are increased.
+//! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2). Paths with low throughput and connections
+//! with low contributions are often skipped; the weights of the remaining ones are increased.
 //!
-//! In a medium, few connections of the subpaths contribute nearly all light of a pixel. A connection with
-//! an expected contribution x below a threshold τ is made with probability x/τ, which adds at most τ x to
-//! the variance. The threshold is chosen so that the added variance is small compared with the variance of
-//! the samples.
+//! In a medium, a few connections between subpaths contribute nearly all light of a pixel. A connection whose
+//! expected contribution x is below a threshold τ is made with probability x/τ, which adds at most τ x to the
+//! variance. The threshold is chosen so that the added variance is small compared with the variance of the
+//! samples.
 
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Parameters for the survival probability of a path.
+/// Parameters of the survival probability of a path.
 pub(super) struct Odds {
-    /// True if roulette has started; before, only paths without light are terminated.
+    /// True if roulette has started; until then, only paths without light are terminated.
     pub plays: bool,
-    /// Throughput of a path without losses. A path with this throughput survives with probability `most`.
+    /// Throughput of a path that has lost no light. Such a path survives with probability `most`.
     pub full: f32,
-    /// Maximum survival probability; less than 1, so that every path ends.
+    /// Maximum survival probability; less than 1, so that all paths end.
     pub most: f32,
 }
 
-/// Decides at random whether a path continues, with a probability proportional to its throughput in the
-/// brightest lane, and scales the throughput accordingly.
+/// Decides at random whether a path continues. The probability is proportional to the throughput in the
+/// brightest lane; the throughput is divided by the probability.
 #[inline(always)]
 pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bool {
     if !odds.plays {
@@ -35,23 +35,23 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
     true
 }
 
-/// Variance that roulette may add, as a fraction of the samples' variance. The fraction is larger in media,
-/// where each connection costs more.
+/// Variance that roulette may add, as a fraction of the variance of the samples. The fraction is larger in
+/// scenes with media, where each connection takes longer.
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 
-/// Bounds of τ, as fractions of the typical contribution. Between surfaces, a few bright pixels have most
-/// of the variance, and the threshold must remain small enough for dim pixels. In media all pixels have
+/// Bounds of τ, as fractions of the typical contribution. In scenes without media, a few bright pixels have
+/// most of the variance, and the threshold must be small enough for dim pixels. With media, all pixels have a
 /// high variance.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
 const MOST_IN_MEDIA: f32 = 4.0;
 
-/// Factor for the uncertainty of expected contributions through interfaces, whose directions are not yet
-/// known.
+/// Factor for the uncertainty of expected contributions through interfaces, because the directions are not
+/// known yet.
 const UNSURE: f32 = 2.0;
 
-/// Minimum probability of a connection if the expected contribution is only a guess.
+/// Minimum probabilities of a connection whose expected contribution is only a guess, or a rough guess.
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
@@ -60,14 +60,14 @@ const ROUGH_FLOOR: f32 = 0.01;
 pub(super) struct Roulette(pub f32);
 
 impl Roulette {
-    /// Derives the threshold from the contributions of some camera samples. `media` is true in a scene with
+    /// Computes the threshold from the contributions of some camera samples. `media` is true for a scene with
     /// media.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
         // Samples that are not finite are discarded, as in the render.
         let sound = |x: &&f32| x.is_finite() && **x >= 0.0;
         let mean = |f: &dyn Fn(f32) -> f32| samples.iter().filter(sound).map(|x| f(*x)).sum::<f32>() / count;
-        // Robust against the few largest samples.
+        // The mean of square roots is robust against the few largest samples.
         let typical = mean(&f32::sqrt).powi(2);
         let (first, second) = (mean(&|x| x), mean(&|x| x * x));
         if first <= 0.0 {
@@ -77,7 +77,7 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
-    /// Returns the weight of a connection with contribution up to about `expected`; `None` if the
+    /// Returns the weight of a connection whose contribution is at most about `expected`; `None` if the
     /// connection is skipped.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
@@ -90,15 +90,15 @@ impl Roulette {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
     }
 
-    /// Returns the weight as [`Self::spin`] does, but `expected` is a very rough guess and the search is
-    /// expensive.
+    /// Returns the weight as [`Self::spin`] does, but `expected` is a very rough guess, and the search for
+    /// the connection is expensive.
     #[inline]
     pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
     }
 
-    /// Decides to make a connection with probability `expected / threshold`, and returns its weight, or
-    /// `None` to skip it.
+    /// Decides with probability `expected / threshold` to make a connection. Returns its weight, or `None` if
+    /// it is skipped.
     #[inline]
     fn decide(expected: f32, threshold: f32, stream: &mut Stream) -> Option<f32> {
         if expected >= threshold || expected.is_nan() {
@@ -113,11 +113,11 @@ impl Roulette {
 mod tests {
     use super::*;
 
-    /// Verifies that the typical contribution is a robust mean over samples. On average, connections below
-    /// the threshold contribute as if all were made (5 sigma), and their second moment is below τ x.
+    /// Verifies that the typical contribution is a robust mean. On average, connections below the threshold
+    /// contribute as if all were made (within 5 standard deviations), and their second moment is below τ x.
     #[test]
     fn roulette_preserves_means() {
-        // Mean 3, mean square 12. The second set of samples has an outlier.
+        // The mean is 3, and the mean square is 12. The second set of samples has an outlier.
         let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
         let threshold = SHARE_IN_MEDIA * 4.0;
         assert_eq!(roulette.0, threshold);
@@ -146,7 +146,7 @@ mod tests {
                 let error = ((square - mean * mean).max(0.0) / n).sqrt();
                 let x = f64::from(x);
                 assert!((mean - x).abs() <= 5.0 * error + 1e-6 * x, "{x}: {mean} +- {error}");
-                // Tolerance: 5 sigma of the number of connections made.
+                // The tolerance is 5 standard deviations of the number of connections that are made.
                 let most = x * f64::from(threshold);
                 let unsure = 5.0 / (n * x / f64::from(threshold)).sqrt();
                 assert!(square <= most * (1.0 + unsure), "{x}: {square} above {most}");
@@ -154,7 +154,7 @@ mod tests {
         }
     }
 
-    /// Verifies that all connections are made without a threshold.
+    /// Verifies that all connections are made if the threshold is 0.
     #[test]
     fn all_connections_are_made_without_a_threshold() {
         let mut stream = Stream::new(5, 1, 2);

@@ -1,4 +1,4 @@
-//! The state of a path at its current ray, for all path strategies.
+//! The state of a path on its current ray, for all path-sampling strategies.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lanes, NO_CRYSTAL};
@@ -8,7 +8,7 @@ use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// The end from which a subpath starts: camera or emitter.
+/// The end at which a subpath starts: camera or emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum From {
     Camera,
@@ -25,15 +25,15 @@ impl From {
     }
 }
 
-/// The state of a path at its current ray.
+/// The state of a path on its current ray.
 #[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
-    /// Origin of the ray before it is offset from the surface and rounded; behind a hit, this is the hit
-    /// point.
+    /// Exact origin of the ray, before the origin is offset from the surface and rounded. After a hit, this
+    /// is the hit point.
     pub from: DVec3,
-    /// Mueller product from the light on the ray to the path's end: to the camera frame, or transposed from
-    /// an emitter.
+    /// Mueller product from the light on the ray to the start of the subpath: to the camera frame, or
+    /// transposed from an emitter.
     pub chain: Chain,
     /// Stokes frame of the light along the ray.
     pub frame: Vec3A,
@@ -42,11 +42,11 @@ pub(super) struct State {
     /// The medium that contains the ray.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Path label before the ray ([`tensor::label`]). Plain paths update the label only on demand.
+    /// Path label before the ray ([`tensor::label`]). Unidirectional paths update the label only on demand.
     pub label: u8,
 }
 
-/// A direction of travel of light, and the frame of its Stokes vectors.
+/// The direction in which light travels, and the frame of its Stokes vectors.
 #[derive(Clone, Copy)]
 pub(super) struct Beam {
     pub travel: Vec3A,
@@ -54,7 +54,7 @@ pub(super) struct Beam {
 }
 
 impl Default for State {
-    /// Returns a placeholder before any path has started.
+    /// Returns a placeholder for paths that have not started.
     fn default() -> Self {
         Self {
             ray: Ray { origin: Vec3A::ZERO, dir: Vec3A::Z },
@@ -70,14 +70,14 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the effect of the medium on light on the ray to `surface`; `None` if it has no effect.
+    /// Returns the medium's matrix for light on the ray to `surface`; `None` if it has no effect.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {
             return None;
         }
-        // Distance from the true start of the ray to the plane of the surface. The offset from the surface
-        // shifts the hit point sideways, which would change the phase.
+        // Use the distance from the exact start of the ray to the plane of the surface. The offset from the
+        // surface shifts the hit point sideways, which would change the phase.
         let (dir, ng) = (self.ray.dir, surface.ng.as_dvec3());
         let length = (surface.p.as_dvec3() - self.from).dot(ng) / dir.as_dvec3().dot(ng);
         scene.materials.propagate(self.filling, dir, length)

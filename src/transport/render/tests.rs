@@ -1,4 +1,4 @@
-//! Tests with renders of a scene that is built in code.
+//! Render tests of a scene that is built in code.
 
 use super::schedule::{Share, Unwatched, WALKS_AT_ONCE, render_in_parts};
 use crate::device::distortion::Distortion;
@@ -27,7 +27,7 @@ use tensor::field::Field;
 use tensor::memory::Arrays;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// Returns a scene with an open box, a specular and a rough conducting sphere, and every kind of light.
+/// Returns a scene with an open box, a smooth and a rough conducting sphere, and all kinds of lights.
 fn scene(integrator: Integrator, plain: bool) -> Scene {
     Scene::new(tables(integrator, plain))
 }
@@ -134,18 +134,18 @@ fn bits(scene: &Scene) -> (Vec<u32>, usize) {
 fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     let mut arrays = Arrays::default();
     let summary = render_in_parts(scene, &[], Share::default(), &mut arrays, &Unwatched, walks)
-        .expect("arrays take everything");
+        .expect("arrays store all values");
     assert!(summary.complete && summary.discarded == 0);
     let bits: Vec<u32> = [Field::Mean, Field::StdError]
         .into_iter()
-        .flat_map(|field| arrays.get("all", field).expect("the field").data)
+        .flat_map(|field| arrays.get("all", field).expect("the field exists").data)
         .map(f32::to_bits)
         .collect();
     let lit = bits.iter().filter(|b| **b != 0).count();
     (bits, lit)
 }
 
-/// Verifies that the code for AVX2 and the portable code produce the same bits, for paths and for subpaths.
+/// Verifies that AVX2 code and portable code give the same bits, for paths and for bidirectional subpaths.
 #[test]
 fn renders_are_bit_identical_on_all_processors() {
     for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
@@ -159,11 +159,11 @@ fn renders_are_bit_identical_on_all_processors() {
     }
 }
 
-/// Verifies that rendering in parts, with splats in a file, is bit-identical to a single part for any
-/// number of threads.
+/// Verifies that a render in parts, with splats in a file, is bit-identical to a render in a single part, for
+/// any number of threads.
 #[test]
 fn rendering_in_parts_is_bit_identical() {
-    // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.
+    // 24 × 24 pixels with 9 samples, in 3 or 9 parts of 9 tiles.
     for (integrator, walks) in
         [(Integrator::Bidirectional, 2000), (Integrator::Bidirectional, 100), (Integrator::Caustics, 2000)]
     {
@@ -171,7 +171,7 @@ fn rendering_in_parts_is_bit_identical() {
         let whole = bits(&scene);
         assert!(whole.1 > 1000, "{}", whole.1);
         for threads in [1, 3] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
             assert!(
                 pool.install(|| bits_in_parts(&scene, walks)) == whole,
                 "{walks} walks, {threads} threads"

@@ -1,13 +1,12 @@
-//! Straight connections between two points, and their transmission.
+//! Straight connections between two points, and the light that they transmit.
 //!
-//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the
-//! line between two points is a path even if the line crosses such surfaces. The transmission of the line
-//! is
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the line
+//! between two points is a path even if it crosses such surfaces. The transmission of the line is
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
-//! where S₁ is the sheet next to the camera's side and τ = Σ μ_t d over the media on the line. Each sheet
-//! counts as an interaction; a boundary without effect does not count. Any other surface blocks the line.
+//! where S₁ is the sheet nearest to the camera's side, and τ = Σ μ_t d over the media on the line. Each sheet
+//! counts as an interaction; a boundary without an effect does not count. Any other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -22,16 +21,16 @@ use optics::spectrum::Spectral;
 /// The end of a line on the camera's side.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
-    /// Ray from the start toward the other end.
+    /// Ray from the start toward the opposite end of the line.
     pub ray: Ray,
-    /// The point from which the ray's origin is offset, and the exact start of the line.
+    /// Exact start of the line, before the ray's origin is offset.
     pub from: Vec3A,
     pub at: DVec3,
     pub filling: Filling,
     pub nest: Nest,
 }
 
-/// Limits on a line: the number of sheets that it may pass, and the wavelength lane.
+/// Limit on the number of sheets that a line may cross, and the wavelength lane.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
     pub sheets: u32,
@@ -39,7 +38,7 @@ pub(super) struct Allowed {
     pub lane: usize,
 }
 
-/// An unblocked line.
+/// Properties of an unblocked line.
 pub(super) struct UnblockedLine {
     pub optical_m: f64,
     pub sheets: u32,
@@ -50,21 +49,21 @@ pub(super) struct UnblockedLine {
     pub nest: Nest,
 }
 
-/// Returns the medium behind a boundary that was passed without refraction, or vacuum.
+/// Returns the medium behind a boundary that was crossed without refraction; vacuum outside all objects.
 #[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
     nest.medium(&scene.boundaries).map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
-/// Returns true if surfaces of material `id` have no effect on light. Such surfaces are boundaries between
-/// media of equal index, and boundaries inside an object of higher priority.
+/// Returns true if surfaces of material `id` have no effect on light: boundaries between media with equal
+/// index, and boundaries inside an object of higher priority.
 #[inline]
 pub(super) fn has_no_effect(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
-/// Moves light that travels along `dir` straight through a surface into the medium behind it.
+/// Moves light that travels along `dir` through a surface, without deflection, into the medium behind it.
 #[inline]
 pub(super) fn pass(
     scene: &Scene,
@@ -83,15 +82,15 @@ pub(super) fn pass(
 
 #[derive(Clone, Copy)]
 pub(super) struct End {
-    /// Target of the line: the end, offset from the surface if the end is on one.
+    /// Target of the line: the end point, offset from its surface if there is one.
     pub aim: Vec3A,
-    /// Exact end of the line, to which lengths are measured.
+    /// Exact end of the line, for path lengths.
     pub at: DVec3,
 }
 
-/// Traces the line to its end; returns `None` if it is blocked. Multiplies `chain`, whose light has frame
-/// `frame`, by the transmission of the line, and counts the traced rays.
-// Not inlined, to keep its code out of the inner loop of scenes without sheets.
+/// Traces the line to its end; returns `None` if the line is blocked. Multiplies `chain`, whose light has the
+/// frame `frame`, by the transmission of the line, and counts the traced rays.
+// Not inlined, to keep this code out of the inner loop of scenes without sheets.
 #[inline(never)]
 pub(super) fn trace_line(
     scene: &Scene,
@@ -137,7 +136,7 @@ pub(super) fn trace_line(
         left -= step;
         at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
-        // Aimed again, so that the offsets from the sheets do not add up to a miss of the end.
+        // Aim again at the end, so that the offsets from the sheets do not add up and miss the end.
         ray = Ray { origin, dir: (to - origin).normalize_or(ray.dir) };
     }
     if depth != Spectral::ZERO {

@@ -1,4 +1,4 @@
-//! Round trips between pixels and directions.
+//! Tests of the conversions between pixels and directions.
 
 use super::*;
 use crate::device::distortion::fisheye::Fisheye;
@@ -8,7 +8,7 @@ use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 use proptest::prelude::*;
 
-/// One device for each distortion model.
+/// Returns one device for each distortion model.
 fn devices() -> [Pinhole; 4] {
     let rational = Opencv {
         k1: 0.4,
@@ -25,7 +25,7 @@ fn devices() -> [Pinhole; 4] {
         Opencv { s1: 0.01, s2: -0.004, s3: -0.008, s4: 0.006, tilt: Tilt::new(0.08, -0.11), ..rational };
     let fisheye = Fisheye { k: [-0.03, 0.01, -0.004, 0.0007] };
     let wide = Pinhole {
-        // A lens of 140° over the diagonal.
+        // The lens has a field of view of 140° over the image diagonal.
         focal: DVec2::splat(165.0),
         ..with(Distortion::Fisheye(fisheye))
     };
@@ -102,8 +102,8 @@ fn batched_rays_equal_single_ones() {
     assert!(seen > 5000, "{seen}");
 }
 
-/// Verifies that the density integrates to the number of pixels, by the mean over uniform directions in a
-/// cone around the image.
+/// Verifies that the pixel density per solid angle integrates to the number of pixels. The integral is the
+/// mean over uniform directions in a cone around the image.
 #[test]
 fn densities_count_the_pixels() {
     for (p, cone) in devices().into_iter().zip([0.75, 0.75, 0.7, 0.3]) {
@@ -135,7 +135,7 @@ fn count(p: &Pinhole, cone: f32) {
     assert!(error < 250.0, "{error}");
 }
 
-/// Verifies that a pixel sees the same point of the focus plane through every point of the lens.
+/// Verifies that a pixel sees the same point in the plane of focus through all points of the lens.
 #[test]
 fn the_plane_in_focus_is_sharp() {
     let mut stream = Stream::new(3, 0, 0);
@@ -160,7 +160,7 @@ fn the_plane_in_focus_is_sharp() {
 
 #[test]
 fn points_folded_into_the_image_are_not_visible() {
-    // Barrel distortion maps a far off-axis point back into the image; it must not count as visible.
+    // Barrel distortion maps a distant off-axis point into the image, where it must not be visible.
     let p = device();
     assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());
     assert!(p.project(p.origin + Vec3A::Z).is_none(), "behind");
@@ -174,11 +174,11 @@ fn points_folded_into_the_image_are_not_visible() {
     };
     let strong = Opencv { k1: -2.0, ..Opencv::default() };
     folds(strong, 100.0);
-    // Rises again beyond the fold, so that every radius of the image is the image of some direction.
+    // The distortion increases again beyond the fold, so that each image radius has an undistorted radius.
     let wave = Opencv { k1: -1.0, k2: 0.3, ..Opencv::default() };
     folds(wave, 180.0);
     assert!(made(wave.into(), 800.0).is_ok(), "where it does not fold yet");
-    // A pole of the rational model at r = 0.632: points beyond it are not visible.
+    // The rational model has a pole at r = 0.632. Points beyond the pole are not visible.
     let pole = Opencv { k4: -2.5, ..Opencv::default() };
     let seen = made(pole.into(), 100.0).unwrap();
     assert!((0.5..0.632).contains(&seen.field()[1].x), "{:?}", seen.field());

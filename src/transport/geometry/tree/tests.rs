@@ -1,4 +1,4 @@
-//! Tests of both kinds of trees: contents, ray queries, and independence of the number of threads.
+//! Tests of both kinds of trees: contents, ray queries, and equal results for any number of threads.
 
 use super::super::binned::LEAF_SIZE;
 use super::super::tests::inward;
@@ -38,7 +38,7 @@ fn fits(run: &[u32]) -> bool {
     run.iter().all(|i| i % 5 != 0)
 }
 
-/// Returns both kinds of trees over boxes, and the primitives of their leaves.
+/// Returns both kinds of trees over `bounds`, and the primitives of their leaves.
 fn both(bounds: &[Aabb]) -> [(Tree, Vec<Vec<u32>>); 2] {
     let at = |i: usize| bounds[i];
     let clustered = Binary::clustered(bounds.len(), &at);
@@ -57,8 +57,8 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Verifies that each primitive is in one leaf, that leaves are valid and boxes tight, and that rays visit
-/// all leaves that they hit.
+/// Verifies that each primitive is in one leaf, that leaves are valid, that boxes are tight, and that a ray
+/// visits all leaves whose boxes it hits.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);
@@ -68,7 +68,7 @@ fn check(bounds: &[Aabb]) {
 fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
     assert!(7 * tree.depth() + 8 <= STACK);
     assert_eq!(tree.extent(), union(bounds.iter().copied()));
-    // A rejected tree has also created leaves.
+    // The leaves of a rejected tree also exist.
     let mut used = vec![false; leaves.len()];
     let mut seen = vec![0; bounds.len()];
     for (aabb, child) in (0..tree.nodes.len()).flat_map(|n| tree.children(n as u32)) {
@@ -113,18 +113,18 @@ fn trees_cover_everything() {
 
 #[test]
 fn equal_boxes_do_not_give_a_deep_tree() {
-    // Clustering takes a time of the square of this number, and the tree gets deeper than the stack allows.
+    // Clustering takes quadratic time here, and the tree becomes too deep for the stack.
     let equal = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 1000];
     let clustered = Binary::clustered(equal.len(), &|i| equal[i]);
-    let tree = Tree::collapsed(&clustered, &fits, &mut |_| 0).expect("it is not empty");
+    let tree = Tree::collapsed(&clustered, &fits, &mut |_| 0).expect("the tree is not empty");
     assert!(7 * tree.depth() + 8 > STACK);
     check(&equal);
     let row = |f: &dyn Fn(f32) -> [Vec3A; 2]| -> Vec<Aabb> {
         let ends = (0..1000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // Boxes with a common corner, with a common centre, without height, of zero size, long and thin across
-    // each other, and increasingly far away.
+    // Boxes with a common corner, with a common centre, without height, of zero size, long and thin and
+    // crossed, and increasingly distant.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));
@@ -196,7 +196,7 @@ fn split_trees_are_the_same_on_any_number_of_threads() {
     let boxes = boxes(40_000, 7);
     let built = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let [_, (tree, leaves)] = pool.expect("threads").install(|| both(&boxes));
+        let [_, (tree, leaves)] = pool.expect("cannot create threads").install(|| both(&boxes));
         let nodes: Vec<_> = tree.nodes.iter().map(|n| (n.bounds.map(|b| b.0), n.child)).collect();
         (nodes, leaves)
     };

@@ -1,26 +1,26 @@
-//! The angles and wavelengths of a table's entries, and interpolation positions between entries.
+//! The angles and wavelengths of a table's entries, and the interpolation between entries.
 
 use super::error::PbsdfError;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Maximum angle outside the valid range that is accepted as a rounding error, radians.
+/// Maximum excess over the valid range of an angle that is accepted as a rounding error, radians.
 const TOLERANCE: f32 = 1e-3;
 
-/// The axes of a table, in the order of its dimensions: angles in radians, and vacuum wavelengths in
+/// The axes of a table in the order of its dimensions. Angles are in radians, vacuum wavelengths in
 /// nanometres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    /// Azimuth of the difference vector, radians in -π..π.
+    /// Azimuth of the difference vector, radians in [-π, π].
     pub phi_d: Vec<f32>,
-    /// Polar angle of the difference vector, radians in 0..π/2.
+    /// Polar angle of the difference vector, radians in [0, π/2].
     pub theta_d: Vec<f32>,
-    /// Polar angle of the half vector, radians in 0..π/2.
+    /// Polar angle of the half vector, radians in [0, π/2].
     pub theta_h: Vec<f32>,
     /// Vacuum wavelengths in nanometres, ascending.
     pub wavelengths_nm: Vec<u16>,
 }
 
-/// Returns `count` values from `low` to `high`, both included.
+/// Returns `count` evenly spaced values from `low` to `high`, both included.
 fn evenly(low: f32, high: f32, count: usize) -> Vec<f32> {
     let last = count.saturating_sub(1).max(1) as f64;
     let (low, high) = (f64::from(low), f64::from(high));
@@ -32,8 +32,8 @@ pub(super) const ANGLES: [(&str, f32, f32); 3] =
     [("phi_d", -PI, PI), ("theta_d", 0.0, FRAC_PI_2), ("theta_h", 0.0, FRAC_PI_2)];
 
 impl Axes {
-    /// Creates axes of evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and
-    /// theta_h.
+    /// Creates axes of evenly spaced angles over the whole ranges. `counts` are the numbers of values of
+    /// phi_d, theta_d and theta_h.
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
         Self { phi_d, theta_d, theta_h, wavelengths_nm }
@@ -44,10 +44,10 @@ impl Axes {
         [&self.phi_d, &self.theta_d, &self.theta_h]
     }
 
-    /// Returns the number of elements of one phi_d slab: theta_d × theta_h × wavelength × 16.
+    /// Returns the number of elements with the same phi_d: theta_d × theta_h × wavelength × 16.
     ///
     /// # Errors
-    /// [`PbsdfError::TooLarge`] if the size of a slab or of the table overflows.
+    /// Returns [`PbsdfError::TooLarge`] if the number of elements or the size of the table overflows.
     pub fn slab_len(&self) -> Result<usize, PbsdfError> {
         let parts = [self.theta_d.len(), self.theta_h.len(), self.wavelengths_nm.len()];
         let slab = parts.iter().try_fold(16, |n: usize, p| n.checked_mul(*p));
@@ -55,11 +55,11 @@ impl Axes {
             .ok_or(PbsdfError::TooLarge)
     }
 
-    /// Checks ranges, order and lengths of the axes.
+    /// Checks the ranges, order and lengths of the axes.
     ///
     /// # Errors
-    /// [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`],
-    /// [`PbsdfError::Order`], [`PbsdfError::HalfCircle`].
+    /// Returns [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`],
+    /// [`PbsdfError::Order`] or [`PbsdfError::HalfCircle`].
     pub fn check(&self) -> Result<(), PbsdfError> {
         for (values, (axis, low, high)) in self.angles().into_iter().zip(ANGLES) {
             if values.len() < 2 {
@@ -87,20 +87,20 @@ impl Axes {
     }
 }
 
-/// Returns evenly spaced values of the `k`-th of [`ANGLES`].
+/// Returns `count` evenly spaced values of the `k`-th axis in [`ANGLES`].
 pub(super) fn even_axis(k: usize, count: usize) -> Vec<f32> {
     let (_, low, high) = ANGLES[k];
     evenly(low, high, count)
 }
 
-/// The indices of the two entries around a value, and the weight of the second.
+/// The indices of the two entries next to a value, and the interpolation weight of the second.
 pub(super) type Between = (usize, usize, f32);
 
 /// One checked axis, ready for lookup.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     nodes: Vec<f32>,
-    /// Number of entries per radian if the entries are evenly spaced, else `None`.
+    /// Number of entries per radian if the entries are evenly spaced, otherwise `None`.
     rate: Option<f32>,
 }
 
@@ -117,13 +117,13 @@ impl Axis {
         &self.nodes
     }
 
-    /// Returns the index of the entry at or below `x`, which may be outside the axis by a rounding error.
+    /// Returns the index of the entry at or below `x`, which may exceed the axis by a rounding error.
     #[inline]
     fn below(&self, x: f32) -> usize {
         let last = self.nodes.len() - 2;
         match self.rate {
             Some(rate) => {
-                // The guess is off by at most one, since the nodes are even to a hundredth of a step.
+                // The guess is off by at most one, because the entries are even to a hundredth of a step.
                 let i = (((x - self.nodes[0]) * rate) as usize).min(last);
                 if x < self.nodes[i] {
                     i.saturating_sub(1)
@@ -145,8 +145,8 @@ impl Axis {
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// Returns the interpolation position of the angle `x` in -π..π on a periodic axis, where the last and
-    /// the first entries are neighbours.
+    /// Returns the interpolation position of the angle `x` in [-π, π] on a periodic axis, on which the last
+    /// and the first entry are adjacent.
     #[inline]
     pub fn place_around(&self, x: f32) -> Between {
         let last = self.nodes.len() - 1;
@@ -164,8 +164,8 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// Verifies that the fast path agrees with a search, and that interpolation of the axis itself returns
-    /// the value.
+    /// Verifies that the fast path agrees with a search, and that interpolating the axis values at `x` gives
+    /// `x`.
     #[test]
     fn positions_reproduce_values() {
         let even = Axis::new(even_axis(1, 91));
@@ -184,7 +184,7 @@ mod tests {
         }
     }
 
-    /// Verifies that a periodic axis without a closing entry is interpolated between the last and the first
+    /// Verifies that a periodic axis without an entry at +π is interpolated between the last and the first
     /// entry.
     #[test]
     fn periodic_axes_wrap_around() {

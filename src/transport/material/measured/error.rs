@@ -1,25 +1,25 @@
 //! Errors of `.pbsdf` files.
 
-/// Reasons why a table is refused. The message gives the fix after a semicolon; the caller prepends the path.
+/// Reasons why a table is rejected. Messages end with the fix; the caller prepends the path.
 #[derive(Debug, thiserror::Error)]
 pub enum PbsdfError {
     #[error("cannot read the file: {0}; check that the path is correct and the file is readable")]
     Read(std::io::Error),
     #[error(
-        "not a tensor file (it does not start with `tensor_file`); give a .pbsdf file in the KAIST format"
+        "not a tensor file (it does not start with `tensor_file`); provide a .pbsdf file in the KAIST format"
     )]
     Magic,
-    #[error("expected tensor file version 1.0, got {0}.{1}; convert the file to version 1.0")]
+    #[error("the tensor file has version {0}.{1}, expected 1.0; convert the file to version 1.0")]
     Version(u8, u8),
     #[error("the header is truncated or damaged; download the file again")]
     Header,
-    #[error("missing field `{0}`; a table requires phi_d, theta_d, theta_h, wvls and M")]
+    #[error("missing field `{0}`; write a table with phi_d, theta_d, theta_h, wvls and M")]
     Missing(&'static str),
     #[error("duplicate field `{0}`; write the file with one field of this name")]
     Twice(&'static str),
     #[error("field `{field}` has elements of type {found}; write the field as {want}")]
     Type { field: &'static str, found: String, want: &'static str },
-    #[error("field `{field}` has shape {found}; expected shape {want}")]
+    #[error("field `{field}` has shape {found}; expected shape {want}; correct the shape")]
     Shape { field: &'static str, found: String, want: String },
     #[error(
         "the file is truncated: `{field}` occupies bytes {start}..{end}, but the file has {size} bytes; download the \
@@ -28,18 +28,18 @@ pub enum PbsdfError {
     Truncated { field: &'static str, start: u64, end: u128, size: usize },
     #[error("axis `{0}` is empty; set even_axes = true to use evenly spaced angles")]
     EmptyAxis(&'static str),
-    #[error("axis `{0}` has {1} entries; at least two are required for interpolation")]
+    #[error("axis `{0}` has {1} entries; provide at least two for interpolation")]
     ShortAxis(&'static str, usize),
-    #[error("{sources} sets of four bands for {bands} bands; give one set for every four bands")]
+    #[error("found {sources} sources for {bands} bands; provide one source per four bands")]
     Sources { bands: usize, sources: usize },
-    #[error("the file has no wavelengths; `wvls` requires at least one entry")]
+    #[error("field `wvls` has no entries; add at least one wavelength")]
     NoWavelengths,
     /// An axis value that is not finite, or outside the range of its angle (radians).
     #[error("value {value} on axis `{axis}` is out of range; expected radians in {low:.4}..{high:.4}")]
     Angle { axis: &'static str, value: f32, low: f32, high: f32 },
     #[error("{before} followed by {after} on axis `{axis}`; values must be strictly increasing")]
     Order { axis: &'static str, before: f64, after: f64 },
-    #[error("phi_d covers only {0} to {1}; the axis must cover the full circle from -π to π")]
+    #[error("phi_d covers only {0} to {1}; provide angles over the full circle from -π to π")]
     HalfCircle(f32, f32),
     #[error("no valid entry (M00 is NaN everywhere); download the file again, or use the inpainted variant")]
     Empty,

@@ -1,19 +1,19 @@
-//! Importance sampling of half vectors in proportion to the reflection of a measured table.
+//! Importance sampling of half vectors, in proportion to the reflection of a measured table.
 //!
-//! For evenly spaced polar angles θ_o of the viewer, a piecewise constant density over the half vector h is
+//! For evenly spaced polar angles θ_o of `wo`, a piecewise constant density over the half vector h is
 //! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength. The
 //! factor 4 (h·wo) is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
 //!
-//! Cells are evenly spaced in azimuth about the plane of wo and n, which is a plane of symmetry of p. In q
-//! = 1 - cosθ_h, the edges of cells are denser at small θ_h. A uniform (q, φ) within a cell is uniform in
-//! solid angle. One of the two neighbouring values of θ_o is sampled by its linear weight, so the density
-//! is the linear interpolation of the two. (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
+//! Cells are evenly spaced in azimuth about the plane of wo and n, which is a plane of symmetry of p. In q =
+//! 1 - cosθ_h, cells are narrower at small θ_h. A uniform (q, φ) in a cell is uniform in solid angle. One of
+//! the two adjacent values of θ_o is sampled by its linear weight, so the density is linearly interpolated.
+//! (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
 
 use super::axes::Axis;
 use glam::Vec3A;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// The mean M̄ of the table over θ_d (rows) and θ_h.
+/// The mean M̄ of the table, by θ_d (rows) and θ_h (columns).
 pub(super) struct Mean {
     pub theta_d: Axis,
     pub theta_h: Axis,
@@ -43,15 +43,15 @@ pub(super) struct Importance {
     angles: usize,
     rows: usize,
     columns: usize,
-    /// Values of q at the borders of rows.
+    /// Values of q at the borders of the rows of cells.
     edges: Vec<f32>,
-    /// Cumulative sums over cells for every θ_o, row by row; the last sum is 1.
+    /// Cumulative sums over the cells of each θ_o, row-major; the last sum is 1.
     sums: Vec<f32>,
 }
 
 impl Importance {
-    /// Tabulates M̄. `entries` are the table's sizes along θ_d, θ_h and φ_d, which determine the sizes of
-    /// the density.
+    /// Tabulates the density. `entries` are the numbers of table entries along θ_d, θ_h and φ_d, which
+    /// determine the number of cells.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));
@@ -73,7 +73,7 @@ impl Importance {
         out
     }
 
-    /// Appends the density for one `wo`, with 2 × 2 points per cell.
+    /// Appends the density for one `wo`, averaged over 2 × 2 points per cell.
     fn tabulate(&mut self, wo: Vec3A, mean: &Mean) {
         let point = |q: f32, phi: f32| {
             let h = direction(q, phi);
@@ -98,7 +98,7 @@ impl Importance {
         }
         let mut total: f64 = masses.iter().sum();
         if total <= 0.0 {
-            // No reflection is known (holes, or the horizon): use a uniform density of half vectors.
+            // No reflection is known (holes, or the horizon), so use a uniform density of half vectors.
             for (mass, cell) in masses.iter_mut().zip(0..) {
                 let row = cell / self.columns;
                 *mass = f64::from(self.edges[row + 1] - self.edges[row]);
@@ -116,8 +116,8 @@ impl Importance {
         }
     }
 
-    /// Returns the index of the largest tabulated θ_o below that of `cos_o`, and the weight of the next
-    /// θ_o.
+    /// Returns the index of the last tabulated θ_o below the polar angle with cosine `cos_o`, and the weight
+    /// of the next θ_o.
     #[inline]
     fn angle(&self, cos_o: f32) -> (usize, f32) {
         let x = cos_o.clamp(0.0, 1.0).acos() / FRAC_PI_2 * (self.angles - 1) as f32;
@@ -125,7 +125,7 @@ impl Importance {
         (i, (x - i as f32).clamp(0.0, 1.0))
     }
 
-    /// Returns the probability of a cell for the `angle`-th θ_o.
+    /// Returns the probability of a cell for θ_o number `angle`.
     #[inline]
     fn mass(&self, angle: usize, cell: usize) -> f32 {
         let sums = &self.sums[angle * self.rows * self.columns..];
@@ -146,7 +146,7 @@ impl Importance {
         mass / area
     }
 
-    /// Samples a local half vector for a viewer at `cos_o`; `u` selects θ_o, the cell, q and φ.
+    /// Samples a local half vector. `u` are uniform random numbers in [0, 1), for θ_o, the cell, q and φ.
     #[inline]
     pub fn sample(&self, cos_o: f32, u: [f32; 4]) -> Vec3A {
         let (angle, t) = self.angle(cos_o);
@@ -156,7 +156,7 @@ impl Importance {
         let cell = sums.partition_point(|s| *s <= u[1]).min(cells - 1);
         let (row, column) = (cell / self.columns, cell % self.columns);
         let q = self.edges[row] + u[2] * (self.edges[row + 1] - self.edges[row]);
-        // Both halves of the symmetric azimuth.
+        // Select one of the two symmetric halves of azimuth.
         let (side, within) = if u[3] < 0.5 { (1.0, 2.0 * u[3]) } else { (-1.0, 2.0 * u[3] - 1.0) };
         direction(q, side * PI * (column as f32 + within) / self.columns as f32)
     }

@@ -1,9 +1,9 @@
-//! Measured materials: tables of Mueller matrices over Rusinkiewicz angles and wavelength, in `.pbsdf` files.
+//! Measured materials: tables of Mueller matrices by Rusinkiewicz angles and wavelength, in `.pbsdf` files.
 //!
-//! The data are isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of polarimetric
-//! reflectance" (the KAIST set), or any file of the same layout. [`table`] interpolates entries,
-//! [`rusinkiewicz`] defines the angles and Stokes frames, `importance` samples directions, and [`mod@write`]
-//! writes such files.
+//! The data are the isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of
+//! polarimetric reflectance" (the KAIST data set), or any file with the same layout. [`table`] interpolates
+//! between entries, [`rusinkiewicz`] defines the angles and Stokes frames, `importance` samples directions,
+//! and [`mod@write`] writes files.
 
 pub mod axes;
 pub mod error;
@@ -31,11 +31,11 @@ pub struct Measured {
     pub table: u32,
 }
 
-/// Fraction of directions sampled by the cosine density, for reflection that the averaged importance tables
-/// miss.
+/// Fraction of directions sampled with the cosine density, to cover reflection that the averaged importance
+/// tables miss.
 const COSINE_SHARE: f32 = 0.1;
 
-/// Returns the rotation from the local frame to the world. The local z axis is `n`, and `wo` is in the half
+/// Returns the rotation from the local frame to world space. The local z axis is `n`, and `wo` is in the half
 /// plane y = 0, x ≥ 0.
 #[inline]
 fn frame(n: Vec3A, wo: Vec3A) -> Mat3A {
@@ -49,7 +49,7 @@ impl Measured {
         &tables[self.table as usize]
     }
 
-    /// Returns the table value times cosθ_i.
+    /// Returns the Mueller matrix of the table times cosθ_i.
     #[inline]
     pub fn eval(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
@@ -65,8 +65,8 @@ impl Measured {
         })
     }
 
-    /// Returns the sampling density of `wi`, 1/sr: the density of half vectors over 4 wo·h, mixed with the
-    /// cosine density.
+    /// Returns the sampling density of `wi`, 1/sr: the density of half vectors divided by 4 wo·h, mixed with
+    /// the cosine density.
     #[inline]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };

@@ -1,26 +1,26 @@
 //! Half-vector and difference coordinates (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
 //! representation"), with the signs of Mitsuba's `measured_polarized`.
 //!
-//! With light from `wi`, the viewer at `wo` and the normal n, the half vector is h = (wi + wo)/|wi + wo|,
-//! θ_h = ∠(n, h), θ_d = ∠(h, wi). The azimuth φ_d of wi about h counts from t = b × h toward b = n × h/|n ×
-//! h|. The material is isotropic, so the azimuth of h is ignored.
+//! With light from `wi`, the viewer at `wo` and the normal n, the half vector is h = (wi + wo)/|wi + wo|, θ_h
+//! = ∠(n, h), and θ_d = ∠(h, wi). The azimuth φ_d of wi about h is 0 along t = b × h and increases toward b =
+//! n × h/|n × h|. The material is isotropic, so the azimuth of h is ignored.
 //!
-//! Stokes frames of the stored matrices: for both rays the unit vector s = wi × wo/|wi × wo|, perpendicular
-//! to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p = h × s. φ_d
-//! is computed from s, so that φ_d and s remain consistent if wi and wo nearly coincide and rounding
-//! determines both.
+//! The stored matrices use the same frame vector for both rays: the unit vector s = wi × wo/|wi × wo|,
+//! perpendicular to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p =
+//! h × s. φ_d is computed from s, so that φ_d and s remain consistent if wi and wo nearly coincide and
+//! rounding determines both.
 
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 
-/// A pair of directions up to a rotation about the normal; angles in radians.
+/// A pair of directions, without their common rotation about the normal; angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates {
-    /// Azimuth of the difference vector, radians in -π..π.
+    /// Azimuth of the difference vector, radians in [-π, π].
     pub phi_d: f32,
-    /// Polar angle of the difference vector, radians in 0..π/2.
+    /// Polar angle of the difference vector, radians in [0, π/2].
     pub theta_d: f32,
-    /// Polar angle of the half vector, radians in 0..π/2.
+    /// Polar angle of the half vector, radians in [0, π/2].
     pub theta_h: f32,
 }
 
@@ -32,9 +32,9 @@ pub struct Coordinates {
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
     let length2 = sum.length_squared();
-    // Opposite directions, both at the horizon, have no unique half vector; the normal is a valid choice.
+    // Opposite directions on the horizon have no unique half vector; the normal is a valid choice.
     let h = if length2 > 1e-12 { sum * length2.sqrt().recip() } else { n };
-    // n × h, without cancellation where the two are close.
+    // n × h, without cancellation if n and h are close.
     let across = n.cross(h - n);
     let sin_h = across.length();
     let b = if sin_h > 1e-6 { across * sin_h.recip() } else { perpendicular(h) };
@@ -45,16 +45,16 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (t, p) = (b.cross(h), h.cross(s));
     let at = Coordinates {
         phi_d: b.dot(p).atan2(t.dot(p)),
-        // Half the chord over half the sum: accurate near 0, where an arc cosine is not.
+        // Half of the chord over half of the sum, which is accurate near 0, unlike an arc cosine.
         theta_d: difference.length().atan2(length2.sqrt()),
         theta_h: sin_h.atan2(n.dot(h)),
     };
     (at, s)
 }
 
-/// Returns directions (`wi`, `wo`) about the normal +z with given coordinates and h in the xz half plane,
-/// and the frame vector s of both. φ_d determines s even if wi = wo. One of the directions may be below the
-/// surface.
+/// Returns directions (`wi`, `wo`) with the given coordinates, and their common frame vector s. The normal is
+/// +z, and h is in the xz half plane. φ_d determines s even if wi = wo. One of the directions may be below
+/// the surface.
 pub fn directions(at: Coordinates) -> (Vec3A, Vec3A, Vec3A) {
     let (sin_h, cos_h) = at.theta_h.sin_cos();
     let (sin_d, cos_d) = at.theta_d.sin_cos();
@@ -72,8 +72,8 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Computes φ_d, θ_d, θ_h and both frames by Mitsuba's formulas in f64, for light from `i`, the viewer
-    /// at `o` and the normal z.
+    /// Computes φ_d, θ_d, θ_h and both frames with Mitsuba's formulas in f64, for light from `i`, the viewer
+    /// at `o` and the normal +z.
     fn reference(i: DVec3, o: DVec3) -> ([f64; 3], [DVec3; 2]) {
         let h = (i + o).normalize();
         let b = DVec3::Z.cross(h).normalize();
@@ -94,8 +94,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..Default::default() })]
 
-        /// Verifies that coordinates → directions → coordinates is the identity, under any rotation about
-        /// the normal.
+        /// Verifies that coordinates → directions → coordinates is the identity, for any rotation about the
+        /// normal.
         #[test]
         fn coordinates_round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
             let at = Coordinates { phi_d, theta_d, theta_h };
@@ -110,8 +110,8 @@ mod tests {
             prop_assert!(s.dot(f * wi).abs() < 1e-5 / theta_d.sin() && (s.length() - 1.0).abs() < 1e-5);
         }
 
-        /// Verifies that directions → coordinates → directions preserves all cosines (the rotation about
-        /// the normal is lost).
+        /// Verifies that directions → coordinates → directions preserves all cosines. The rotation about the
+        /// normal is not preserved.
         #[test]
         fn directions_round_trip_up_to_rotation(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
             let of = |z: f32, phi: f32| {
@@ -123,7 +123,7 @@ mod tests {
             let (i, o, _) = directions(at);
             prop_assert!((i.z - wi.z).abs() < 2e-5 && (o.z - wo.z).abs() < 2e-5, "{at:?}: {i} {o}");
             prop_assert!((i.dot(o) - wi.dot(wo)).abs() < 2e-5);
-            // Handedness: n · (i × o) keeps its sign and magnitude.
+            // n · (i × o) keeps its sign and magnitude, so handedness is preserved.
             prop_assert!((i.cross(o).z - wi.cross(wo).z).abs() < 2e-5);
         }
 
@@ -148,8 +148,8 @@ mod tests {
         }
     }
 
-    /// Verifies that angles are finite, and that the frame is a unit vector perpendicular to both rays, for
-    /// h = n, wi = wo, all three equal, and at the horizon.
+    /// Verifies for h = n, wi = wo, all three equal, and directions on the horizon that angles are finite and
+    /// that the frame vector is a unit vector perpendicular to both rays.
     #[test]
     fn degenerate_configurations_have_coordinates() {
         let f = frame(0.3);

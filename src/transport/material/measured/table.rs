@@ -1,19 +1,19 @@
-//! A table of Mueller matrices in a file: checked when opened, interpolated in place.
+//! A table of Mueller matrices in a file, which is checked on opening and interpolated in place.
 //!
-//! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger
-//! file is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to
-//! the missing pages ends the process (SIGBUS on Unix). To replace such a file, rename a new file over the
-//! old file; never overwrite a file in place.
+//! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger file
+//! is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to the
+//! missing pages terminates the process (SIGBUS on Unix). To replace such a file, rename a new file over the
+//! old one; never overwrite the file in place.
 //!
 //! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic; the other angles and
-//! the wavelength are clamped to their ends. Entries are BRDF values (no cosine) between the s frames of
-//! [`super::rusinkiewicz`].
+//! the wavelength are clamped to the ends of their axes. Entries are BRDF values (without the cosine) between
+//! the s frames of [`super::rusinkiewicz`].
 //!
-//! NaN entries are holes, which measured data have where light or viewer are below the horizon. A value is
-//! interpolated from the valid corners with renormalized weights. If no corner is valid, the value is 0.
-//! Matrices are used as measured, including those that noise makes slightly unphysical (more polarized
-//! light out than light in). Interpolation is a convex sum, so it adds no other unphysical matrices. Only
-//! M00 < 0 is corrected: the lane is set to zero, because polarization without intensity would be worse.
+//! NaN entries are holes, which measured data have where the light or the viewer is below the horizon. A
+//! value is interpolated from valid corners with renormalized weights; if no corner is valid, the value is 0.
+//! Matrices are used as measured, including matrices that noise makes slightly unphysical (a degree of
+//! polarization above 1). Interpolation is a convex sum and thus adds no other unphysical matrices. Only M00
+//! < 0 is corrected: the lane is then set to zero.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -31,22 +31,22 @@ use std::sync::Arc;
 /// Options for opening a table.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Whether evenly spaced angles (ends included) replace an axis that the file leaves empty.
+    /// True if evenly spaced angles (ends included) replace an axis that is empty in the file.
     pub even_axes: bool,
     /// The wavelengths of the render, one per lane. If `None`, the first wavelengths of the table are used.
     pub wavelengths: Option<Wavelengths>,
 }
 
-/// Minimum magnitude of elements that mark a hole, as NaN does.
+/// Elements of at least this magnitude mark a hole, as NaN does.
 const LIMIT: f32 = 1e9;
 
-/// Maximum size of files that are read completely, in bytes.
+/// Maximum size of a file that is read completely, in bytes.
 const READ_WHOLE: u64 = 64 << 20;
 
-/// Size of one matrix in bytes.
+/// Size of one Mueller matrix in bytes.
 const CELL: usize = 64;
 
-/// The two bands between which a lane is interpolated.
+/// The two bands between which the value of a lane is interpolated.
 #[derive(Clone, Copy, Debug, Default)]
 struct Band {
     low: usize,
@@ -58,11 +58,11 @@ struct Band {
 /// A measured table. Clones share the bytes of the file.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Bytes of the file: a copy in anonymous memory, or a mapping.
+    /// Bytes of the file: a copy in memory, or a mapping of the file.
     map: Arc<Mmap>,
     /// Offset of the first byte of the field M.
     start: usize,
-    /// Byte ranges that describe the table: header and axes.
+    /// Byte ranges of the header and the axes.
     heads: [Range<usize>; 5],
     /// Axes phi_d, theta_d and theta_h.
     axes: [Axis; 3],
@@ -72,13 +72,13 @@ pub struct Table {
     importance: Importance,
 }
 
-/// Decodes the little-endian numbers of a field.
+/// Decodes the little-endian f32 values of a field.
 fn floats(bytes: &[u8], range: &Range<usize>) -> Vec<f32> {
     let (words, _) = bytes[range.clone()].as_chunks::<4>();
     words.iter().map(|w| f32::from_le_bytes(*w)).collect()
 }
 
-/// Decodes the little-endian number at a byte offset.
+/// Decodes the little-endian f32 value at a byte offset.
 #[inline]
 fn float(bytes: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
@@ -88,7 +88,7 @@ fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> P
     PbsdfError::Shape { field, found: found.shape_text(), want: want.into() }
 }
 
-/// Returns the bands around a wavelength, and true if the wavelength is outside the table's range.
+/// Returns the bands next to a wavelength, and true if the wavelength is outside the table's range.
 fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
     let inside = nm.clamp(first, last);
@@ -97,7 +97,7 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (a, b) = (f64::from(bands[low]), f64::from(bands[high]));
     let weight = if high > low { ((inside - a) / (b - a)) as f32 } else { 0.0 };
     let band = match weight {
-        // The wavelength is that of a band: only this band is read.
+        // The wavelength equals that of a band, so only this band is read.
         1.0 => Band { low: high, high, weight: 0.0 },
         weight => Band { low, high, weight },
     };
@@ -105,14 +105,14 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 }
 
 impl Table {
-    /// Opens a `.pbsdf` file and checks its structure, its axes and that it contains a valid entry.
+    /// Opens a `.pbsdf` file and checks its structure, its axes, and that at least one entry is valid.
     ///
-    /// Only a small part of a large file is read; the other data remain on disk until they are needed (see
-    /// the module documentation for the risk). Wavelengths outside the table use the nearest band, with one
-    /// warning.
+    /// Only a small part of a large file is read; other data remain on disk until they are needed (see the
+    /// module documentation for the risk). For wavelengths outside the table, the nearest band is used, and a
+    /// warning is logged once.
     ///
     /// # Errors
-    /// [`PbsdfError`] with the fault and the fix, without the path.
+    /// Returns a [`PbsdfError`] that contains the cause and the fix, but not the path.
     pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
         let map = bytes_of(path).map_err(PbsdfError::Read)?;
         Self::of(Arc::new(map), options, path)
@@ -129,7 +129,7 @@ impl Table {
         if shape.len() != 6 || m.range.is_empty() {
             return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros"));
         }
-        // M is inside the file, so no product of its extents overflows.
+        // M is inside the file, so the product of its dimensions does not overflow.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
         let mut heads = [const { 0..0 }; 5];
         heads[0] = 0..file.header_end()?;
@@ -200,7 +200,7 @@ impl Table {
         &self.importance
     }
 
-    /// Returns the byte offset of an entry's matrix of the first band.
+    /// Returns the byte offset of the first band's matrix of an entry.
     #[inline]
     fn cell(&self, phi_d: usize, theta_d: usize, theta_h: usize) -> usize {
         let [_, d, h] = &self.axes;
@@ -208,8 +208,8 @@ impl Table {
         self.start + entry * self.wavelengths_nm.len() * CELL
     }
 
-    /// Returns one stored matrix, row-major with outgoing Stokes rows, or `None` if the entry is a hole or
-    /// out of range. `at` are the indices along phi_d, theta_d and theta_h.
+    /// Returns one stored matrix, row-major with rows for the outgoing Stokes vector, or `None` if the entry
+    /// is a hole or out of range. `at` contains the indices along phi_d, theta_d and theta_h.
     pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
         let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
         if !inside || band >= self.wavelengths_nm.len() {
@@ -220,7 +220,7 @@ impl Table {
         m.iter().all(|e| e.abs() < LIMIT).then_some(m)
     }
 
-    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; unused lanes are 0.
+    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; 0 in unused lanes.
     #[inline]
     #[allow(clippy::needless_range_loop)]
     pub fn eval(&self, at: Coordinates) -> Mueller {
@@ -258,7 +258,7 @@ impl Table {
         out
     }
 
-    /// Returns M00 averaged over the render's lanes and up to 16 values of φ_d, at every θ_h and up to about
+    /// Returns M00 averaged over the render's lanes and up to 16 values of φ_d, for each θ_h and up to about
     /// 48 values of θ_d. This fraction of the file is small enough to be read while a scene loads.
     fn mean(&self) -> Mean {
         let bytes: &[u8] = &self.map;
@@ -290,9 +290,9 @@ impl Table {
         }
     }
 
-    /// Returns byte ranges of the file that identify its contents. For a small file, the range is the whole
-    /// file. For a large file, the ranges are the header, the axes and 64 pieces of 4 KiB spread evenly
-    /// over the data. Changes between the pieces are not detected.
+    /// Returns byte ranges of the file that identify its contents. For a small file, this is the whole file.
+    /// For a large file, the ranges are the header, the axes and 64 evenly spaced pieces of 4 KiB of the
+    /// data. Changes between the pieces are not detected.
     ///
     /// Read these ranges from the file and not through the mapping, because accessed pages would count as
     /// memory of the process.
@@ -304,7 +304,7 @@ impl Table {
         let heads = self.heads.clone().into_iter().filter(move |_| !small);
         let spread = (size - start).saturating_sub(PIECE);
         let data = (0..PIECES).filter(move |_| !small).map(move |i| {
-            // No overflow: file sizes are far below 2^64 / 64.
+            // No overflow, because file sizes are far below 2^64 / 64 bytes.
             let at = start + (spread as u64 * i as u64 / (PIECES as u64 - 1)) as usize;
             at..(at + PIECE).min(size)
         });
@@ -325,10 +325,10 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
         file.read_exact(&mut memory)?;
         return memory.make_read_only();
     }
-    // SAFETY: a map is unsound if its file changes while it exists. This one is private (copy-on-write) and
-    // read-only. References into it are plain bytes, which have no invalid values, and all bounds come from
-    // the length of the map. The remaining risk is that truncation of the file during a render ends the
-    // process.
+    // SAFETY: a map is unsound if its file changes while the map exists. This map is private (copy-on-write)
+    // and read-only. References into it are plain bytes, which have no invalid values, and all bounds come
+    // from the length of the map. The remaining risk is that truncation of the file during a render
+    // terminates the process.
     let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
     if file.metadata()?.len() != map.len() as u64 {
         return Err(io::Error::other("the file changed while it was opened"));
@@ -336,7 +336,7 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
     Ok(map)
 }
 
-/// Returns the bands of every lane; warns about wavelengths outside the table.
+/// Returns the bands of each lane; logs a warning about wavelengths outside the table.
 fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     let mut lanes = [Band::default(); 4];
     let mut outside = Vec::new();
@@ -350,7 +350,7 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     if !outside.is_empty() {
         let (first, last) = (bands[0], bands[bands.len() - 1]);
         tracing::warn!(
-            "{}: wavelengths outside the bands of the table ({first} to {last} nm): {}",
+            "{}: the table covers only {first} to {last} nm: {}; extend the table, or change wavelengths_nm",
             path.display(),
             outside.join(", ")
         );
@@ -358,7 +358,7 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     lanes
 }
 
-/// A weighted sum of the valid matrices. Index loops are vectorized; zipped iterators are not inlined.
+/// A weighted sum of valid matrices. Loops over indices, because zipped iterators are not inlined.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     elements: [f32; 16],
@@ -366,7 +366,7 @@ struct Sum {
 }
 
 impl Sum {
-    /// Adds the matrix at a byte offset unless it is a hole.
+    /// Adds the matrix at a byte offset, unless the matrix is a hole.
     #[inline]
     #[allow(clippy::needless_range_loop)]
     fn add(&mut self, bytes: &[u8], at: usize, weight: f32) {
@@ -376,7 +376,7 @@ impl Sum {
         let mut there = true;
         for i in 0..16 {
             matrix[i] = f32::from_le_bytes(words[i]);
-            // False for NaN.
+            // The comparison is false for NaN.
             there &= matrix[i].abs() < LIMIT;
         }
         if there {
@@ -387,10 +387,10 @@ impl Sum {
         }
     }
 
-    /// Returns the factor that converts the sum to the mean.
+    /// Returns the factor that converts the sum to the weighted mean.
     #[inline]
     fn scale(&self) -> f32 {
-        // Negligible total weight, or M00 ≤ 0.
+        // The total weight is negligible, or M00 ≤ 0.
         if self.weight < 1e-12 || self.elements[0] <= 0.0 { 0.0 } else { self.weight.recip() }
     }
 }

@@ -1,9 +1,9 @@
 //! Reads Mitsuba's tensor file, a container of named arrays, in place.
 //!
-//! All numbers are little-endian. The file begins with `"tensor_file\0"`, version u8 × 2 = 1.0, field count
-//! u32. Each field has: name length u16, name, number of dimensions u16, type u8, offset of the data from
-//! the start of the file u64, shape u64 × dimensions. Data are row-major, usually aligned to 8 bytes (the
-//! reader does not rely on it).
+//! All numbers are little-endian. The file begins with `"tensor_file\0"`, the version (two u8, 1.0) and the
+//! number of fields (u32). Each field has a name length (u16), a name, the number of dimensions (u16), a type
+//! (u8), the offset of the data from the start of the file (u64), and the size of each dimension (u64). Data
+//! are row-major and usually aligned to 8 bytes, but the reader does not rely on the alignment.
 //!
 //! Sizes in the header are not trusted: the reader allocates nothing and checks every byte range against the
 //! file size.
@@ -11,7 +11,7 @@
 use super::error::PbsdfError;
 use std::ops::Range;
 
-/// The first bytes of every tensor file.
+/// The first bytes of each tensor file.
 pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 
 /// Number of bytes before the first field.
@@ -25,7 +25,7 @@ pub enum Dtype {
 }
 
 impl Dtype {
-    /// Returns the type's code in the file.
+    /// Returns the code of the type in the file.
     pub fn code(self) -> u8 {
         match self {
             Self::U16 => 3,
@@ -33,7 +33,7 @@ impl Dtype {
         }
     }
 
-    /// Returns the size of an element in bytes.
+    /// Returns the size of an element of this type in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::U16 => 2,
@@ -68,13 +68,13 @@ fn number<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     take(bytes, N)?.try_into().ok()
 }
 
-/// One field of the header, not yet checked.
+/// An unchecked field of the header.
 #[derive(Clone, Copy)]
 struct Entry<'a> {
     name: &'a [u8],
     code: u8,
     offset: u64,
-    /// Size of each dimension, as u64.
+    /// Size of each dimension, as little-endian u64.
     shape: &'a [u8],
 }
 
@@ -121,10 +121,10 @@ pub struct TensorFile<'a> {
 }
 
 impl<'a> TensorFile<'a> {
-    /// Checks the magic bytes, the version and that the header is complete.
+    /// Checks the magic bytes, the version, and that the header is complete.
     ///
     /// # Errors
-    /// [`PbsdfError::Magic`], [`PbsdfError::Version`], [`PbsdfError::Header`].
+    /// Returns [`PbsdfError::Magic`], [`PbsdfError::Version`] or [`PbsdfError::Header`].
     pub fn new(bytes: &'a [u8]) -> Result<Self, PbsdfError> {
         if !bytes.starts_with(MAGIC) {
             return Err(PbsdfError::Magic);
@@ -145,7 +145,7 @@ impl<'a> TensorFile<'a> {
     /// [`PbsdfError::Header`] if the header is incomplete.
     pub fn header_end(&self) -> Result<usize, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
-        // A field takes at least 13 bytes, so a false count of billions ends at the end of the file.
+        // A field has at least 13 bytes, so even an invalid count of billions stops at the end of the file.
         for _ in 0..self.count {
             entry(&mut at).ok_or(PbsdfError::Header)?;
         }
@@ -155,8 +155,8 @@ impl<'a> TensorFile<'a> {
     /// Returns the field with this name, after checking its type, shape and byte range.
     ///
     /// # Errors
-    /// [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`], [`PbsdfError::Truncated`] and
-    /// the errors of [`Self::new`].
+    /// Returns [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`],
+    /// [`PbsdfError::Truncated`] or an error of [`Self::new`].
     pub fn field(&self, name: &'static str, dtype: Dtype) -> Result<Field<'a>, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         let mut found = None;
@@ -171,7 +171,7 @@ impl<'a> TensorFile<'a> {
             return Err(PbsdfError::Type { field: name, found: type_name(e.code), want: dtype.name() });
         }
         let mut field = Field { dtype, range: 0..0, shape: e.shape };
-        // A zero extent means no data, whatever the offset and the other extents are.
+        // A dimension of size zero means that there are no data, for any offset and any other dimensions.
         if field.shape().any(|n| n == 0) {
             return Ok(field);
         }
@@ -180,7 +180,7 @@ impl<'a> TensorFile<'a> {
         if end > self.bytes.len() as u128 {
             return Err(PbsdfError::Truncated { field: name, start: e.offset, end, size: self.bytes.len() });
         }
-        // No overflow: both are at most the length of the slice.
+        // No overflow, because both values are at most the length of the slice.
         field.range = e.offset as usize..(e.offset + bytes) as usize;
         Ok(field)
     }

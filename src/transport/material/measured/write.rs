@@ -1,8 +1,8 @@
-//! Writes `.pbsdf` files, from numbers or from another material.
+//! Writes `.pbsdf` files from numbers or from another material.
 //!
-//! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data
-//! aligned to 8 bytes. Memory holds one φ_d slab at a time. The file is written next to the destination and
-//! then renamed, so that the destination is never incomplete.
+//! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data aligned
+//! to 8 bytes. Only the entries of one φ_d are in memory at a time. The file is written to the destination
+//! folder under a temporary name and then renamed, so that the destination is never incomplete.
 
 use super::axes::{ANGLES, Axes};
 use super::error::PbsdfError;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Returns the header and axes of a file, that is, all bytes before the field M.
+/// Returns the header and the axes of a file, which are all bytes before the data of field M.
 fn head(axes: &Axes) -> Vec<u8> {
     let n = axes.angles().map(<[f32]>::len);
     let bands = axes.wavelengths_nm.len();
@@ -55,12 +55,12 @@ fn head(axes: &Axes) -> Vec<u8> {
 
 /// Writes a table.
 ///
-/// `fill` receives the index of a φ_d and the slab of this φ_d, initially zero. Slabs contain row-major
-/// matrices, [theta_d, theta_h, wavelength, 4, 4]: BRDF values (no cosine) between s frames. NaN marks
-/// unknown values.
+/// `fill` receives the index of a value of φ_d and a buffer for its entries, initially zero. The buffer
+/// contains row-major matrices, [theta_d, theta_h, wavelength, 4, 4]: BRDF values (without the cosine)
+/// between s frames. NaN marks unknown values.
 ///
 /// # Errors
-/// [`PbsdfError::Write`], and the errors of [`Axes::check`] and [`Axes::slab_len`].
+/// Returns [`PbsdfError::Write`], or an error of [`Axes::check`] or [`Axes::slab_len`].
 pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) -> Result<(), PbsdfError> {
     axes.check()?;
     let mut slab = vec![0.0_f32; axes.slab_len()?];
@@ -83,11 +83,11 @@ pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) 
 /// Minimum cosine to the normal at which a material is tabulated.
 const LEAST_COS: f32 = 1e-4;
 
-/// Evaluates a material over one φ_d, in the slab layout of [`write()`].
+/// Evaluates a material for one value of φ_d, in the layout of [`write()`].
 ///
-/// Values are NaN where light or viewer are below the horizon, or everywhere if the index `phi_d` is out of
-/// range, and 0 where the material reflects nothing. `sources` is as in [`tabulate`]; bands without a source
-/// stay 0.
+/// Values are NaN where the light or the viewer is below the horizon, or everywhere if the index `phi_d` is
+/// out of range. Values are 0 where the material reflects nothing. `sources` is as in [`tabulate`]; bands
+/// without a source stay 0.
 pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
     let Some(&phi_d) = axes.phi_d.get(phi_d) else {
         out.fill(f32::NAN);
@@ -125,15 +125,15 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
     });
 }
 
-/// Tabulates the BRDF of a material, with holes where light or viewer are below the horizon, as in
+/// Tabulates the BRDF of a material, with holes where the light or the viewer is below the horizon, as in
 /// measurements.
 ///
-/// A material has up to four wavelength lanes, so `sources` contains the same material in several tables,
-/// with the material's index in each. Bands 0 to 3 are the lanes of the first source, bands 4 to 7 those of
-/// the second, and so on.
+/// A material has up to four wavelength lanes. `sources` therefore contains versions of the same material for
+/// different wavelengths, each with the index of the material in its table. Bands 0 to 3 are the lanes of the
+/// first source, bands 4 to 7 those of the second, and so on.
 ///
 /// # Errors
-/// As [`write()`]; [`PbsdfError::Sources`] if the number of sources does not match the bands.
+/// Returns [`PbsdfError::Sources`] if there are too few or too many sources, or an error of [`write()`].
 pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
     if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {

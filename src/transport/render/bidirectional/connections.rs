@@ -1,4 +1,4 @@
-//! Connections between a camera subpath and a light subpath, and the weights of the connections.
+//! Connections between camera subpaths and light subpaths, and the MIS weights of the connections.
 
 use super::mis::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
@@ -22,36 +22,36 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(crate) struct Setup {
     pub emission: Emission,
-    /// True if only redirected light counts. Camera subpaths then stop if the first surface is Lambertian.
+    /// True if only redirected light counts. Camera subpaths then end if their first surface is Lambertian.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
     pub strategies: Strategies,
-    /// Mirrors through which connections to emitters are searched for.
+    /// Mirrors through which connections to emitters are sought.
     pub mirrors: Mirrors,
-    /// Targets of guided turns in media.
+    /// Targets of guided scattering in media.
     pub guide: Guide,
     pub roulette: Roulette,
     /// True if some slice separates light by path label.
     pub labelled: bool,
 }
 
-/// Result for a subpath that starts with interfaces: index of the first vertex behind the interfaces at
-/// which connections can end. The density per perpendicular area is that with which subpaths reach this
-/// vertex; `None` if the path through the interfaces would not be found from the vertex.
+/// Result for a subpath that starts with interfaces: index of the first vertex behind the interfaces at which
+/// connections can end, and density per perpendicular area with which subpaths reach this vertex. The density
+/// is `None` if the path through the interfaces cannot be found from the vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;
 
-/// Buffers that a thread keeps between connections.
+/// Buffers that a thread reuses for all connections.
 #[derive(Default)]
 pub(crate) struct Scratch {
-    /// Densities on the current camera subpath and light subpath.
+    /// Sampling densities of the vertices of the current camera subpath and light subpath.
     densities: [Vec<Densities>; 2],
     pub seen: [Seen; 2],
 }
 
-/// Returns the maximum number of interactions of a path.
+/// Returns the maximum number of interactions on a path.
 #[inline]
 pub(crate) fn most(scene: &Scene) -> u32 {
     scene.settings.max_depth - 1
@@ -59,12 +59,12 @@ pub(crate) fn most(scene: &Scene) -> u32 {
 
 /// The line between the last vertices of two subpaths.
 pub(crate) struct Line {
-    /// Directions in which the line leaves the camera vertex and the light vertex.
+    /// Directions of the line from the camera vertex and from the light vertex.
     pub dirs: [Vec3A; 2],
-    /// Mean transmittance of the line divided by its squared length, 1/m².
+    /// Mean transmittance of the line divided by the squared length, 1/m².
     pub passed: f32,
-    /// For a refracted or reflected line: densities per perpendicular area with which subpaths from the other
-    /// side reach the camera vertex and the light vertex.
+    /// For a refracted or reflected line: densities, per perpendicular area, with which the opposite subpath
+    /// reaches the camera vertex and the light vertex.
     pub arrivals: [Option<f32>; 2],
 }
 
@@ -75,14 +75,14 @@ impl Line {
     }
 }
 
-/// Returns the first vertex of a subpath at which connections can end.
+/// Returns the index of the first vertex of a subpath at which connections can end.
 #[inline]
 pub(crate) fn behind(walk: &[Vertex]) -> Option<usize> {
     let last = walk.len() - 1;
     (1..=last).find(|i| !walk[*i].delta || *i == last)
 }
 
-/// Properties of a path other than its matrix.
+/// Properties of a path that are not part of its matrix.
 pub(crate) struct Record {
     pub time_ps: f64,
     pub pixel: u32,
@@ -90,8 +90,8 @@ pub(crate) struct Record {
     pub label: u8,
 }
 
-/// Joins the camera's product `chain`, which applies to `beam`, to the product of vertex `y`, and appends
-/// the path.
+/// Multiplies the camera's product `chain`, which acts on `beam`, by the product of vertex `y`, and appends
+/// the path to `out`.
 #[inline]
 pub(crate) fn meet(mut chain: Chain, beam: Beam, y: &Vertex, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -101,24 +101,24 @@ pub(crate) fn meet(mut chain: Chain, beam: Beam, y: &Vertex, record: &Record, ou
     out.push(extent, record.time_ps, record.pixel, record.interactions, record.label);
 }
 
-/// An unblocked line.
+/// The properties of an unblocked line.
 struct Followed {
     optical_m: f64,
     sheets: u32,
     passed: f32,
 }
 
-/// Makes connections between subpaths.
+/// Connects subpaths and appends the contributions.
 pub(crate) struct Connector<'a> {
     pub scene: &'a Scene,
     pub setup: &'a Setup,
-    /// Ends of the camera subpath and of the light subpath.
+    /// Possible start vertices of the camera subpath and of the light subpath.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
     /// False if no other strategy samples the same paths, or if MIS weights are not needed.
     pub weighs: bool,
     pub stream: &'a mut Stream,
-    /// Contributions appended so far.
+    /// The contributions, to which new ones are appended.
     pub out: Contributions<'a>,
     pub rays: u32,
 }
@@ -155,8 +155,8 @@ impl<'a> Connector<'a> {
         self.connect(&[Vertex::end(self.scene, &end)], light, sender, Some(factor));
     }
 
-    /// Connects the last vertices of a camera subpath and a light subpath and appends the contribution. Both
-    /// vertices may be ends. `factor` is the weight if roulette has already been decided.
+    /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution. Both
+    /// vertices may be ends of the path. If roulette has already been decided, `factor` is the weight.
     pub fn connect(&mut self, camera: &[Vertex], light: &[Vertex], sender: Sender, factor: Option<f32>) {
         if self.are_separated(camera, light) {
             return;
@@ -170,7 +170,7 @@ impl<'a> Connector<'a> {
         let Some(way) = to.try_normalize() else {
             return;
         };
-        // One roulette decision for all lobes.
+        // Decide roulette once for all lobes.
         let Some(factor) = factor.or_else(|| {
             let mut chain = z.chain;
             if z.site != Site::Pinhole {
@@ -185,7 +185,7 @@ impl<'a> Connector<'a> {
         }) else {
             return;
         };
-        // Every kind of lobe of one vertex with every kind of the other.
+        // Combine each kind of lobe of one vertex with each kind of the other vertex.
         let kinds = |p: &Vertex, wo, wi| -> ArrayVec<Option<u8>, 4> {
             if p.site == Site::Pinhole {
                 return std::iter::once(None).collect();
@@ -201,8 +201,8 @@ impl<'a> Connector<'a> {
         }
     }
 
-    /// Returns true if the last vertices of two subpaths are in different media and light cannot pass
-    /// straight between them. The connection is then blocked without tracing a ray.
+    /// Returns true if the last vertices of two subpaths are in different media and light cannot pass between
+    /// them in a straight line. The connection is then blocked, and no ray is traced.
     #[inline]
     fn are_separated(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
         let (scene, z, y) = (self.scene, last(camera), last(light));
@@ -213,17 +213,17 @@ impl<'a> Connector<'a> {
         z.medium_toward(scene, to) != y.medium_toward(scene, -to)
     }
 
-    /// Decides by roulette whether to make a connection whose contribution is about `expected`. Returns the
-    /// weight of the connection.
+    /// Decides by roulette whether to evaluate a connection with a contribution of about `expected`. Returns
+    /// the weight of the connection.
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Vertex; 2], expected: f32) -> Option<f32> {
-        // Two subpaths are connected only in a fraction of samples.
+        // Camera and light subpaths are connected only in a fraction of samples.
         let often = if ends.iter().all(|p| p.site != Site::Pinhole) { self.setup.connections } else { 1.0 };
         let factor = self.setup.roulette.spin(expected / often, self.stream)?;
         Some(factor / often)
     }
 
-    /// Implements [`Self::connect`] for the lobe kinds given for each vertex, or for all lobes.
+    /// Implements [`Self::connect`] for the kinds of lobe given for each vertex, or for all lobes.
     fn connect_lobes(
         &mut self,
         camera: &[Vertex],
@@ -327,12 +327,12 @@ impl<'a> Connector<'a> {
 
     /// Returns true if no other strategy samples the path of a straight connection of these subpaths.
     fn is_sole(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
-        // A Lambert surface reached only by specular interactions is also sampled from there.
+        // A surface that light reaches only by specular events is also sampled by connections from it.
         let lambert = |p: &Vertex| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
         self.setup.redirected && camera.len() == 1 && lambert(last(light))
     }
 
-    /// Returns the weight of a connection among all strategies that can sample its path.
+    /// Returns the MIS weight of a connection among all strategies that can sample its path.
     pub fn weight(&mut self, camera: &[Vertex], light: &[Vertex], source: usize, line: Line) -> f32 {
         let (scene, guide) = (self.scene, &self.setup.guide);
         if !self.weighs {
@@ -350,7 +350,7 @@ impl<'a> Connector<'a> {
         }
         let (z, y) = (last(camera), last(light));
         let [from_camera, from_light] = &mut self.scratch.densities;
-        // Densities with which the other subpath would sample each end of the line and its predecessor.
+        // Densities with which the opposite subpath samples each end of the line and the end's predecessor.
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
@@ -378,7 +378,7 @@ impl<'a> Connector<'a> {
                 out[k - 1].other = point.density(scene, guide, from, dir, point.back) * point.spread;
             }
             if let Some((first, density)) = seen {
-                // The segment through the interfaces is one step, for subpaths and manifold connections.
+                // The segment through interfaces counts as one step, as in manifold connections.
                 out.drain(1..first);
                 out[1].own = density;
             }

@@ -1,4 +1,4 @@
-//! Connections of camera subpaths to emissive surfaces, sky and directional lights ([`crate::light`]).
+//! Connections of camera subpaths to area lights, the sky and directional lights ([`crate::light`]).
 //!
 //! Light subpaths do not start at these emitters. Each path is therefore sampled by at most two techniques:
 //! by a connection, or by hitting the emitter ([`crate::render::emitter_hits`]).
@@ -15,7 +15,7 @@ use optics::polarization::chain::Chain;
 use optics::spectrum::Spectral;
 
 impl Connector<'_> {
-    /// Connects the last vertex of a camera subpath to all directional lights and to a sampled light.
+    /// Connects the last vertex of a camera subpath to all directional lights, and to one sampled light.
     pub fn connect_lights(&mut self, camera: &[Vertex]) {
         let (scene, guide, point) = (self.scene, &self.setup.guide, last(camera));
         let p = point.surface.p;
@@ -40,7 +40,7 @@ impl Connector<'_> {
 
     fn connect_drawn(&mut self, camera: &[Vertex], drawn: &Drawn, share: f32) {
         let dir = -drawn.wi;
-        // Compensates for the division by the squared distance along the connection.
+        // The factor compensates for the division by the squared distance along the connection.
         let intensity = share * drawn.distance * drawn.distance;
         let mut chain = Chain::start(drawn.irradiance * Spectral::splat(intensity));
         let frame = drawn.polarized.begin(&mut chain, dir);
@@ -49,7 +49,7 @@ impl Connector<'_> {
             chain,
             frame,
             density: 0.0,
-            // Connections are traced from the camera's side.
+            // Unused, because connections are traced from the side of the camera.
             filling: Filling::VACUUM,
             nest: Nest::default(),
         };

@@ -1,4 +1,4 @@
-//! Light subpaths by number. Each subpath depends only on its number and the seed.
+//! Light subpaths, identified by their numbers. Each subpath depends only on its number and the seed.
 
 use super::{Plan, WalkNumber, Walks, most};
 use crate::render::state::From;
@@ -9,18 +9,18 @@ use optics::sampling::stream::Stream;
 /// Key that separates the random streams of light subpaths from those of camera samples.
 const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
-/// A light subpath that has been traced.
+/// A light subpath that has already been traced.
 pub(super) struct LightSubpath {
     pub ends: Ends,
     pub sender: Sender,
-    /// Random stream of the subpath, after the numbers that were used.
+    /// Random stream of the subpath, after the random numbers that the subpath has used.
     pub stream: Stream,
     pub limits: Limits,
 }
 
 impl Walks {
-    /// Traces a light subpath, or the first branch of a subpath, up to `point`; `None` if the scene has no
-    /// sources.
+    /// Traces a light subpath, or the first branch of it, up to vertex `point`; `None` if the scene has no
+    /// emitters.
     pub(super) fn light_subpath(
         &mut self,
         scene: &Scene,
@@ -46,16 +46,16 @@ impl Walks {
     }
 }
 
-/// Returns the point on the projector's image from which a subpath starts. The points of one sample are
-/// evenly spread (Roberts 2018, the additive recurrence of the plastic number). The same random shift of
-/// all points makes each point uniform.
+/// Returns the image point of the projector at which a subpath starts. The points of one sample are evenly
+/// spread (Roberts 2018, the additive recurrence of the plastic number). A random shift that is common to all
+/// points makes each point uniformly distributed.
 #[inline]
 fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(seed, u32::MAX, number.sample);
     let k = f64::from(number.walk);
     [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|step| {
         let at = (f64::from(shift.uniform()) + k * step).fract() as f32;
-        // Rounding to single precision must not reach 1.
+        // Rounding to f32 must not give 1.
         at.min(1.0 - f32::EPSILON / 2.0)
     })
 }

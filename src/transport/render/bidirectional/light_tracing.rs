@@ -1,7 +1,7 @@
 //! Light tracing: connects vertices of light subpaths to the camera, directly or through interfaces.
 //!
-//! Visible vertices are found once for a part of the image ([`super::splats`]) and stored as the numbers of
-//! the subpath and of the vertex. For the pixel that sees the vertices, the subpaths are traced again.
+//! Vertices that are visible in a part of the image are found once ([`super::splats`]) and stored as subpath
+//! number and vertex number. To render a pixel that sees such vertices, their subpaths are traced again.
 
 use super::light_subpaths::LightSubpath;
 use super::{Connector, Plan, Splat, WalkNumber, Walks, behind, brings, wanted};
@@ -14,7 +14,7 @@ use crate::strategy::Strategy;
 use glam::Vec3A;
 
 impl Walks {
-    /// Traces a light subpath and calls `found` with each vertex that the camera sees. `out` is a buffer.
+    /// Traces a light subpath and calls `found` for each vertex that the camera sees. `out` is a buffer.
     pub(super) fn look(
         &mut self,
         scene: &Scene,
@@ -34,7 +34,7 @@ impl Walks {
         }
     }
 
-    /// Calls `found` as [`Self::look`] does, for the vertices that belong only to the current branch.
+    /// Calls `found`, as [`Self::look`] does, for the vertices that belong only to the current branch.
     fn look_from_branch(
         &mut self,
         scene: &Scene,
@@ -87,7 +87,7 @@ impl Walks {
         }
     }
 
-    /// Connects a vertex of a light subpath to the camera that sees it. Returns the number of rays.
+    /// Connects a vertex of a light subpath to the camera. Returns the number of traced rays.
     pub(super) fn splat(
         &mut self,
         scene: &Scene,
@@ -123,10 +123,10 @@ impl Walks {
     }
 }
 
-/// Decides by roulette whether to keep a vertex of a light subpath that is seen directly or along a
-/// specular path. Returns the weight of the vertex. The unweighted contribution is an upper bound of the
-/// weighted contribution, which takes longer to compute and is evaluated only for the remaining vertices.
-/// To trace the subpath again takes longest.
+/// Decides by roulette whether to keep a vertex of a light subpath that the camera sees directly or along a
+/// specular path. Returns the weight of the vertex. The unweighted contribution is an upper bound for the
+/// MIS-weighted contribution. The weight takes longer to compute and is evaluated only for the vertices that
+/// are kept. Tracing the subpath again takes longest.
 fn decide(
     connector: &mut Connector,
     light: &[Vertex],

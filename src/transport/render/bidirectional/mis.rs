@@ -1,40 +1,40 @@
-//! Multiple importance sampling weights of the strategies for a path (Veach 1997, sect. 10.2).
+//! Multiple importance sampling weights of the strategies that can sample a path (Veach 1997, sect. 10.2).
 //!
 //! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
-//! vertices and a camera subpath with t vertices. Both ends are counted, so s + t = k + 2. The power
-//! heuristic gives a strategy with density p and n samples the weight (n p)² / Σ (n' p')². Ratios of
-//! densities are products along the path: if the camera subpath samples vertex i instead of the light
-//! subpath, p changes by the ratio of the vertex's densities from the camera and from the light.
+//! vertices and a camera subpath with t vertices. Both ends count as vertices, so s + t = k + 2. The power
+//! heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of
+//! densities are products along the path: if the camera subpath instead of the light subpath samples vertex
+//! i, p changes by the ratio of the densities of this vertex from the camera and from the light.
 //!
-//! The heuristic assumes independent strategies, but connections inside a medium are correlated: if two
-//! subpaths with hundreds of particles come close to each other, many of their connections contribute, and
-//! otherwise none. On a path with m particles, each connection of two subpaths therefore counts as 1/m of a
-//! sample, so that all connections together count as one sample. This is the simplest form of Grittmann,
-//! Georgiev & Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional rendering
-//! algorithms".
+//! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
+//! subpaths with hundreds of medium vertices come close to each other, many of their connections contribute;
+//! otherwise none contribute. On a path with m medium vertices, each connection of two subpaths therefore
+//! counts as 1/m of a sample, so that all connections together count as one sample. This is the simplest form
+//! of Grittmann, Georgiev & Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional
+//! rendering algorithms".
 
 use crate::strategy::{Strategies, Strategy};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
-    /// Density with which the subpath from this end samples the vertex.
+    /// Density with which the subpath from the same side samples the vertex.
     pub own: f32,
-    /// Density with which the other subpath samples the vertex.
+    /// Density with which the subpath from the opposite side samples the vertex.
     pub other: f32,
     /// False if the vertex scatters light into a single direction, so that no connection can end at it.
     pub connects: bool,
-    /// True for a vertex that is a scattering event in a medium.
+    /// True if the vertex is a scattering event in a medium.
     pub particle: bool,
 }
 
-/// Number of samples that each strategy takes.
+/// Number of samples of each strategy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Number of light subpaths per connection: the probability that a subpath starts at the emitter in
-    /// question.
+    /// Number of light subpaths per connection: the probability that a light subpath starts at the emitter of
+    /// the path.
     pub light: f32,
-    /// Number of light subpaths per camera pixel and sample. All of these are connected to the camera's
-    /// pinhole.
+    /// Number of light subpaths per camera pixel and sample. All of these subpaths are connected to the
+    /// camera's pinhole.
     pub splats: f32,
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
@@ -42,8 +42,8 @@ pub(super) struct Tries {
 }
 
 impl Tries {
-    /// Returns the number of samples of the strategy with `s` light vertices and `t` camera vertices on a
-    /// path with `particles` particles. Next-event estimation is always performed.
+    /// Returns the number of samples of the strategy with `s` light vertices and `t` camera vertices, for a
+    /// path with `particles` medium vertices. Next-event estimation takes one sample.
     #[inline]
     fn of(self, s: usize, t: usize, particles: usize) -> f64 {
         let strategy = match (s, t) {
@@ -64,7 +64,7 @@ impl Tries {
     }
 }
 
-/// Returns the weight of the strategy with subpaths `light` and `camera`, which start with their ends.
+/// Returns the weight of the strategy that connects `light` and `camera`, subpaths that include their ends.
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
@@ -74,7 +74,7 @@ pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: 
     for (walk, is_light) in [(camera, false), (light, true)] {
         let mut ratio = 1.0;
         for i in (1..walk.len()).rev() {
-            // The other subpath samples vertex i and all vertices after it.
+            // The opposite subpath samples vertex i and all later vertices.
             ratio *= f64::from(walk[i].other) / f64::from(walk[i].own);
             if walk[i].connects && walk[i - 1].connects {
                 let (s, t) = if is_light { (i, s + t - i) } else { (s + t - i, i) };
@@ -98,7 +98,7 @@ mod tests {
         for _ in 0..2000 {
             let inner = 1 + (stream.uniform() * 7.0) as usize;
             let draw = |stream: &mut Stream| (6.0 * (stream.uniform() - 0.5)).exp();
-            // Densities from the light and from the camera. Both ends connect, and neither is a particle.
+            // Densities from the light and from the camera. Both ends connect, and neither is in a medium.
             let points: Vec<(f32, f32, bool, bool)> = (0..inner + 2)
                 .map(|i| {
                     let ends = i == 0 || i == inner + 1;

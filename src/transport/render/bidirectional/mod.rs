@@ -1,19 +1,19 @@
-//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994), polarized, with media.
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994) with polarization and media.
 //!
-//! Every vertex of a camera subpath is connected to every vertex of a light subpath:
+//! Each vertex of a camera subpath is connected to each vertex of a light subpath:
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
-//! where M_z and M_y are the interactions at the two vertices (with their cosines toward each other) and S
-//! the sheets between them. The emitters and the camera's pinhole are vertices of their subpaths. A light
-//! subpath that consists only of the emitter is next-event estimation. A camera subpath that consists only
-//! of the camera is a splat into the pixel that sees the vertex. Paths that several strategies can sample
-//! are weighted by [`mis`].
+//! where M_z and M_y are the scattering matrices at the two vertices (with the cosines to the connection),
+//! and S are the sheets between them. The emitter and the camera's pinhole are vertices of their subpaths. If
+//! the light subpath has no other vertex, the connection is next-event estimation. If the camera subpath has
+//! no other vertex, the connection is a splat into the pixel that sees the light vertex. Paths that several
+//! strategies can sample are weighted by [`mis`].
 //!
-//! `integrator = "path"` in scenes with media uses the same code, with light subpaths that consist only of
-//! the emitter. `integrator = "caustics"` uses this code with few samples, only for paths whose light first
-//! hits a mirror, a smooth interface or a crystal. [`super::path`] cannot sample these paths. The two sets
-//! of paths are disjoint, and the results are added.
+//! In scenes with media, `integrator = "path"` uses the same code, with light subpaths that consist only of
+//! the emitter. `integrator = "caustics"` uses the same code, with few samples, only for paths on which the
+//! light first hits a mirror, a smooth interface or a crystal. [`super::path`] cannot sample these paths. The
+//! two sets of paths are disjoint, and their contributions are added.
 
 mod connections;
 mod light_connections;
@@ -45,25 +45,25 @@ pub(super) use splat_file::{NO_PART, Parts, SplatFile};
 use splats::{Counts, Splat, Splats, WalkNumber};
 use std::ops::Range;
 
-/// Key that separates the random streams of samples for redirected light from those of plain paths.
+/// Key that separates the random streams of samples of redirected light from those of other paths.
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
-/// Fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
-/// and are seen and lit through interfaces. In this case, subpaths turn to the apparent position of the
-/// other end and are connected to this end from every particle, which finds nearly all light. Connections
-/// between particles do not account for the forward peaks: such connections find a tenth of the light in a
-/// fifth of the time.
+/// Fraction of samples in which camera and light subpaths are connected, if the media scatter light forward
+/// and are seen and lit through interfaces. In such scenes, subpaths are guided toward the apparent position
+/// of the opposite end and connected to it from each medium vertex, which finds nearly all light. Connections
+/// between medium vertices ignore the forward peaks: they take a fifth of the time, but find only a tenth of
+/// the light.
 const RARELY: f32 = 0.04;
 
-/// Number of camera samples that determine which connections are efficient.
+/// Number of camera samples from which the roulette threshold is estimated.
 const PILOT: u32 = 2048;
 
-/// Number of plain paths per sample of redirected light.
+/// Number of ordinary path samples per sample of redirected light.
 const PATHS_PER_SAMPLE: u32 = 16;
-/// Minimum number of samples of redirected light.
+/// Minimum number of samples of redirected light per pixel.
 const LEAST_SAMPLES: u32 = 8;
 
-/// Returns the number of subpath samples of a camera pixel with `spp` samples.
+/// Returns the number of bidirectional samples for a camera pixel with `spp` samples.
 pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
     match scene.settings.integrator {
         Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
@@ -76,29 +76,29 @@ pub struct Plan {
     pub(super) setup: Setup,
     /// Seed of the random streams.
     pub(super) seed: u64,
-    /// Splats of the current part of the image.
+    /// Splats in the current part of the image.
     splats: Splats,
-    /// Splats of all parts, if there are several.
+    /// Splats in all parts of the image, if there are several parts.
     splat_file: Option<SplatFile>,
-    /// Light subpaths of a render on many machines.
+    /// Light subpaths that are shared between the machines of a render.
     light: Option<SharedLight>,
 }
 
-/// The subpaths of one camera sample, and their contributions to the sample's pixel.
+/// The subpaths of one camera sample, and the contributions to its pixel.
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// The contributions of each sample, in order, and the Mueller elements of all contributions.
+    /// The contributions of each sample, in order; the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
 
-/// Buffers that a thread reuses between subpaths that are traced in advance.
+/// Buffers that a thread reuses between light subpaths that are traced before the render.
 type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
 
-/// Returns true if connections of `s` light vertices to `t` camera vertices are enabled.
+/// Returns true if connections between `s` light vertices and `t` camera vertices are enabled.
 #[inline]
 pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
@@ -108,8 +108,8 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render in parts. `labelled` is true if labels are needed. Returns `None` once `stop`
-    /// returns true.
+    /// Prepares a render of several image parts. `labelled` is true if path labels are needed. Returns `None`
+    /// once `stop` returns true.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
@@ -150,7 +150,7 @@ impl Plan {
             splat_file: None,
             light: None,
         };
-        // Estimated for all light, not only redirected light.
+        // The threshold is estimated for all light, not only for redirected light.
         if scene.settings.strategy.is_none() {
             let pilot = || plan.pilot(scene).0;
             let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
@@ -182,7 +182,7 @@ impl Plan {
             match made {
                 Ok(splat_file) => plan.splat_file = Some(splat_file?),
                 Err(e) => tracing::warn!(
-                    "cannot store the vertices of light paths in {}: {e}; the light paths are traced again for each of {} parts \
+                    "cannot store the vertices of light paths in {}: {e}; they are traced again for each of {} parts \
                      of the image. To avoid this, set TMPDIR to a folder with more free space",
                     std::env::temp_dir().display(),
                     parts.count
@@ -196,7 +196,7 @@ impl Plan {
         if !self.has_splats(scene) {
             return;
         }
-        // Only one part's vertices are in memory at a time.
+        // Drop the old splats first, so that only one part's splats are in memory at a time.
         self.splats = Splats::default();
         let wanted = |pixel| (parts.of)(pixel) as usize == part;
         let pixels = self.counts(scene).pixels;
@@ -213,7 +213,7 @@ impl Plan {
             message => {
                 if let Some(Err(e)) = message {
                     tracing::warn!(
-                        "cannot read the stored vertices of light paths: {e}; the paths are traced again"
+                        "cannot read the stored vertices of light paths: {e}; tracing the light paths again"
                     );
                 }
                 Splats::new(self.counts(scene), wanted, Buffers::default, |buffers, number, found| {
@@ -223,7 +223,7 @@ impl Plan {
         };
     }
 
-    /// Traces a light subpath and calls `found` with each vertex that the camera sees.
+    /// Traces a light subpath and calls `found` for each vertex that the camera sees.
     fn look(
         &self,
         scene: &Scene,
@@ -235,8 +235,8 @@ impl Plan {
         walks.look(scene, self, number, &mut out, found);
     }
 
-    /// Returns the minimum number of vertices, including the end, from which a light subpath is connected
-    /// to others.
+    /// Returns the minimum number of vertices, including the end, that a light subpath must have to be
+    /// connected.
     pub(super) fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
@@ -253,7 +253,7 @@ impl Plan {
         Counts { samples: samples(scene, scene.settings.spp), walks: self.setup.walks, pixels: w * h }
     }
 
-    /// Estimates the roulette threshold from a few samples spread over the image.
+    /// Estimates the roulette threshold from a few samples that are evenly spread over the image.
     fn pilot(&self, scene: &Scene) -> Roulette {
         let [w, h] = scene.camera.resolution;
         let pixels = u64::from(w) * u64::from(h);
@@ -264,7 +264,7 @@ impl Plan {
                 let mut out = Contributions::new(list, elements, self.setup.labelled);
                 out.list.clear();
                 out.elements.clear();
-                // Sample numbers that the render does not use.
+                // The sample numbers must differ from those of the render.
                 walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
                 brings(&out)
             })
@@ -273,7 +273,7 @@ impl Plan {
     }
 }
 
-/// Returns the intensity of all contributions in the brightest wavelength lane.
+/// Returns the intensity of all contributions, in the brightest wavelength lane.
 #[inline]
 pub(super) fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
@@ -281,8 +281,8 @@ pub(super) fn brings(out: &Contributions) -> f32 {
 }
 
 impl Walks {
-    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the
-    /// pixel. Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
+    /// Traces paths for the given `samples` of camera pixel (x, y), each through a uniformly distributed
+    /// point. Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
     pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
         self.lists.resize_with(samples.len(), Vec::new);
         let mut elements = std::mem::take(&mut self.elements);
@@ -314,8 +314,8 @@ impl Walks {
         let [jx, jy] = stream.uniform2().map(f64::from);
         let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
-        // Plain paths find the remaining light. Light from a Lambert surface to the camera is found by light
-        // subpaths and by connections through interfaces.
+        // Ordinary paths sample the remaining light. Light that leaves a Lambertian surface toward the camera
+        // is sampled by light subpaths and by connections through interfaces.
         let all = !plan.setup.redirected;
         let limits = Limits {
             interactions: most(scene),
@@ -341,7 +341,7 @@ impl Walks {
                 if (share == 1.0 || stream.uniform() < share)
                     && self.camera.points.get(1).is_some_and(goes_on)
                 {
-                    // Over all samples, each light subpath can start anywhere.
+                    // Over all samples, each light subpath can start at any point.
                     let number = WalkNumber { sample, walk: pixel };
                     partner = self.light_subpath(scene, plan, number, (usize::MAX, Splitting::Never));
                     rays += partner.as_ref().map_or(0, |_| self.light.rays);
@@ -363,7 +363,7 @@ impl Walks {
         rays
     }
 
-    /// Adds the light of emitters that the current branch of the camera subpath hit.
+    /// Adds the light of emitters that the current branch of the camera subpath has hit.
     fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);
@@ -374,7 +374,7 @@ impl Walks {
         }
     }
 
-    /// Connects the vertices that belong only to this branch to emitters. Returns the number of rays.
+    /// Connects the vertices that belong only to this branch to emitters. Returns the number of traced rays.
     fn connect_emitters(
         &mut self,
         scene: &Scene,
@@ -394,7 +394,7 @@ impl Walks {
             }
             let sources = 0..plan.setup.emission.count();
             let inside = strategies.has(Strategy::RoughInterface);
-            // Straight lines from particles are blocked by rough interfaces.
+            // Rough interfaces block straight lines from medium vertices.
             let shut = inside && connector.connect_through_rough(camera);
             let next_event = all && !shut && strategies.has(Strategy::NextEvent);
             for source in sources.clone().filter(|_| next_event) {
@@ -436,7 +436,7 @@ impl Walks {
     }
 
     /// Connects the vertices that belong only to this branch to all vertices of the light subpath. Returns
-    /// the number of rays.
+    /// the number of traced rays.
     fn connect_walks(
         &mut self,
         scene: &Scene,

@@ -1,21 +1,21 @@
-//! Next-event estimation through rough interfaces, from inside a medium.
+//! Next-event estimation from inside a medium through rough interfaces.
 //!
-//! Inside a solid medium, light that leaves toward a pinhole comes from a narrow cone. A rough interface of
-//! index n deflects outgoing light n times as much as incoming light. Facets within an angle α of the
-//! normal therefore refract light only from within about α/3, a hundredth of all directions or less. A
-//! subpath that is sampled by the phase function of a particle rarely enters this cone, and then
-//! contributes a hundred times the mean.
+//! Light inside a solid medium that will leave toward a pinhole travels within a narrow cone. A rough
+//! interface with index n deflects outgoing light n times as much as incoming light. Facets within an angle α
+//! of the normal therefore refract only light from within about α/3, a hundredth of all directions or less. A
+//! subpath that samples the phase function rarely enters this cone; if it does, it contributes a hundred
+//! times the mean.
 //!
-//! From a particle near the surface, a direction is therefore sampled as the interface would refract light
-//! of the emitter. Facets are sampled, as seen from the emitter, at the point where the straight line to
-//! the emitter leaves the medium. The path then continues to the surface along that direction, and from the
-//! surface along a straight line to the emitter. The balance heuristic (Veach 1997, sect. 9.2) combines the
-//! two estimates of a path. Let p be the density of the subpath (phase function times transmittance) and q
-//! the density of this estimate, per steradian at the particle. The two estimates are
+//! From a medium vertex near the surface, a direction is therefore sampled as the interface would refract
+//! light of the emitter. Facets visible from the emitter are sampled at the point where the straight line to
+//! the emitter leaves the medium. The path then continues along the sampled direction to the surface, and
+//! from the surface in a straight line to the emitter. The balance heuristic (Veach 1997, sect. 9.2) combines
+//! the two estimates of a path. Let p be the density of the subpath (phase function × transmittance) and q
+//! the density of this estimate, per steradian at the medium vertex. The two estimates are
 //!
 //! > f/p · p/(p + q) and f/q · q/(p + q).
 //!
-//! (For smooth interfaces the cone is a single direction, which [`crate::render::manifold`] finds.)
+//! (For smooth interfaces, the cone is a single direction, which [`crate::render::manifold`] finds.)
 
 use super::Connector;
 use crate::geometry::ray::{Ray, Surface};
@@ -27,10 +27,10 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// Maximum optical depth to the surface. Beyond this depth, subpaths sample the little remaining light.
+/// Maximum optical depth to the surface. At larger depths, little light remains, which subpaths sample.
 const REACH: f32 = 5.0;
 
-/// The exit: the point where the straight line from a particle to an emitter leaves the medium.
+/// The exit: the point where the straight line from a medium vertex to an emitter leaves the medium.
 struct Exit {
     surface: Surface,
     /// Unit direction from the exit to the emitter.
@@ -38,7 +38,7 @@ struct Exit {
 }
 
 impl Exit {
-    /// Finds the exit for a particle in medium `id`; `None` if no rough interface is near.
+    /// Finds the exit for a vertex in medium `id`; `None` if no rough interface is near.
     fn find(scene: &Scene, id: u32, z: &Vertex, to: Vec3A) -> Option<Self> {
         let p = z.surface.p;
         let dir = (to - p).try_normalize()?;
@@ -46,17 +46,17 @@ impl Exit {
         let ray = Ray { origin: p, dir };
         let hit = scene.geometry.intersect(&ray, REACH / clearest)?;
         let surface = scene.geometry.surface(&ray, &hit);
-        // Surfaces hidden by an object of higher priority have no effect.
+        // Surfaces inside an object of higher priority have no effect.
         let noticed = !has_no_effect(scene, &z.nest, surface.material);
         if !(noticed && scene.materials.is_rough_interface(surface.material)) {
             return None;
         }
         let out = (to - surface.p).try_normalize()?;
-        // Only from the inside to the outside.
+        // The line must leave the medium.
         (surface.ng.dot(out) > 0.0).then_some(Self { surface, out })
     }
 
-    /// Returns the density per steradian with which the direction `wi` into the medium is sampled.
+    /// Returns the density per steradian with which the direction `wi` in the medium is sampled.
     fn density(&self, scene: &Scene, wi: Vec3A) -> f32 {
         if self.surface.ng.dot(wi) >= 0.0 {
             return 0.0;
@@ -66,12 +66,12 @@ impl Exit {
     }
 }
 
-/// Returns true if light from `to` enters the medium through the point `y` of a rough interface.
+/// Returns true if light from `to` enters the medium through a rough interface at the vertex `y`.
 fn leaves(y: &Vertex, to: Vec3A) -> bool {
     y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
 }
 
-/// Returns the density per steradian with which a subpath from a particle of medium `id` reaches `y`.
+/// Returns the density per steradian with which a subpath from a vertex in medium `id` reaches `y`.
 fn walks(connector: &Connector, z: &Vertex, id: u32, y: &Vertex) -> f32 {
     let scene = connector.scene;
     let to = y.surface.p - z.surface.p;
@@ -82,7 +82,7 @@ fn walks(connector: &Connector, z: &Vertex, id: u32, y: &Vertex) -> f32 {
 }
 
 impl Connector<'_> {
-    /// Returns the subpath's MIS weight if an emitter's light enters at the vertex `y` that follows `z`.
+    /// Returns the MIS weight of a subpath if light of an emitter enters at the vertex `y` that follows `z`.
     pub fn share_of_walk(&mut self, z: &Vertex, y: &Vertex, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;
@@ -99,9 +99,9 @@ impl Connector<'_> {
         own / (own + drawn)
     }
 
-    /// Connects a particle at the end of a camera subpath to all emitters through the rough interface near
-    /// it and appends the contributions. Returns true if such an interface is between the particle and
-    /// every emitter.
+    /// Connects a medium vertex at the end of a camera subpath to all emitters through a nearby rough
+    /// interface, and appends the contributions. Returns true if such an interface is between the vertex and
+    /// each emitter.
     pub fn connect_through_rough(&mut self, camera: &[Vertex]) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let z = last(camera);
@@ -120,7 +120,7 @@ impl Connector<'_> {
         all
     }
 
-    /// Connects a particle of medium `id` to one emitter.
+    /// Connects a vertex in medium `id` to one emitter.
     fn connect_by(&mut self, exit: &Exit, z: &Vertex, id: u32, source: usize) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let (s, mut lanes) = (&exit.surface, scene.lanes());
@@ -149,7 +149,7 @@ impl Connector<'_> {
         self.connect(&[y], &[emitter], Sender { source, pixel }, None);
     }
 
-    /// Traces a straight line from a particle to the next surface that affects light.
+    /// Traces a straight line from a medium vertex to the next surface that affects light.
     fn fly(&mut self, z: &Vertex, id: u32, dir: Vec3A) -> Option<Vertex> {
         let scene = self.scene;
         let came = Ray { origin: z.surface.p, dir: -z.back };

@@ -1,13 +1,13 @@
 //! Shares light subpaths between all parts of a render on many machines, through files in a common folder.
 //!
-//! Each part renders some tiles, but the vertices that its pixels see come from all light subpaths. Each
-//! part therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees
-//! them, and reads its own vertices from the files of all parts. Any part may trace shares that no other
-//! part has started, or that another part has started but not finished.
+//! Each part renders some tiles, but the vertices that its pixels see are on any of the light subpaths. Each
+//! part therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees them,
+//! and reads its own vertices from the files of all parts. A part may also trace shares that another part has
+//! not started or not finished.
 //!
-//! A file is a pure function of scene, seed and share, and is written atomically. A part that stops, starts
-//! late or computes a share twice therefore does not change the result. No scheduler is needed, and no part
-//! waits indefinitely for a stopped part. Values that all parts derive from the scene are also shared.
+//! A file depends only on scene, seed and share, and is written atomically. The result is therefore the same
+//! if a part stops, starts late or computes a share twice. No scheduler is needed, and no part waits
+//! indefinitely for a stopped part. Parts also share values that depend only on the scene and the seed.
 
 use super::splat_file::{self, Extent, Parts};
 use super::{Counts, Splat, Splats, WalkNumber};
@@ -18,19 +18,19 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Maximum waiting time for a share that another part has started, relative to the longest time of a share
-/// in this part.
+/// Maximum time to wait for a share that another part has started, relative to the longest time that a share
+/// has taken in this part.
 const PATIENCE: u32 = 2;
 /// Interval between checks for the file of a share.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The common folder, and the number of this part.
+/// The common folder, and the number of this part of the render.
 #[derive(Clone, Debug)]
 pub struct SharedLight {
     folder: PathBuf,
-    /// Prefix of the file names: a key of everything on which the contents depend.
+    /// Prefix of the file names: a key that depends on all inputs of the contents.
     key: String,
-    /// Number of this part, counted from 0.
+    /// Number of this part of the render, counted from 0.
     part: u32,
     of: u32,
 }
@@ -47,13 +47,13 @@ impl SharedLight {
 
     pub(super) fn warn(&self, what: &str, e: &io::Error) {
         tracing::warn!(
-            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths itself",
+            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths",
             self.folder.display()
         );
     }
 
     /// Returns a number that depends only on scene and seed. Reads the number from the folder, or computes
-    /// and stores it.
+    /// and stores the number.
     pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
         let path = self.folder.join(format!("{}.{name}", self.key));
         let kept = fs::read(&path).ok().and_then(|bytes| {
@@ -62,7 +62,7 @@ impl SharedLight {
         });
         kept.unwrap_or_else(|| {
             let made = make();
-            // If storing fails, other parts compute it again.
+            // If storing fails, the other parts compute the number again.
             let _ = self.keep(&path, made.to_le_bytes());
             made
         })
@@ -99,7 +99,7 @@ impl SharedLight {
         };
         let shares = || (0..self.of).map(|n| (self.part + n) % self.of);
         let mut patience = Duration::ZERO;
-        // First the shares that no part has started.
+        // Start with the shares that no part has started.
         for share in shares().filter(|share| !self.file(*share).is_file()) {
             let claim = self.file(share).with_extension("begun");
             if OpenOptions::new().write(true).create_new(true).open(claim).is_ok() {
@@ -119,7 +119,7 @@ impl SharedLight {
                     std::thread::sleep(LOOK);
                     continue;
                 }
-                // The part that started it is slow or has stopped.
+                // The part that started this share is slow or has stopped.
                 match write(share)? {
                     Some(longest) => patience = longest * PATIENCE,
                     None => return Ok(None),
@@ -129,13 +129,13 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Writes the file of a share: the vertices, the extents of each part, and the position of the extents.
+    /// Writes the file of a share: the vertices, the extents of each part, and the extents' position.
     fn write(
         &self,
         share: u32,
         points: impl FnOnce(&mut BufWriter<File>) -> io::Result<Option<splat_file::Extents>>,
     ) -> io::Result<Option<()>> {
-        // A name that no other machine uses.
+        // The name must not be used by another machine.
         let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
         let mut file = BufWriter::new(temporary.reopen()?);
         let Some(extents) = points(&mut file)? else {
@@ -156,7 +156,7 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Reads the vertices that this part's pixels see, restricted to `wanted` pixels.
+    /// Reads the vertices that the pixels of this part see, restricted to `wanted` pixels.
     pub(super) fn splats(&self, pixels: u32, wanted: impl Fn(u32) -> bool) -> io::Result<Splats> {
         let mut found = vec![];
         for share in 0..self.of {
@@ -171,7 +171,7 @@ impl SharedLight {
     }
 }
 
-/// Reads the positions at which the file of a share stores the vertices of a part.
+/// Reads where the file of a share stores the vertices of a part.
 fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     const END: u64 = 12;
     let wrong = || io::Error::from(ErrorKind::InvalidData);
@@ -210,14 +210,14 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let of = |part| SharedLight::new(&folder.path().join("light"), "key".into(), part, 2);
         assert_eq!(of(1).number("threshold", || 0.25).to_bits(), 0.25_f32.to_bits());
-        let kept = of(2).number("threshold", || panic!("it is there"));
+        let kept = of(2).number("threshold", || panic!("the number is in the folder"));
         assert_eq!(kept.to_bits(), 0.25_f32.to_bits());
         let file = folder.path().join("light/key.threshold");
         for damaged in [&b""[..], b"\0\0\0\0\0\0\0\x01", b"long enough to be more"] {
             fs::write(&file, damaged).expect("writes");
             assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
         }
-        // Values of another render are not used.
+        // A part must not use the values of another render.
         let other = SharedLight::new(&folder.path().join("light"), "other".into(), 1, 2);
         assert_eq!(other.number("threshold", || 1.0).to_bits(), 1.0_f32.to_bits());
     }

@@ -1,9 +1,9 @@
-//! Splats of all light subpaths, kept in a file for renders that exceed the available memory.
+//! Stores the splats of all light subpaths in a file, for renders that exceed the available memory.
 //!
-//! The image is rendered in parts, with the splats of one part in memory. All subpaths are traced once, in
-//! batches. The splats of each batch are appended to an unnamed temporary file, sorted by part, and each
-//! part reads its own splats. The cost per sample is therefore independent of the number of parts. Each
-//! part gets the same splats in the same order as if subpaths were traced for this part alone.
+//! The image is rendered in parts, and the splats of one part are in memory. All subpaths are traced once, in
+//! batches. The splats of each batch are sorted by part and appended to an unnamed temporary file, from which
+//! each part reads its splats. The cost per sample is therefore independent of the number of parts. Each part
+//! gets the same splats in the same order as if the subpaths were traced only for this part.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};
@@ -14,19 +14,19 @@ use std::ops::Range;
 
 /// Number of subpaths that are traced before their splats are written to the file.
 const BATCH: u64 = 1 << 20;
-/// Number that marks a pixel that no part renders.
+/// Part number of pixels that no part renders.
 pub(crate) const NO_PART: u32 = u32::MAX;
 
-/// Splats on disk, sorted by part.
+/// Splats in a file on disk, sorted by part.
 pub(crate) struct SplatFile {
     file: File,
     extents: Extents,
     pixels: u32,
 }
 
-/// Number of bytes of a pixel's number, which precedes a splat in the file.
+/// Number of bytes of a pixel index, which precedes each splat in the file.
 const PIXEL: usize = size_of::<u32>();
-/// Number of bytes of a splat with a straight connection, for which the file omits the direction.
+/// Number of bytes of a splat with a straight connection, whose direction is not stored.
 const STRAIGHT: usize = std::mem::offset_of!(Splat, dir);
 
 fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
@@ -53,27 +53,27 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
     if bytes.is_empty() { Ok(()) } else { Err(ErrorKind::UnexpectedEof.into()) }
 }
 
-/// The position, in a file, of one batch's splats of a part.
+/// The section of a file that contains the splats of one batch for one part.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(super) struct Extent {
     pub begin: u64,
     pub length: u64,
-    /// Checksum of the bytes (CRC-32C).
+    /// Checksum of the bytes in the section (CRC-32C).
     pub check: u64,
 }
 
-/// Extents of each part, in the order of batches.
+/// Sections of each part, in the order of batches.
 pub(super) type Extents = Vec<Vec<Extent>>;
 
 pub(crate) struct Parts<F> {
     pub count: usize,
-    /// Function that returns the part of a pixel, or [`NO_PART`].
+    /// Function that returns the part to which a pixel belongs, or [`NO_PART`].
     pub of: F,
 }
 
-/// Traces subpaths as [`Splats::new`] does, and writes the splats of all parts. Returns `None` once `stop`
-/// returns true.
+/// Traces subpaths as [`Splats::new`] does, and writes the splats of all parts to the file. Returns `None`
+/// once `stop` returns true.
 pub(super) fn write<T: Send>(
     file: &mut impl Write,
     (counts, walks): (Counts, Range<u64>),
@@ -89,10 +89,10 @@ pub(super) fn write<T: Send>(
             return Ok(None);
         }
         if n > 0 && n % 16 == 0 {
-            tracing::info!("{first} of {} light paths traced, {} MB of vertices", walks.end, at / 1_000_000);
+            tracing::info!("traced {first} of {} light paths, {} MB of vertices", walks.end, at / 1_000_000);
         }
         let end = (first + BATCH).min(walks.end);
-        // Bytes of each part, in an order that does not depend on the number of threads.
+        // Bytes for each part, in an order that is independent of the number of threads.
         let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
             .map_init(&make, |state, walks| {
                 let mut points: Vec<(u32, u32, Splat)> = vec![];
@@ -152,11 +152,11 @@ pub(super) fn read(
 }
 
 impl SplatFile {
-    /// Traces all subpaths of all samples as [`Splats::new`] does. Stores the splats of pixels to which
+    /// Traces all subpaths of all samples as [`Splats::new`] does, and stores the splats of pixels to which
     /// `part_of` assigns one of `parts` parts. Returns `None` once `stop` returns true.
     ///
     /// # Errors
-    /// If the temporary file cannot be created or written.
+    /// Returns an error if the temporary file cannot be created or written.
     pub fn new<T: Send>(
         counts: Counts,
         parts: usize,
@@ -171,10 +171,10 @@ impl SplatFile {
         Ok(extents.map(|extents| Self { file, extents, pixels: counts.pixels }))
     }
 
-    /// Returns the splats of a part.
+    /// Reads the splats of a part.
     ///
     /// # Errors
-    /// If the splats cannot be read, or are damaged.
+    /// Returns an error if the splats cannot be read, or are damaged.
     pub fn part(&mut self, part: usize) -> io::Result<Splats> {
         let mut found = vec![];
         if let Some(extents) = self.extents.get(part) {
@@ -188,7 +188,7 @@ impl SplatFile {
 mod tests {
     use super::*;
 
-    /// Verifies that parts read from the file equal those traced separately, including refracted
+    /// Verifies that parts read from the file equal parts that are traced separately, including refracted
     /// connections.
     #[test]
     fn parts_are_read_back() {
@@ -210,7 +210,7 @@ mod tests {
                 found((n.walk * 7 + n.sample + point) % 60, splat);
             }
         };
-        // Part 2 has pixels that no part renders.
+        // Part 2 includes pixels that no part renders.
         let part_of = |pixel: u32| if pixel >= 55 { NO_PART } else { pixel / 20 };
         let splat_file = SplatFile::new(counts, 3, part_of, || false, || (), trace);
         let mut splat_file = splat_file.expect("a file").expect("all walks");

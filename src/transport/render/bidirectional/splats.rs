@@ -1,10 +1,10 @@
-//! Vertices of light subpaths that the camera sees, by pixel.
+//! Vertices of light subpaths that the camera sees, sorted by pixel.
 //!
-//! A tile contains a part of the camera pixels, but light subpaths reach arbitrary pixels. All light
-//! subpaths are therefore traced once in advance. For each vertex that the camera sees, only the vertex
-//! number and the connection are stored in the list of the pixel. To render the pixel, these subpaths are
-//! traced again up to the vertices; a subpath depends only on its number. A subpath is thus traced more
-//! than once, but memory remains small and tiles are independent.
+//! A tile contains some of the camera pixels, but light subpaths reach arbitrary pixels. All light subpaths
+//! are therefore traced once in advance. For each vertex that the camera sees, only the vertex index and the
+//! connection are stored, in the list of the pixel. To render the pixel, the subpaths in its list are traced
+//! again up to the vertices; a subpath depends only on its number. A subpath is thus traced several times,
+//! but little memory is needed and tiles are independent.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -12,33 +12,32 @@ use std::ops::Range;
 
 #[derive(Default)]
 pub(crate) struct Splats {
-    /// Index of each pixel's first vertex; one entry more than the number of pixels.
+    /// Index of each pixel's first vertex, followed by the number of vertices.
     first: Vec<u32>,
     points: Vec<Splat>,
 }
 
-/// A vertex of a light subpath that the camera sees. In this order, the fields have no padding between
-/// them, and [`super::splat_file`] can omit the last field.
+/// A vertex of a light subpath that the camera sees. In this order, the fields have no padding between them,
+/// and [`super::splat_file`] can omit the last field.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(crate) struct Splat {
     pub walk: WalkNumber,
-    /// Density with which light passes the interfaces at the start of the subpath, if the path would be
-    /// found from the vertex behind the interfaces (see [`super::connections::Seen`]); otherwise NaN.
+    /// Density with which light passes the interfaces at the start of the subpath, if the path can be found
+    /// from the vertex behind the interfaces (see [`super::connections::Seen`]); otherwise NaN.
     pub seen: f32,
-    /// Weight of the vertex after [`crate::render::roulette`].
+    /// Weight of the vertex after roulette ([`crate::render::roulette`]).
     pub factor: f32,
     /// Index of the vertex in its subpath.
     pub point: u16,
-    /// The branch of the subpath that contains the vertex ([`crate::render::subpath::splitting`]).
+    /// Branch of the subpath that contains the vertex ([`crate::render::subpath::splitting`]).
     pub lineage: u8,
     /// Number of interfaces on the connection.
     pub interfaces: u8,
-    /// Bit mask of the wavelengths that use the connection.
+    /// Bit mask of the wavelength lanes that use the connection.
     pub lanes: u8,
     pub unused: [u8; 3],
-    /// Direction in which a refracted connection to the camera leaves the vertex; 0 for a straight
-    /// connection.
+    /// Direction of a refracted connection from the vertex to the camera; 0 for a straight connection.
     pub dir: [f32; 3],
 }
 
@@ -64,19 +63,19 @@ impl Counts {
         u64::from(self.samples) * u64::from(self.walks)
     }
 
-    /// Returns the range of subpaths of share `share` (counted from 0) of `of` shares.
+    /// Returns the range of subpaths in share `share` (counted from 0) of `of` shares.
     pub fn share(self, share: u32, of: u32) -> Range<u64> {
         let upto = |n: u32| (u128::from(self.all()) * u128::from(n) / u128::from(of)) as u64;
         upto(share)..upto(share + 1)
     }
 
-    /// Returns the number of the i-th subpath.
+    /// Returns the sample and the index in the sample of subpath `i`.
     pub fn number(self, i: u64) -> WalkNumber {
         WalkNumber { sample: (i / u64::from(self.walks)) as u32, walk: (i % u64::from(self.walks)) as u32 }
     }
 }
 
-/// Chunks of subpaths, which are the unit of parallel work.
+/// Divides subpaths into chunks, which are the units of parallel work.
 pub(super) mod chunk {
     use rayon::prelude::*;
     use std::ops::Range;
@@ -93,15 +92,15 @@ pub(super) mod chunk {
 }
 
 impl Splats {
-    /// Traces all subpaths of all samples with `trace`, which passes every visible vertex and its pixel to
-    /// a callback. Keeps the vertices of `wanted` pixels.
+    /// Traces all subpaths of all samples with `trace`, which passes each visible vertex and its pixel to a
+    /// callback. Keeps only the vertices that `wanted` pixels see.
     pub fn new<T: Send>(
         counts: Counts,
         wanted: impl Fn(u32) -> bool + Sync,
         make: impl Fn() -> T + Sync,
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> Self {
-        // In an order that does not depend on the number of threads.
+        // The order does not depend on the number of threads.
         let found: Vec<Vec<(u32, Splat)>> = chunk::of(0..counts.all())
             .map_init(&make, |state, walks| {
                 let mut found = vec![];
@@ -139,7 +138,7 @@ impl Splats {
         Self { first, points }
     }
 
-    /// Returns the vertices of a sample that a pixel sees, in order.
+    /// Returns the vertices of one sample that a pixel sees, in order.
     #[inline]
     pub fn of(&self, pixel: u32, sample: u32) -> &[Splat] {
         let Some(&[begin, end]) = self.first.get(pixel as usize..pixel as usize + 2) else {
@@ -157,7 +156,7 @@ impl Splats {
 mod tests {
     use super::*;
 
-    /// Verifies that every vertex is found under its pixel, in order.
+    /// Verifies that each vertex is stored for its pixel, in order.
     #[test]
     fn points_are_found_by_pixel_and_sample() {
         let (samples, walks, pixels) = (7, 3000, 40);

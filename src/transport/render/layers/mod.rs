@@ -1,12 +1,12 @@
 //! Ground-truth layers: depth, position, normals, object, material and albedo of every camera pixel.
 //!
-//! The layers are computed in a separate pass with k × k camera rays per pixel, through the centres of k ×
-//! k equal parts. No random numbers are used, so the same scene gives the same bits. The object of a pixel
-//! is the object that most rays of the pixel hit. All other values are means over these rays only, so
-//! values do not mix across edges. For a camera with a lens, the centre of the lens is used.
+//! The layers are computed in a separate pass with k × k camera rays per pixel, through the centres of k × k
+//! equal parts. No random numbers are used, so the result is reproducible bit by bit. The object of a pixel
+//! is the object that most rays hit. All other values are means over the rays that hit this object, so values
+//! do not mix across edges. A lens is replaced by a pinhole at its centre.
 //!
-//! The values are those of the first surface on a ray; boundaries without effect on light are ignored. With
-//! [`Options::through`], rays pass smooth interfaces and sheets with refraction ([`visible_surface`]).
+//! The values are those of the first surface on a ray; boundaries without an effect on light are ignored.
+//! With [`Options::through`], rays are refracted by smooth interfaces and cross sheets ([`visible_surface`]).
 
 pub mod visible_surface;
 
@@ -20,8 +20,8 @@ use visible_surface::{Viewer, VisibleSurface};
 pub struct Options {
     /// Number of rays along each side of a pixel, k; at least 1.
     pub side: u32,
-    /// Whether rays pass through smooth interfaces (glass, water, crystals) and sheets to the surface
-    /// behind.
+    /// True if rays continue through smooth interfaces (glass, water, crystals) and sheets to the surface
+    /// behind them.
     pub through: bool,
 }
 
@@ -33,7 +33,7 @@ impl Default for Options {
 
 #[derive(Clone)]
 struct Pixel {
-    /// Number of the object, -1 if there is none.
+    /// Index of the object; -1 if there is none.
     object: i32,
     copy: i32,
     material: i32,
@@ -47,7 +47,7 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Returns the values of a pixel without a surface; `coverage` is the fraction of rays that hit
+    /// Returns the values of a pixel that shows no surface. `coverage` is the fraction of rays that hit
     /// nothing.
     fn nothing(coverage: f32) -> Self {
         let [one, three, four] = [[f32::NAN; 4]; 3];
@@ -66,26 +66,26 @@ impl Pixel {
     }
 }
 
-/// Returns the most frequent value and its count; of equally frequent values, the smallest.
+/// Returns the most frequent value and its count; among equally frequent values, the smallest.
 fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
     let mut sorted: Vec<T> = all.collect();
     sorted.sort_unstable();
     let runs = sorted.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
-    // `max_by_key` returns the last of equals.
+    // `max_by_key` returns the last of several equal elements.
     runs.rev().max_by_key(|(_, n)| *n)
 }
 
-/// Returns the unit vector along a sum of vectors; NaN if the vectors cancel.
+/// Returns the unit vector along a sum of vectors; NaN if the sum is zero.
 fn unit(sum: DVec3) -> [f32; 3] {
     sum.try_normalize().map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
 }
 
-/// Returns the normal, flipped to the side of the incoming ray.
+/// Returns the normal `n`, flipped to the side of the incoming ray.
 fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
     if ng.dot(wo) < 0.0 { -n.as_dvec3() } else { n.as_dvec3() }
 }
 
-/// Combines the hits of a pixel's rays.
+/// Combines the hits of the rays of one pixel.
 fn pixel(scene: &Scene, surfaces: &[Option<VisibleSurface>]) -> Pixel {
     let key = |s: &VisibleSurface| (s.object, s.copy);
     let all = surfaces.len() as f32;
@@ -106,7 +106,7 @@ fn pixel(scene: &Scene, surfaces: &[Option<VisibleSurface>]) -> Pixel {
         toward(seen.map_or(s.surface.ns, |(_, at)| at.ns), s.surface.ng, s.wo)
     };
     let lengths = sum(&|s| DVec3::new(s.length, s.optical, 0.0)) * share;
-    // The parts of an object may have different materials.
+    // The surfaces of an object may have different materials.
     let albedos = seen.iter().filter(|s| named(s) == material);
     let albedos: Option<Vec<_>> =
         albedos.map(|s| scene.materials.albedo(s.material, &s.surface, s.wo)).collect();
@@ -168,7 +168,7 @@ pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     LayerSet { size: [w, h], wavelengths_nm: scene.wavelengths.nm().to_vec(), layers: lay(scene, &pixels) }
 }
 
-/// Arranges the values of pixels as layers.
+/// Converts the values of the pixels to layers.
 fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
     let layer =
         |name, units, long_name, parts, values| Layer { name, units, long_name, parts, values, labels: None };

@@ -1,4 +1,4 @@
-//! Ground truth without light: traces a camera ray to the first surface, or to the first opaque surface.
+//! Traces a camera ray to the first surface, or to the first opaque surface, without light transport.
 
 use crate::geometry::ray::{Owner, Ray, Surface};
 use crate::geometry::rounding::met;
@@ -8,15 +8,15 @@ use crate::render::transmission::{has_no_effect, pass, surrounding};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3A};
 
-/// Maximum number of surfaces that a ray passes.
+/// Maximum number of surfaces that a ray crosses.
 const MOST: u32 = 256;
 
 /// The surface that a camera ray hits.
 pub struct VisibleSurface {
     pub object: u32,
-    /// The copy of a group that contains the object, or the world.
+    /// The instance that contains the surface, or the world.
     pub copy: Owner,
-    /// Number of the surface's material; for a blend, that of the blend and not of its components.
+    /// Index of the surface's material; for a blend, the index of the blend and not of a component.
     pub material: u32,
     /// Hit point in world space, metres.
     pub at: DVec3,
@@ -29,13 +29,13 @@ pub struct VisibleSurface {
     pub wo: Vec3A,
 }
 
-/// A scene's camera as a viewer. For a camera with a lens, the centre of the lens is used.
+/// The camera of a scene, for tracing rays. A camera with a lens is replaced by a pinhole at the lens centre.
 #[derive(Clone, Copy)]
 pub struct Viewer<'a> {
     scene: &'a Scene,
-    /// The filled objects around the camera.
+    /// The filled objects that contain the camera.
     nest: Nest,
-    /// Lane of the middle wavelength.
+    /// Lane of the middle wavelength of the scene.
     lane: usize,
 }
 
@@ -44,9 +44,9 @@ impl<'a> Viewer<'a> {
         Self { scene, nest: surroundings(scene, scene.camera.origin), lane: scene.wavelengths.count() / 2 }
     }
 
-    /// Returns the first surface seen at an image position in pixels, ignoring surfaces that have no effect
-    /// on light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface
-    /// does not transmit it. Returns `None` if there is no surface.
+    /// Returns the first surface at an image position in pixels; surfaces without an effect on light are
+    /// ignored. If `through` is true, the ray is refracted by smooth interfaces and crosses sheets, up to a
+    /// surface that does not transmit it. Returns `None` if there is no surface.
     pub fn look(&self, at: DVec2, through: bool) -> Option<VisibleSurface> {
         let camera = self.scene.camera.at(at);
         let nest = if camera.parallel { surroundings(self.scene, camera.origin) } else { self.nest };
@@ -55,7 +55,7 @@ impl<'a> Viewer<'a> {
     }
 }
 
-/// Traces a ray whose origin is inside the filled objects of `nest`, for wavelength `lane`.
+/// Traces a ray for wavelength `lane`. The ray origin is inside the filled objects of `nest`.
 fn follow(scene: &Scene, mut ray: Ray, mut nest: Nest, through: bool, lane: usize) -> Option<VisibleSurface> {
     let mut filling = surrounding(scene, &nest, lane);
     let mut start = ray.origin.as_dvec3();

@@ -13,8 +13,8 @@ use optics::polarization::frame::{perpendicular, turn};
 use optics::spectrum::Spectral;
 
 impl Connector<'_> {
-    /// Searches for specular paths through interfaces from the last vertex of a light subpath to the
-    /// camera. Calls `f` with each path, its camera pixel and its wavelengths.
+    /// Searches for specular paths through interfaces from the last vertex of a light subpath to the camera.
+    /// Calls `f` with each path, its camera pixel and its wavelengths.
     pub fn views_by_manifold(
         &mut self,
         light: &[Vertex],
@@ -43,7 +43,7 @@ impl Connector<'_> {
         );
     }
 
-    /// Returns the path along `dir` through `interfaces` interfaces from a vertex to the camera.
+    /// Returns the specular path along `dir` from a vertex through `interfaces` interfaces to the camera.
     #[inline]
     pub fn known_view(&self, y: &Vertex, dir: Vec3A, interfaces: usize, lane: usize) -> Option<SpecularPath> {
         let to = self.ends[0].camera.origin;
@@ -53,8 +53,8 @@ impl Connector<'_> {
 
     /// Appends the contribution of a specular path from a light vertex to the camera.
     ///
-    /// The path was traced from the vertex, so the matrix K of the path is that of light from the camera.
-    /// Light to the camera has the matrix D Kᵀ D, with the inverse scaling of radiance.
+    /// The path was traced from the vertex, so its matrix K is that of light from the camera. The matrix for
+    /// light to the camera is D Kᵀ D, with the inverse scaling of radiance.
     pub fn splat_path(
         &mut self,
         light: &[Vertex],

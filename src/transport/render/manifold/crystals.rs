@@ -1,7 +1,8 @@
-//! Specular paths to a pinhole through birefringent crystals with double images. As in [`manifold`](super),
-//! the search starts from the straight line, for each combination of ordinary and extraordinary waves.
+//! Specular paths to a pinhole through birefringent crystals that produce double images. As in
+//! [`manifold`](super), the search starts from the straight line, for each combination of ordinary and
+//! extraordinary waves.
 //!
-//! Derivatives of the rays with respect to the direction are approximated by differences.
+//! Derivatives of rays with respect to their direction are approximated by finite differences.
 
 use super::{Bend, INTERFACES, MOST_SURFACES, Shot, SpecularPath, newton, passes};
 use crate::geometry::ray::{Ray, Surface};
@@ -16,10 +17,10 @@ use optics::polarization::frame::basis;
 /// Maximum number of crystals on a path. Each crystal has two waves.
 const CRYSTALS: u32 = 4;
 
-/// Maximum number of Newton steps. Crystals deflect light little, so few steps are needed.
+/// Maximum number of Newton steps. A few steps suffice, because crystals deflect light little.
 const STEPS: usize = 12;
 
-/// Angular step for differences, radians: far above rounding errors, but small enough for linearity.
+/// Angular step for finite differences, radians: far above rounding errors, but small enough for linearity.
 const STEP: f32 = 1e-3;
 
 /// Maximum Newton step, radians.
@@ -30,13 +31,13 @@ pub(super) struct CrystalSearch<'a> {
     scene: &'a Scene,
     start: Start,
     to: Vec3A,
-    /// Number of surfaces that refract the path, and number of crystals among them.
+    /// Number of surfaces that refract the path; `crystals` is the number of crystals among them.
     bends: usize,
     crystals: u32,
 }
 
-/// The wavelength of a path, and the wave in each crystal: 1 for extraordinary, with the next crystal in
-/// the lowest bit.
+/// The wavelength of a path, and the wave in each crystal: bit 1 for the extraordinary wave, with the next
+/// crystal in the lowest bit.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
@@ -44,8 +45,8 @@ pub(super) struct Choice {
 }
 
 impl<'a> CrystalSearch<'a> {
-    /// Prepares a search along a straight line; `None` if the line is blocked or passes no crystal with
-    /// double images.
+    /// Prepares a search along a straight line; `None` if the line is blocked or crosses no crystal that
+    /// produces double images.
     pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
         let (mut bends, mut crystals, mut inside) = (0, 0, false);
         let (mut ray, mut nest) = (start.ray, start.nest);
@@ -59,7 +60,7 @@ impl<'a> CrystalSearch<'a> {
             let id = surface.material;
             let enters = surface.ng.dot(ray.dir) < 0.0;
             if scene.materials.splits(id) {
-                // Only complete crystals, one after the other.
+                // Crystals must be complete and must follow one another.
                 if inside == enters {
                     return None;
                 }
@@ -83,7 +84,7 @@ impl<'a> CrystalSearch<'a> {
         0..1 << self.crystals
     }
 
-    /// Returns the delta lobe along which a path leaves a surface.
+    /// Returns the delta lobe that a path follows at a surface.
     fn lobe(&self, surface: &Surface, dir: Vec3A, Choice { lane, waves }: Choice) -> Option<Specular> {
         let materials = &self.scene.materials;
         if materials.splits(surface.material) {
@@ -94,8 +95,8 @@ impl<'a> CrystalSearch<'a> {
             .then(|| materials.specular(surface.material, surface, -dir, Lobe::Transmitted, lane))?
     }
 
-    /// Traces a ray through all refracting surfaces and up to its nearest point to the goal; calls `bent`
-    /// for each interaction.
+    /// Traces a ray through all refracting surfaces, up to the point that is nearest to the goal. Calls
+    /// `bent` for each interaction.
     fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
         let scene = self.scene;
         let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
@@ -124,7 +125,7 @@ impl<'a> CrystalSearch<'a> {
                 });
                 dir = lobe.wi;
                 left -= 1;
-                // A wave ends where the ray leaves the crystal.
+                // A wave ends where the ray leaves its crystal.
                 choice.waves >>= u32::from(splits && !enters);
             }
             nest.cross(&scene.boundaries, id, enters);
@@ -134,7 +135,7 @@ impl<'a> CrystalSearch<'a> {
         None
     }
 
-    /// Returns the Newton step from a direction, and the area per solid angle J.
+    /// Returns the Newton step for a direction, and the area per solid angle J.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
         let across = basis(dir);
         let slope = |axis: Vec3A| {
@@ -147,7 +148,7 @@ impl<'a> CrystalSearch<'a> {
         newton(dir, &Shot { slopes: [slope(across.x_axis)?, slope(across.y_axis)?], ..*shot })
     }
 
-    /// Returns the point where a ray crosses the plane through the goal with normal `n`, relative to the
+    /// Returns the intersection of a ray with the plane through the goal that has normal `n`, relative to the
     /// goal.
     fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
         shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))

@@ -1,9 +1,9 @@
-//! Connections over curved mirrors and through curved glass, which can have any number of specular paths.
-//! Paths are found at random, with weight 1/probability (Zeltner, Georgiev & Jakob 2020).
+//! Connections over curved mirrors and through curved glass, where any number of specular paths may exist.
+//! Paths are sampled at random and weighted by 1/probability (Zeltner, Georgiev & Jakob 2020).
 //!
-//! If a fraction p of all random initial guesses leads to a path, the weight of the path is 1/p. The number
-//! of guesses until the path is found again has the mean 1/p. These connections are made where no other
-//! strategy samples the path, so their MIS weight is one.
+//! If a fraction p of all random initial guesses leads to a path, its weight is 1/p. The number of further
+//! guesses until the path is found again has the mean 1/p and is thus an unbiased estimate. These connections
+//! are made only if no other strategy samples the path, so their MIS weight is one.
 
 use super::PathLanes;
 use super::initial_guess::TracedGuess;
@@ -15,14 +15,14 @@ use crate::render::subpath::{Vertex, last};
 use glam::Vec3A;
 use optics::spectrum::max_lane;
 
-/// Maximum number of guesses to find a path again. The limit is needed because rounding errors may prevent
-/// success.
+/// Maximum number of guesses until a path is found again. The limit is needed because rounding errors may
+/// prevent success.
 const MOST_TRIES: u32 = 1 << 16;
 
 impl Connector<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
-    /// accounts for, and appends the contributions. The paths are found at random or lead through crystals.
-    /// Other strategies must not sample these paths ([`Self::reached`]).
+    /// samples, and appends the contributions. These paths are found at random or lead through crystals. The
+    /// caller must ensure that other strategies do not sample them ([`Self::reached`]).
     pub fn connect_alone(&mut self, camera: &[Vertex], source: usize) {
         if self.setup.mirrors.splits {
             self.connect_through_crystals(camera, source);
@@ -46,7 +46,7 @@ impl Connector<'_> {
     }
 
     /// Connects by all other paths that include a curved surface: over several mirrors, and through curved
-    /// glass except for the path that [`Self::connect_by_manifold`] finds.
+    /// glass, except the path that [`Self::connect_by_manifold`] finds.
     fn connect_through(&mut self, camera: &[Vertex], source: usize) {
         let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
@@ -66,7 +66,7 @@ impl Connector<'_> {
             let path = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
             (!first || !connector.is_expected(z, &path, &traced.over, goal)).then_some(path)
         };
-        // Long sequences of curved mirrors have innumerable paths, most of which contribute next to nothing.
+        // Long sequences of curved mirrors have very many paths, most of which contribute almost nothing.
         let decide = |connector: &mut Self, path: &SpecularPath| {
             let scattered = z.scatter(scene, z.back, path.dir)?;
             let (intensity, _) = setup.emission.intensity(scene, connector.ends[0], source, path.emitted);
@@ -77,7 +77,7 @@ impl Connector<'_> {
         self.connect_by_chance(camera, source, factor, draw, decide);
     }
 
-    /// Returns true if a path over mirrors is found from its deterministic initial guess.
+    /// Returns true if the deterministic initial guess leads to this path over mirrors.
     fn is_expected(&self, z: &Vertex, path: &SpecularPath, over: &[Seed], goal: Goal) -> bool {
         if over.iter().any(|s| s.is_curved()) {
             return false;
@@ -93,9 +93,9 @@ impl Connector<'_> {
         is
     }
 
-    /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path
-    /// for a wavelength; the last argument of `draw` is true for the first draw and false while the same
-    /// path is searched for again. `decide` returns the weight of a path, or `None` to skip it.
+    /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path for
+    /// a wavelength; its last argument is true for the first path, and false while the same path is sought
+    /// again. `decide` returns the weight of a path, or `None` to skip the path.
     fn connect_by_chance(
         &mut self,
         camera: &[Vertex],
@@ -118,7 +118,7 @@ impl Connector<'_> {
             });
             return;
         }
-        // If no path is found for one wavelength, others may still find one.
+        // If no path is found for one wavelength, paths for other wavelengths may still exist.
         for k in 0..z.lanes.count() {
             let lane = z.lanes.nth(k);
             if let Some((path, tries)) = found(self, lane) {
@@ -127,8 +127,8 @@ impl Connector<'_> {
         }
     }
 
-    /// Decides by roulette whether to search for paths over curved surfaces. `glints` estimates the light
-    /// of such paths.
+    /// Decides by roulette whether to search for paths over curved surfaces, and returns the weight. `glints`
+    /// estimates the light of such paths.
     fn spin_glints(&mut self, z: &Vertex, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

@@ -1,5 +1,5 @@
-//! Connections of a camera subpath to an emitter through smooth interfaces and over mirrors
-//! ([`manifold`](super)). [`super::camera_connections`] connects a light subpath to the camera;
+//! Connections of camera subpaths to emitters through smooth interfaces and over mirrors
+//! ([`manifold`](super)). [`super::camera_connections`] connects light subpaths to the camera.
 //! [`super::curved_connections`] makes randomly sampled connections.
 
 use super::Route;
@@ -26,31 +26,31 @@ use optics::spectrum::{Spectral, max_lane};
 pub(crate) struct PathLanes {
     /// The wavelengths that use the path.
     pub lanes: Lanes,
-    /// The wavelength whose refractive indices were used.
+    /// The wavelength lane whose refractive indices were used.
     pub lane: usize,
     /// Weight of the path.
     pub factor: f32,
 }
 
 impl PathLanes {
-    /// Creates the value for a single wavelength.
+    /// Returns the value for a single wavelength.
     #[inline]
     pub fn only(lane: usize, factor: f32) -> Self {
         Self { lanes: Lanes { mask: 1 << lane }, lane, factor }
     }
 }
 
-/// Index of the light's side in pairs (camera, light).
+/// Index of the light's side in a pair (camera, light).
 const LIGHT: usize = 1;
 
-/// Probabilities with which paths over flat mirrors are searched for, from particles and from surface
-/// vertices in a medium. There are many such paths, which contribute little compared with light subpaths.
-/// For the milky tank, the search for all of them took an eighth of the render time for a hundredth of the
+/// Probability of searching for paths over flat mirrors: `PARTICLES` from medium vertices, `IN_MEDIA` from
+/// surface vertices in a medium. Such paths are numerous and contribute little compared with light subpaths.
+/// In the milky tank, a search for all of them took an eighth of the render time for a hundredth of the
 /// light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
-/// Returns the probability with which paths over flat mirrors are searched for from a vertex.
+/// Returns the probability of searching for paths over flat mirrors from a vertex.
 #[inline]
 fn flats_chance(scene: &Scene, point: &Vertex) -> f32 {
     match point.site {
@@ -60,7 +60,7 @@ fn flats_chance(scene: &Scene, point: &Vertex) -> f32 {
     }
 }
 
-/// Returns the mean number of searches for a path from a vertex.
+/// Returns the expected number of searches for a path from a vertex.
 #[inline]
 fn tries(scene: &Scene, point: &Vertex, path: &SpecularPath) -> f32 {
     if path.reflects() { flats_chance(scene, point) } else { 1.0 }
@@ -87,8 +87,8 @@ impl Connector<'_> {
         );
     }
 
-    /// Connects the last vertex of a camera subpath to an emitter through crystals with double images.
-    /// Other strategies must not sample the path ([`Self::reached`]).
+    /// Connects the last vertex of a camera subpath to an emitter through crystals that produce double
+    /// images. Other strategies must not sample these paths ([`Self::reached`]).
     pub fn connect_through_crystals(&mut self, camera: &[Vertex], source: usize) {
         let (z, scene) = (last(camera), self.scene);
         let to = self.setup.emission.position(scene, self.ends[0], source);
@@ -103,7 +103,7 @@ impl Connector<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter. Such strategies connect two subpaths, or connect a light subpath to the
+    /// mirrors to an emitter: connections between two subpaths, or connections of a light subpath to the
     /// camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Vertex]) -> bool {
@@ -112,10 +112,10 @@ impl Connector<'_> {
         (1..=last).any(|i| connects(i - 1) && connects(i)) || self.seen_from(camera).is_some()
     }
 
-    /// Connects the last vertex of a camera subpath to an emitter over flat mirrors and appends the
+    /// Connects the last vertex of a camera subpath to an emitter over flat mirrors, and appends the
     /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
-    /// sequences of three or more mirrors are also tried. If `alone` is false, other strategies must
-    /// account for these connections in their weights ([`Mirrors::flats_weigh`]).
+    /// sequences of three or more mirrors are also tried. If `alone` is false, the weights of other
+    /// strategies must account for these connections ([`Mirrors::flats_weigh`]).
     pub fn connect_over_flats(&mut self, camera: &[Vertex], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
@@ -142,7 +142,7 @@ impl Connector<'_> {
         }
     }
 
-    /// Returns the start and the route of a path over mirrors, with points on the mirrors as initial guess.
+    /// Returns the start and the route of a path over mirrors; the `seeds` on them are the initial guess.
     fn route_over<'b>(
         &self,
         z: &Vertex,
@@ -160,15 +160,15 @@ impl Connector<'_> {
         Some((line, route))
     }
 
-    /// Finds the path from a vertex over mirrors, with points on the mirrors as initial guess.
+    /// Finds the path from a vertex over mirrors; the `seeds` on the mirrors are the initial guess.
     pub fn path_over(&self, z: &Vertex, seeds: &[Seed], goal: Goal) -> Option<SpecularPath> {
         let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
         manifold::find(self.scene, start, &route, goal)
     }
 
-    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`. The
-    /// decision is made before and again after the transmittance of mirrors and media is known. Returns the
-    /// start, the route and the weight.
+    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`. The decision
+    /// is made once before and once after the transmittance of mirrors and media is known. Returns the start,
+    /// the route and the weight.
     fn spin_over<'b>(
         &mut self,
         z: &Vertex,
@@ -189,7 +189,7 @@ impl Connector<'_> {
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
-        // In a medium, most mirrors are too far away.
+        // In a medium, most mirrors are too distant.
         let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
             let ray = Ray { origin: z.surface.p, dir };
             let length = (first.point - z.surface.p).length();
@@ -201,10 +201,10 @@ impl Connector<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution assumes
-    /// a straight path: light `scattered` toward the end, times the end's value per steradian `end`, times
-    /// n²/d². The decision is repeated when the transmittance of media is known. Returns the start, the
-    /// route and the weight.
+    /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution is that
+    /// of a straight path: light `scattered` toward the end × intensity `end` of the end × n²/d². The
+    /// decision is repeated when the transmittance of media is known. Returns the start, the route and the
+    /// weight.
     #[inline]
     pub fn spin(
         &mut self,
@@ -227,8 +227,8 @@ impl Connector<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Calls `f` with the path that `find` returns for a vertex, and the wavelengths that use this path. If
-    /// interfaces are dispersive, each wavelength has a separate path.
+    /// Calls `f` with the path that `find` returns for a vertex, and with the wavelengths that use this path.
+    /// If interfaces are dispersive, each wavelength has its own path.
     pub fn for_each_path(
         &mut self,
         p: &Vertex,
@@ -253,15 +253,14 @@ impl Connector<'_> {
         }
     }
 
-    /// Returns the straight line from a vertex to `to`, which is the initial guess for paths through
-    /// interfaces.
+    /// Returns the straight line from a vertex to `to`, as the initial guess for paths through interfaces.
     #[inline]
     pub fn straight(&self, p: &Vertex, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
         Some(p.line(self.scene, dir))
     }
 
-    /// Finds the path from a vertex to an end at `to` through interfaces.
+    /// Finds the path through interfaces from a vertex to an end at `to`.
     #[inline]
     pub fn path_through(&self, p: &Vertex, to: Vec3A, lane: usize) -> Option<SpecularPath> {
         let start = self.straight(p, to)?;
@@ -269,7 +268,7 @@ impl Connector<'_> {
         manifold::find(self.scene, start, &route, Goal { to, lane })
     }
 
-    /// Appends the contribution of a specular path for its wavelengths.
+    /// Appends the contribution of a specular path for the wavelengths that use the path.
     pub fn connect_path(
         &mut self,
         camera: &[Vertex],
@@ -291,7 +290,7 @@ impl Connector<'_> {
         }
     }
 
-    /// Implements [`Self::connect_path`] for an interaction at the last vertex and a label of the whole path.
+    /// Implements [`Self::connect_path`] for a scattering matrix at the last vertex and a path label.
     fn connect_path_by(
         &mut self,
         camera: &[Vertex],
@@ -319,14 +318,14 @@ impl Connector<'_> {
         let Some(emitter) = emission.emitter(scene, self.ends[0], source, path.first) else {
             return;
         };
-        // Divided by the number of tries, because the weight compares densities times tries.
+        // Divide by the number of tries, because the weight compares products of density and number of tries.
         let density = emission.density(scene, self.ends[0], source, path.emitted) / tries(scene, z, path);
         let line = Line {
             dirs: [path.dir, path.emitted],
             passed: 1.0,
             arrivals: [Some(path.density(density, &passed)), None],
         };
-        // If other weights ignore these paths, no other strategy samples the ones that get here.
+        // If other weights ignore these paths, no other strategy samples the paths that reach this point.
         let weight = if path.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {
@@ -343,9 +342,9 @@ impl Connector<'_> {
         meet(chain, beam, &emitter, &record, &mut self.out);
     }
 
-    /// Returns, for a light subpath that starts with interfaces, the index of the first vertex behind the
-    /// interfaces at which connections can end, and the density per area with which light arrives there.
-    /// Returns `None` if the path would not be found from that vertex.
+    /// For a light subpath that starts with interfaces, returns the index of the first vertex behind the
+    /// interfaces at which connections can end, and the density per area with which light reaches this
+    /// vertex. Returns `None` if the path cannot be found from that vertex.
     #[inline]
     pub fn seen_through(&mut self, light: &[Vertex], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
@@ -354,15 +353,15 @@ impl Connector<'_> {
         })
     }
 
-    /// Returns the result of [`Self::seen_through`] for a camera subpath.
+    /// Returns the same as [`Self::seen_through`] for a camera subpath.
     #[inline]
     pub fn seen_from(&mut self, camera: &[Vertex]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
         self.seen(camera, 0, to, |connector, dir| connector.ends[0].camera.pixels_per_steradian(dir))
     }
 
-    /// Implements [`Self::seen_through`] and [`Self::seen_from`] for side 0 (camera) or 1 (light) with the
-    /// end `to`. `start` is the density of the rays from the end.
+    /// Implements [`Self::seen_through`] and [`Self::seen_from`] for side 0 (camera) or side 1 (light). `to`
+    /// is the end on this side, and `start` is the density of rays from the end.
     fn seen(
         &mut self,
         walk: &[Vertex],
@@ -391,7 +390,7 @@ impl Connector<'_> {
     }
 
     /// Returns the density per perpendicular area with which a subpath from the end at `to` reaches a vertex
-    /// behind `count` interfaces. Returns `None` if the path would not be found from the vertex.
+    /// behind `count` interfaces. Returns `None` if the path cannot be found from the vertex.
     fn density_through(
         &mut self,
         side: usize,
@@ -405,7 +404,7 @@ impl Connector<'_> {
             return None;
         }
         let lane = point.lanes.nth(0);
-        // Two paths through the same interfaces start more than a few milliradians apart.
+        // The directions of two paths through the same interfaces differ by more than a few milliradians.
         let is_it = |path: &SpecularPath| path.count() == count && path.dir.dot(point.back) > 1.0 - 1e-5;
         let mut found = self.path_through(point, to, lane).filter(is_it);
         if found.is_none() && side == LIGHT && self.setup.mirrors.flats_weigh() {

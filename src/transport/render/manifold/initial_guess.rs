@@ -1,12 +1,12 @@
-//! Initial guesses for specular paths over several mirrors and through curved glass, found by tracing a ray.
+//! Initial guesses for specular paths over several mirrors and through curved glass, found by ray tracing.
 //!
-//! A straight line does not determine which surfaces reflect or refract light between a point and an end. A
-//! traced ray does. The ray starts toward a random point of the curved surfaces and chooses one
-//! continuation at each surface. If a segment of the ray passes the end before the next surface, the
-//! surfaces so far are a candidate.
+//! A straight line does not determine the surfaces that reflect or refract light between a point and an end,
+//! but a traced ray does. The ray starts toward a random point on curved surfaces and samples one
+//! continuation at each surface. If a segment of the ray passes the end before it hits the next surface, the
+//! surfaces up to this segment are a candidate.
 //!
-//! A ray near a specular path makes the choices of this path with a positive probability, so some rays find
-//! each path.
+//! A ray near a specular path makes the same choices as this path with a positive probability, so each path
+//! is eventually found.
 
 use super::mirrors::{Mirrors, Seed};
 use super::route::{INTERFACES, Legs, MOST_SURFACES, Route, passes};
@@ -16,14 +16,14 @@ use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use optics::sampling::stream::Stream;
 
-/// Fraction of rays that are reflected at glass, if transmission is also possible.
+/// Probability of reflection at glass if transmission is also possible.
 const REFLECTED: f32 = 0.125;
 
 #[derive(Clone, Default)]
 pub(super) struct TracedGuess {
     through: Legs,
     pub over: ArrayVec<Seed, INTERFACES>,
-    /// True if some surface on the ray is curved.
+    /// True if some surface on the ray so far is curved.
     curved: bool,
 }
 
@@ -51,7 +51,7 @@ impl TracedGuess {
         Route::known(mirrors, self.through.clone(), &self.over)
     }
 
-    /// Traces a ray for up to `most` specular interactions and chooses one of the segments that pass the
+    /// Traces a ray for up to `most` specular interactions, and samples one of the segments that pass the
     /// goal.
     pub fn follow(
         scene: &Scene,
@@ -69,7 +69,7 @@ impl TracedGuess {
             let way = (goal.to - ray.origin).dot(ray.dir);
             if way > 0.0 && hit.is_none_or(|h| way < h.t) && traced.is_wanted() {
                 legs += 1;
-                // Each of the `legs` legs is chosen with equal probability.
+                // Each of the `legs` segments is chosen with equal probability.
                 if legs == 1 || stream.uniform() * (legs as f32) < 1.0 {
                     chosen = Some(traced.clone());
                 }

@@ -1,24 +1,24 @@
 //! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular
 //! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
 //!
-//! A ray is traced from a point x through k interfaces, with its derivatives by the two angles of its
-//! direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction until the ray
-//! hits the emitter. The initial guess is the straight line, which also determines the number of
-//! interfaces. At the solution, the derivative gives the area A around the emitter that the rays of a solid
-//! angle cover. The light that arrives at x from the emitter's intensity I is then
+//! A ray is traced from a point x through k interfaces, with its derivatives with respect to the two angles
+//! of its direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction until
+//! the ray hits the emitter. The initial guess is the straight line, which also determines the number of
+//! interfaces. At the solution, the derivatives give the area A at the emitter that rays within a solid angle
+//! ω_x cover. For an emitter with intensity I, the light scattered at x is then
 //!
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
-//! which is 1/d² without refraction. Each Sᵢ is the full transmission of an interface, with radiance scaled
-//! by the squared indices. A light subpath samples the same path with density p(ω_L) (n_x/n_L)² / J per
-//! perpendicular area.
+//! where M_x is the scattering matrix at x, and each Sᵢ is the transmission matrix of an interface, with
+//! radiance scaled by the squared indices. Without refraction, 1/J is 1/d². A light subpath samples the same
+//! path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
 //!
-//! A curved interface may have several specular paths, and the straight line finds at most one of them. The
-//! result depends only on the point, so the weights ([`super::bidirectional`]) can determine for any path
-//! whether it would have been found. The other paths are searched for at random ([`curved_connections`]).
+//! A curved interface may have several specular paths, and the straight line leads to at most one of them.
+//! The result depends only on x, so that MIS weights ([`super::bidirectional`]) can determine for any path
+//! whether it would have been found. The other paths are sampled at random ([`curved_connections`]).
 //!
-//! A path may also include [`mirrors`], with a given point on each mirror as initial guess. J has the same
-//! definition.
+//! A path may also include [`mirrors`]; the initial guess is then a given point on each mirror. J has the
+//! same definition.
 
 mod camera_connections;
 mod crystals;
@@ -52,29 +52,29 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Maximum of 1 minus the cosine between the directions of equal paths: an angle of a milliradian.
+/// Maximum of 1 - cosine between the directions of equal paths, which is an angle of a milliradian.
 const SAME: f32 = 5e-7;
 
-/// Factor on the offset of traced rays from their surface. Rays are offset along the ray and not along the
-/// normal, and rounding errors of a point on the ray also have a component across the surface.
+/// Factor by which the offset of traced rays from their surface is increased. These rays are offset along
+/// their own direction, not along the normal, and rounding errors also have a component along the surface.
 const LEAVE: f32 = 2.0;
 
-/// Minimum cosine for which the offset along a ray is extended to clear a surface. For a smaller cosine,
-/// the offset would be more than twenty times that of other rays.
+/// Minimum cosine for which the offset along a ray is extended to clear a surface. For a smaller cosine, the
+/// offset would be more than twenty times as large as at normal incidence.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Maximum Newton step, radians. For a larger step, the derivative is meaningless.
+/// Maximum Newton step, radians. For larger steps, the derivative is not meaningful.
 const LEAP: f32 = 0.3;
 
-/// Factor that shortens a step that increases the distance to the goal, applied at most `CUTS` times (0.4⁵
-/// = 1 %).
+/// Factor that shortens a Newton step that would increase the distance to the goal. The factor is applied at
+/// most `CUTS` times (0.4⁵ = 1 %).
 const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
 /// A specular interaction on a path.
 pub(super) struct Bend {
     pub surface: Surface,
-    /// Directions of the ray from x before and after the interaction.
+    /// Direction of the ray from x before the interaction; `after` is the direction after it.
     pub before: Vec3A,
     pub after: Vec3A,
     pub lobe: Lobe,
@@ -84,10 +84,10 @@ pub(super) struct Bend {
 
 /// A specular path from a point to an emitter.
 pub(super) struct SpecularPath {
-    /// Direction in which the path leaves the point, and direction in which the emitter's light starts.
+    /// Direction in which the path leaves x; `emitted` is the direction in which light leaves the emitter.
     pub dir: Vec3A,
     pub emitted: Vec3A,
-    /// The point of the path that the emitter illuminates first, metres.
+    /// The first point on the path that the emitter illuminates, metres.
     pub first: Vec3A,
     /// The area per solid angle J = dA⊥/dω_x, m²/sr.
     pub spread: f32,
@@ -95,7 +95,7 @@ pub(super) struct SpecularPath {
     start: Start,
 }
 
-/// The end that a specular path must reach.
+/// The camera or emitter position that a specular path must reach.
 #[derive(Clone, Copy)]
 pub(super) struct Goal {
     pub to: Vec3A,
@@ -111,18 +111,18 @@ struct Search<'a> {
     goal: Goal,
 }
 
-/// Quantities of a specular path besides its polarization.
+/// Quantities of a specular path, apart from its polarization.
 pub(super) struct Passed {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Mean transmittance of the media.
+    /// Mean transmittance of the media along the path.
     pub mean: f32,
     /// Refractive index at the emitter.
     pub index: f32,
 }
 
-/// Finds the specular path along a route to a goal. The initial guess is the straight line, or the
-/// direction toward the first mirror point.
+/// Finds the specular path along a route to a goal. The initial guess is the straight line, or the direction
+/// of the first mirror point.
 fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<SpecularPath> {
     let dir = match route.over.first() {
         Some(seed) => (seed.point - start.from).try_normalize()?,
@@ -131,25 +131,25 @@ fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Specul
     find_along(scene, start, route, dir, goal)
 }
 
-/// Finds a specular path as [`find`] does, with the initial direction `dir`.
+/// Finds a specular path as [`find`] does, but with the initial direction `dir`.
 fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<SpecularPath> {
     let search = Search { scene, start, route, goal };
     search.solve(dir)
 }
 
-/// Returns the distance along `dir` that clears a surface as much as an offset `off` along the surface's
-/// normal, times [`LEAVE`].
+/// Returns the distance along `dir` that clears a surface as well as an offset `off` along its normal does,
+/// times [`LEAVE`].
 #[inline]
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
-    // Avoids division by zero for points that are not on a surface.
+    // The minimum avoids division by zero for points that are not on a surface.
     let cos = off.dot(dir).abs().max(LEAST_COSINE * length).max(f32::MIN_POSITIVE);
     LEAVE * length * (length / cos)
 }
 
 impl Search<'_> {
-    /// Traces a ray along the route and up to its nearest point to the goal. Calls `bent` for each
-    /// interface or mirror with the directions before and after the interaction, and with true for a flat
+    /// Traces a ray along the route, up to the point that is nearest to the goal. Calls `bent` for each
+    /// interface or mirror, with the directions before and after the interaction, and with true for a flat
     /// interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self { scene, start, route, goal } = self;
@@ -158,7 +158,7 @@ impl Search<'_> {
         let mut slopes_p = [Vec3A::ZERO; 2];
         let mut slopes_d = [across.x_axis, across.y_axis];
         let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-        // Along the ray: an offset along the normal would shift it, and lenses magnify that.
+        // Offset along the ray, because an offset along the normal would shift the ray, which lenses magnify.
         let mut origin = from + dir * clear(start.ray.origin - from, dir);
         let (mut left, mut leg) = (*route.through.first()?, 0);
         let mut length = 0.0;
@@ -177,7 +177,7 @@ impl Search<'_> {
             if !straight && !mirror && left == 0 {
                 return None;
             }
-            // Transfer to the surface.
+            // Propagate the derivatives to the surface.
             for k in 0..2 {
                 let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
                 slopes_p[k] = if straight { s } else { s - dir * (s.dot(surface.ng) / dir.dot(surface.ng)) };
@@ -186,7 +186,7 @@ impl Search<'_> {
                 nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
             }
             if !straight {
-                // For derivatives, a mirror is an interface with equal indices that reflects.
+                // For the derivatives, a mirror is a reflecting interface with equal indices on both sides.
                 let (after, ratio) = if mirror {
                     (reflected(scene, &surface, dir, lane)?, 1.0)
                 } else {
@@ -222,7 +222,7 @@ impl Search<'_> {
         None
     }
 
-    /// Runs Newton's method from a direction.
+    /// Runs Newton's method from the initial direction `dir`.
     fn solve(&self, mut dir: Vec3A) -> Option<SpecularPath> {
         let mut panes = Panes::default();
         let mut shot = self.shoot(dir, |surface, _, _, flat| panes.add(surface, flat))?;
@@ -236,7 +236,7 @@ impl Search<'_> {
         for _ in 0..STEPS {
             let miss = shot.miss.length();
             let (step, _) = newton(dir, &shot)?;
-            // Limits the step length, and rejects steps that increase the miss.
+            // Limit the step length, and reject steps that increase the distance to the goal.
             let mut share = (LEAP / step.length()).min(1.0);
             let mut better = None;
             let near = shot.is_near();
@@ -253,7 +253,7 @@ impl Search<'_> {
             if let Some(next) = better {
                 (dir, shot) = next;
             }
-            // After it is near, one further step reaches rounding precision.
+            // When the ray is near the goal, one more step reaches rounding precision.
             if near {
                 return self.along(dir);
             }
@@ -262,7 +262,7 @@ impl Search<'_> {
         None
     }
 
-    /// Returns the path along the route whose initial direction `dir` is known.
+    /// Returns the path along the route for the known initial direction `dir`.
     fn along(&self, dir: Vec3A) -> Option<SpecularPath> {
         self.shot_along(dir).map(|(way, _)| way)
     }
@@ -294,32 +294,32 @@ impl Search<'_> {
     }
 }
 
-/// Returns the specular path along a route to a goal, given the known initial direction `dir`.
+/// Returns the specular path along a route to a goal for the known initial direction `dir`.
 fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<SpecularPath> {
     let search = Search { scene, start, route, goal };
     search.along(dir)
 }
 
 impl SpecularPath {
-    /// Creates a path from a start along `dir` with known interactions.
+    /// Creates a path from a start along `dir` with known interactions `bends`.
     pub fn known(start: Start, dir: Vec3A, spread: f32, bends: ArrayVec<Bend, INTERFACES>) -> Option<Self> {
         let last = bends.last()?;
         Some(Self { dir, emitted: -last.after, first: last.surface.p, spread, bends, start })
     }
 
-    /// Returns the number of interfaces and mirrors.
+    /// Returns the number of interfaces and mirrors on the path.
     #[inline]
     pub fn count(&self) -> usize {
         self.bends.len()
     }
 
-    /// Returns true if another path from the same point equals this one.
+    /// Returns true if a path from the same point is equal to this path.
     #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
     }
 
-    /// Returns the approximate transmittance of interfaces and mirrors for unpolarized light.
+    /// Returns the approximate transmittance of all interfaces and mirrors for unpolarized light.
     pub fn passes(&self) -> f32 {
         self.bends.iter().map(|b| max_lane(b.scatter.m00())).product()
     }
@@ -336,15 +336,15 @@ impl SpecularPath {
         if self.reflects() { SPECULAR } else { 0 }
     }
 
-    /// Returns true if wavelengths take different paths.
+    /// Returns true if different wavelengths take different paths.
     #[inline]
     pub fn disperses(&self, scene: &Scene) -> bool {
         self.bends.iter().any(|b| scene.materials.disperses(b.surface.material))
     }
 
-    /// Returns the density per perpendicular area at the point with which subpaths from the other end
-    /// sample the path. `density` is the density of the subpaths' direction at the other end, per
-    /// steradian.
+    /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
+    /// the path. `density` is the density per steradian with which those subpaths sample their initial
+    /// direction.
     #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean
@@ -357,8 +357,8 @@ impl SpecularPath {
         ratio * ratio
     }
 
-    /// Multiplies `chain`, whose light has frame `frame`, by all interactions on the path to the emitter at
-    /// `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
+    /// Multiplies `chain`, whose light has the frame `frame`, by all interactions on the path to the emitter
+    /// at `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
     pub fn follow(
         &self,
         scene: &Scene,
@@ -377,7 +377,7 @@ impl SpecularPath {
                 at: b.surface.p.as_dvec3(),
             });
             let left = Allowed { sheets: allowed.sheets - sheets, ..allowed };
-            // Both ends are offset from surfaces; along the path's exact direction, a line could hit one.
+            // Both ends are offset, so a line exactly along the path's direction could hit a surface.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = trace_line(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;

@@ -1,9 +1,9 @@
-//! Rays traced toward an emitter through interfaces, and the Newton step that changes a ray's direction so
-//! that the ray hits the emitter (Igehy 1999, "Tracing ray differentials").
+//! Rays that are traced toward an emitter through interfaces, and the Newton step that changes the direction
+//! of a ray so that the ray hits the emitter (Igehy 1999, "Tracing ray differentials").
 //!
-//! For flat panes, the first ray determines the positions of the planes and the refraction at each. The
-//! direction is then computed from these planes without further intersection tests. A final ray along that
-//! direction verifies that light hits the same panes.
+//! For flat panes, the first ray determines the positions of the planes and the refraction at each plane. The
+//! direction is then computed from the planes without further intersection tests. A final ray along this
+//! direction verifies that it hits the same panes.
 
 use super::INTERFACES;
 use crate::geometry::ray::Surface;
@@ -12,19 +12,19 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
 
-/// Maximum distance between a ray and the emitter that the ray hits, relative to the path length.
+/// Maximum distance between the emitter and a ray that counts as a hit, relative to the path length.
 const NEAR: f32 = 5e-6;
 
-/// Maximum number of Newton steps between planes; three or four suffice.
+/// Maximum number of Newton steps for the planes of panes; three or four usually suffice.
 const STEPS: usize = 8;
 
-/// A ray traced toward an emitter, with its distance vector from the emitter and the derivatives of this
+/// A ray traced toward an emitter, with the vector from the emitter to the ray and the derivatives of this
 /// vector.
 #[derive(Clone, Copy)]
 pub(super) struct Shot {
-    /// Unit direction at the end of the ray. `miss` is the vector from the emitter to the ray's closest
-    /// point, perpendicular to `dir`. `slopes` are the derivatives of `miss` by the two angles of the
-    /// initial direction.
+    /// Unit direction at the end of the ray. `miss` is the vector from the emitter to the nearest point of
+    /// the ray, perpendicular to `dir`. `slopes` are the derivatives of `miss` with respect to the two angles
+    /// of the initial direction.
     pub dir: Vec3A,
     pub miss: Vec3A,
     pub slopes: [Vec3A; 2],
@@ -32,8 +32,8 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// Extends a ray from `from` past `to`, after path length `length`, with derivatives of position and
-    /// direction. Returns `None` if the ray points away from `to`.
+    /// Extends a ray from `from` past `to`. `length` is the path length so far, and position and direction
+    /// have derivatives. Returns `None` if the ray points away from `to`.
     #[inline]
     pub fn past(to: Vec3A, from: Vec3A, dir: Vec3A, [p, d]: [[Vec3A; 2]; 2], length: f32) -> Option<Self> {
         let way = (to - from).dot(dir);
@@ -55,16 +55,15 @@ impl Shot {
     }
 }
 
-/// Returns the direction after a Newton step that moves a ray along `dir` closer to the emitter, and the
-/// Jacobian determinant
-/// |J|.
+/// Returns the Newton step, perpendicular to `dir`, that moves a ray along `dir` closer to the emitter, and
+/// the absolute value of the Jacobian determinant, |J|.
 #[inline]
 pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let q = basis(shot.dir);
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
     let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
     let det = a * d - b * c;
-    // Also rejects NaN.
+    // This also rejects NaN.
     if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         return None;
     }
@@ -76,7 +75,7 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
 #[derive(Default)]
 pub(super) struct Panes {
     met: ArrayVec<Surface, INTERFACES>,
-    /// True if some surface is not a flat interface, or there are too many surfaces.
+    /// True if some surface is not a flat interface, or if there are too many surfaces.
     others: bool,
 }
 
@@ -86,9 +85,9 @@ impl Panes {
         self.others |= !flat || self.met.try_push(*surface).is_err();
     }
 
-    /// Returns the direction from a point, near a given direction, in which a ray of wavelength `lane`
-    /// reaches `to` through the planes of all panes. Returns `None` if there is no such direction or a pane
-    /// is curved.
+    /// Returns the direction, near a given direction, in which a ray of wavelength lane `lane` from a point
+    /// reaches `to` through the planes of all panes. Returns `None` if there is no such direction, or if a
+    /// surface is not flat.
     pub fn aim(
         &self,
         materials: &Materials,
@@ -109,7 +108,7 @@ impl Panes {
             } else if !near {
                 return None;
             }
-            // After it is near, one further step reaches rounding precision.
+            // When the ray is near the goal, one more step reaches rounding precision.
             if near {
                 return Some(dir);
             }
@@ -163,8 +162,8 @@ mod tests {
     /// Refractive indices of air, glass and water.
     const INDICES: [f64; 3] = [1.0, 1.52, 1.333];
 
-    /// Returns materials for glass in air and water in glass, with slightly different indices at the second
-    /// wavelength.
+    /// Returns materials for glass in air and for water in glass. The indices at the second wavelength are
+    /// slightly different.
     fn materials() -> Materials {
         let interface = |interior: f64, exterior: f64| {
             let of = |n: f64| Spectral::new([n as f32, n as f32 + 0.02, 1.0, 1.0]);
@@ -184,8 +183,8 @@ mod tests {
         Surface { p: Vec3A::new(-3.0, 2.0, z), ng: Vec3A::Z, ns: Vec3A::Z, material, ..Surface::default() }
     }
 
-    /// Verifies that the direction out of water through a pane agrees with Snell's law, solved in double
-    /// precision.
+    /// Verifies that the direction from water through a pane agrees with the solution of Snell's law in
+    /// double precision.
     #[test]
     fn directions_through_panes_obey_snell() {
         let materials = materials();
@@ -198,7 +197,7 @@ mod tests {
             for to in [[0.02, -0.01, 0.4], [0.3, -0.2, 0.5], [-0.22, 0.05, 0.3]].map(Vec3A::from_array) {
                 let way = [to.x - from.x, to.y - from.y].map(f64::from);
                 let across = way[0].hypot(way[1]);
-                // Lateral offset of a ray with n sin θ = k.
+                // Lateral displacement of a ray with n sin θ = k.
                 let side = |k: f64| {
                     let layers = [(0.03, water), (0.005, glass), (f64::from(to.z) - 0.005, air)];
                     layers.iter().map(|(d, n)| d * k / (n * n - k * k).sqrt()).sum::<f64>()
@@ -215,13 +214,13 @@ mod tests {
                     (1.0 - sin * sin).sqrt() as f32,
                 );
                 let straight = (to - from).normalize();
-                let found = panes.aim(&materials, (from, straight), to, lane).expect("a way");
-                assert!((found - want).length() < 3e-6, "{found} is not {want}");
+                let found = panes.aim(&materials, (from, straight), to, lane).expect("there is a path");
+                assert!((found - want).length() < 3e-6, "found {found}, expected {want}");
             }
         }
     }
 
-    /// Verifies that no direction is returned through curved panes or at total internal reflection.
+    /// Verifies that no direction is returned for curved panes or under total internal reflection.
     #[test]
     fn curved_panes_and_total_reflection_give_no_direction() {
         let materials = materials();

@@ -1,30 +1,30 @@
-//! Reflection at mirrors; with normal maps, the normal and its derivative along the surface.
+//! Reflection by mirrors. A normal map changes the normal and the derivative of the normal along the surface.
 //!
-//! The derivative is approximated by differences of the normal between points a fraction of a texel apart.
+//! The derivative is approximated by finite differences of the normal between points within a texel.
 
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::Lobe;
 use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
 
-/// Maximum deviation of a mirror direction from the geometric mirror direction, as 1 minus the cosine.
-/// Beyond this deviation, the direction is perturbed and the derivatives of the direction are unknown.
-/// Rounding errors are ten times smaller.
+/// Maximum deviation between the reflected direction and the geometric mirror direction, as 1 - cosine. If
+/// the deviation is larger, a normal map has changed the direction, and the derivatives of the direction are
+/// unknown. Rounding errors are ten times smaller.
 const PERTURBED: f32 = 1e-6;
 
-/// Step for differences, as a fraction of a triangle or as a sine on a quadric. Images have up to a few
-/// thousand texels per side.
+/// Step for finite differences, as a fraction of a triangle or as a sine on a quadric. Images have up to a
+/// few thousand texels per side.
 const STEP: f32 = 1e-4;
 
-/// A mirror's normal at a point on the side of the incoming light, and the derivative of the normal with
-/// respect to position.
+/// Shading normal of a mirror at a point, on the side of the incoming light, and its derivative with respect
+/// to the position.
 pub(super) struct ShadingNormal {
     pub normal: Vec3A,
     pub bend: Mat3A,
 }
 
-/// Returns the direction of light along `dir` after reflection; `None` if the delta lobe disagrees with the
-/// geometry.
+/// Returns the direction of light along `dir` after reflection; `None` if the delta lobe and the geometric
+/// normal disagree.
 #[inline]
 pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     let materials = &scene.materials;
@@ -47,7 +47,7 @@ impl ShadingNormal {
     pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, surface: &Surface, lane: usize) -> Option<Self> {
         let own = normal(scene, surface, ray.dir, lane)?;
         let axes = surface.tangent_frame();
-        // Barycentric coordinates move points of triangles; shifting the ray moves those of quadrics.
+        // On triangles, barycentric coordinates are changed; on quadrics, the ray is shifted.
         let near = |k: usize, step: f32| {
             let along = [axes.x_axis, axes.y_axis][k] * (step * hit.t);
             let moved = Ray { origin: ray.origin + along, dir: ray.dir };
@@ -61,7 +61,7 @@ impl ShadingNormal {
             Some((p - q, n - m))
         };
         let ([u, du], [v, dv]) = (slope(0)?.into(), slope(1)?.into());
-        // The linear map that maps u to du, v to dv and the surface normal to zero.
+        // Linear map that maps u to du, v to dv, and the surface normal to zero.
         let across = u.cross(v);
         let area2 = across.length_squared();
         if area2 <= 0.0 {

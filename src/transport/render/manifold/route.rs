@@ -14,36 +14,36 @@ use optics::spectrum::{Spectral, max_lane};
 /// Maximum number of interfaces and mirrors on a route.
 pub(super) const INTERFACES: usize = 8;
 
-/// Distance before a mirror at which a line to the mirror ends, relative to the length of the line.
+/// Distance from a mirror at which a line to the mirror ends, as a fraction of the length of the line.
 const BEFORE: f32 = 1e-4;
 
-/// Maximum number of surfaces, including sheets and null boundaries, of a line or ray. The limit is needed
-/// because grazing rays may hit surfaces without end.
+/// Maximum number of surfaces on a line or ray, including sheets and null boundaries. Without the limit, a
+/// grazing ray may hit surfaces endlessly.
 pub(super) const MOST_SURFACES: usize = 64;
 
 /// Number of interfaces before each mirror and after the last mirror.
 pub(super) type Legs = ArrayVec<usize, { INTERFACES + 1 }>;
 
-/// The specular interactions of a path in order: interfaces and mirrors.
+/// The specular interactions of a path, interfaces and mirrors, in order.
 pub(crate) struct Route<'a> {
     /// Number of interfaces before each mirror and after the last mirror.
     pub through: Legs,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
-    /// Approximate transmittance of media and mirrors, for straight lines between mirrors.
+    /// Approximate transmittance of media and mirrors, for straight segments between mirrors.
     pub passes: f32,
 }
 
-/// The interfaces that a straight line passes.
+/// The interfaces on a straight line.
 struct Met {
     count: usize,
-    /// The nested media at the end of the line, and the origin of the ray behind the last interface.
+    /// The nested media at the end of the line; `ray` has its origin behind the last interface.
     nest: Nest,
     left: Vec3A,
     depth: Spectral,
 }
 
-/// Returns true if light passes the surface without refraction.
+/// Returns true if the surface transmits light without refraction.
 #[inline]
 pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
     let id = surface.material;
@@ -51,7 +51,7 @@ pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) 
 }
 
 impl<'a> Route<'a> {
-    /// Returns true if a hit is on the mirror that ends a leg.
+    /// Returns true if the hit is on the mirror at which a leg of the route ends.
     #[inline]
     pub fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
         match (self.mirrors, self.over.get(leg)) {
@@ -66,14 +66,14 @@ impl<'a> Route<'a> {
         Self { through: ArrayVec::from_iter([count]), over: &[], mirrors: None, passes: 1.0 }
     }
 
-    /// Returns a route over the mirror points `over`, with `through` interfaces before, between and after
-    /// them.
+    /// Returns a route over the mirror points `over`. `through` contains the numbers of interfaces before,
+    /// between and after them.
     #[inline]
     pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
         Self { through, over, mirrors: Some(mirrors), passes: 1.0 }
     }
 
-    /// Returns the route of the straight line to `to`; `None` if the line is blocked or passes no
+    /// Returns the route of the straight line to `to`; `None` if the line is blocked or crosses no
     /// interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
@@ -82,8 +82,8 @@ impl<'a> Route<'a> {
             .then(|| Self { passes: mean_transmittance(scene, met.depth), ..Self::through(met.count) })
     }
 
-    /// Returns the route from the start of a line over the mirror points `over` to `to`, as if the route
-    /// were straight between the points. Returns `None` if another surface blocks the route.
+    /// Returns the route from the start of a line over the mirror points `over` to `to`, with interfaces
+    /// found on straight segments between the points. Returns `None` if another surface blocks the route.
     pub fn over(
         scene: &Scene,
         mirrors: &'a Mirrors,

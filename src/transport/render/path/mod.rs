@@ -1,12 +1,12 @@
-//! Unidirectional path tracing from the camera with next-event estimation to every emitter.
+//! Unidirectional path tracing from the camera, with next-event estimation to all emitters.
 //!
 //! A path carries the Mueller product from its current ray to the camera frame (for all wavelengths), the
-//! optical path length and the number of surface interactions. Each connection to the projector yields the
-//! one projector pixel s' that illuminates the vertex.
+//! optical path length, and the number of surface interactions. Each connection to the projector ends at the
+//! only projector pixel s' that illuminates the vertex.
 //!
-//! Projector and point emitters have no extent, so only connections reach them. Connections pass sheets
-//! that transmit light without deflection ([`sheets`]). Smooth refracting interfaces block connections;
-//! light through such interfaces needs paths from the projector.
+//! The projector and point emitters have no spatial extent, so only connections reach them. Connections cross
+//! sheets that transmit light without deflection ([`sheets`]). Smooth refracting interfaces block
+//! connections; light through such interfaces requires paths from the projector.
 
 mod next_event;
 mod selected_pixels;
@@ -40,7 +40,7 @@ use std::ops::Range;
 use tensor::label;
 pub(super) use views::Views;
 
-/// Requirements of slices beyond plain paths.
+/// Requirements of slices that ordinary paths do not meet.
 #[derive(Clone, Copy)]
 pub(super) struct Wants<'a> {
     /// Projector pixels for which separate paths are sampled.
@@ -54,65 +54,65 @@ pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub views: &'a Views,
     pub pixel: [u32; 2],
-    /// Sample numbers, at most [`BATCH`].
+    /// Range of sample numbers, at most [`BATCH`] samples.
     pub samples: Range<u32>,
     pub group: Group,
     pub wants: Wants<'a>,
 }
 
-/// Number of paths traced together. The rays of all these paths are intersected before any vertex is
-/// shaded. The paths are independent, so the processor overlaps their instructions. The number is small
-/// enough that all paths fit into the first-level cache.
+/// Number of paths that are traced together. The rays of all these paths are intersected before any vertex is
+/// shaded. The paths are independent, so the processor executes their instructions concurrently. All paths
+/// fit into the first-level cache.
 pub const BATCH: usize = 16;
 
 /// Maximum survival probability of Russian roulette.
 const SURVIVAL: f32 = 0.95;
 
-/// A path and the data to continue it.
+/// A path and the data that are needed to continue it.
 struct Path {
     state: State,
     stream: Stream,
-    /// The hit of the current ray, and the surface at the hit.
+    /// The hit of the current ray; `surface` is the surface at the hit.
     hit: Option<Hit>,
     surface: Surface,
-    /// Sampling of the current ray; set only if a ray can hit an emitter.
+    /// Sampling of the current ray's direction; set only if a ray can hit an emitter.
     chosen: DirectionSampling,
-    /// Density of the current ray's direction per steradian, if slices sample projector pixels; 0 for a
-    /// delta lobe.
+    /// Sampling density of the current ray's direction per steradian; 0 for a delta lobe. Set only if slices
+    /// sample projector pixels.
     density: f32,
 }
 
-/// Paths of one camera pixel that are traced in lockstep.
+/// The paths of one camera pixel, which are traced in lockstep.
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
     /// The contributions of each path, in order, and the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-    /// Surface points illuminated by the sampled s' of slices, per path.
+    /// For each path, the surface points that the projector pixels sampled for slices illuminate.
     points: Vec<Vec<LitPoint>>,
 }
 
-/// Data computed for all active paths together. Each index is the position of a path among the active
+/// Data that are computed for all active paths together. The index is the position of a path among the active
 /// paths.
 struct Rows {
     /// Positions of the paths' vertices, metres.
     points: Many<BATCH>,
-    /// Normals on the side of scattering, and random numbers for the next direction, on Lambertian
-    /// surfaces.
+    /// For Lambertian surfaces: normals on the side of scattering; `uniforms` are the random numbers for the
+    /// next direction.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
-    /// Points for which lights are chosen, the chosen lights, and the random numbers for points on them.
+    /// Points for which lights are chosen, the chosen lights, and random numbers for points on the lights.
     receivers: [Receiver; BATCH],
     lights: [Choice; BATCH],
     places: [[f32; 2]; BATCH],
-    /// Chosen point emitters, if there are many.
+    /// Chosen point emitters, if there are too many to connect to all.
     emitters: [Choice; BATCH],
 }
 
 impl Paths {
     /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a
-    /// uniformly random point of the pixel, stratified over the group.
+    /// uniformly distributed point of the pixel; the points of a group are stratified.
     ///
     /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of
     /// traced rays.
@@ -135,7 +135,7 @@ impl Paths {
         self.trace_any::<MORE>(batch)
     }
 
-    /// Implements [`Self::trace`] in AVX encoding. No operations are fused, so the results are
+    /// Implements [`Self::trace`] with AVX instructions. No operations are fused, so the results are
     /// bit-identical.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
@@ -185,9 +185,9 @@ impl Paths {
                 };
             }
             rays += alive.len() as u32;
-            // After the last interaction, a path continues only to hit emitters.
+            // After the last interaction, a path continues only to find emitters that it hits.
             let goes_on = bounces + 1 < last || meets;
-            // Not `retain`: its closure would not be compiled with this function's target features.
+            // Not `retain`, because its closure would not be compiled with this function's target features.
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
@@ -287,8 +287,8 @@ impl Default for Path {
 }
 
 impl Path {
-    /// Moves the path to the surface that its ray hits, and stores the inputs of the batched computations
-    /// in `rows` at index `n`. `goes_on` is true if the path may leave the surface again.
+    /// Moves the path to the surface that its ray hits, and stores the inputs of the batched computations in
+    /// `rows` at index `n`. `goes_on` is true if the path may continue from the surface.
     #[inline(always)]
     fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
         let Some(hit) = &self.hit else {
@@ -300,21 +300,21 @@ impl Path {
         let (at, length) = met(state.from, state.ray.dir, surface);
         state.optical_m += f64::from(state.filling.index) * length;
         if let Some(scatter) = state.crossed(scene, surface) {
-            // The light comes from the surface, so this factor is to the left of the surface's own.
+            // The segment is nearer to the camera, so its matrix is to the left of the surface's matrix.
             let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
             state.frame = frame.unwrap_or(state.frame);
         }
         state.from = at;
         many::set(&mut rows.points, n, surface.p);
         if goes_on && scene.materials.lambert(surface.material).is_some() {
-            // If shading and geometric normal disagree about the side, the surface scatters no light.
+            // If the shading and geometric normals disagree about the side, the surface scatters no light.
             let normal = facing(surface, -state.ray.dir).unwrap_or(surface.ns);
             many::set(&mut rows.normals, n, normal);
             [rows.uniforms[0][n], rows.uniforms[1][n]] = self.stream.uniform2();
         }
     }
 
-    /// Returns the surface as the start of connections, after `bounces` previous interactions.
+    /// Returns the surface as the start of connections, after `bounces` earlier interactions.
     #[inline(always)]
     fn vertex<'a>(&'a self, scene: &'a Scene, bounces: u32) -> ShadingPoint<'a> {
         let Some(hit) = self.hit else {
@@ -324,7 +324,7 @@ impl Path {
         ShadingPoint { scene, state, hit, surface, wo: -state.ray.dir, bounces: bounces + 1 }
     }
 
-    /// Connects the surface to emitters, after `bounces` previous interactions. Returns the number of rays.
+    /// Connects the surface to emitters, after `bounces` earlier interactions. Returns the number of rays.
     #[inline(always)]
     fn connect(
         &self,
@@ -369,7 +369,7 @@ impl Path {
         emitter_hits::add_emissive_surface(scene, &glow, out);
     }
 
-    /// Stores the inputs for the choice of lights for the surface in `rows` at index `n`.
+    /// Stores the inputs for choosing lights for the surface in `rows` at index `n`.
     #[inline(always)]
     fn begin_choices(&mut self, scene: &Scene, n: usize, rows: &mut Rows) {
         let surface = &self.surface;
@@ -387,8 +387,8 @@ impl Path {
         }
     }
 
-    /// Connects the surface, after `bounces` interactions, to a sampled light and all directional lights.
-    /// Returns the number of rays.
+    /// Connects the surface, after `bounces` interactions, to a sampled light and to all directional lights.
+    /// Returns the number of traced rays.
     #[inline(never)]
     fn connect_lights(
         &self,
@@ -411,8 +411,8 @@ impl Path {
         connect_lights(&self.vertex(scene, bounces), drawn, out)
     }
 
-    /// Connects the surface to a sampled point emitter, after `bounces` interactions. Returns the number of
-    /// rays.
+    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the number of
+    /// traced rays.
     #[inline(never)]
     fn connect_drawn_point(
         &self,
@@ -427,12 +427,12 @@ impl Path {
         connect_drawn_point(&self.vertex(scene, bounces), (number, choice.chance), out)
     }
 
-    /// Records the sampling of the next direction `wi`; `delta` is true for a delta lobe.
+    /// Records how the next direction `wi` was sampled; `delta` is true for a delta lobe.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
         let surface = &self.surface;
         if delta && wi == -wo {
-            // A sheet leaves the direction unchanged, and connections pass sheets too.
+            // A sheet does not change the direction, and connections also cross sheets.
             return;
         }
         self.chosen = if delta {
@@ -445,8 +445,8 @@ impl Path {
         };
     }
 
-    /// Scatters the path at the surface, after `bounces` previous interactions. Returns true if the path
-    /// continues. On a Lambertian surface the path continues along `diffuse` with frame `frame`.
+    /// Scatters the path at the surface, after `bounces` earlier interactions. Returns true if the path
+    /// continues. On a Lambertian surface, the path continues along `diffuse` with the frame `frame`.
     #[inline(always)]
     fn scatter<const MORE: bool>(
         &mut self,
@@ -468,7 +468,7 @@ impl Path {
             }
             diffuse
         } else {
-            // Borrowed, not moved, because it is large.
+            // `sampled` is modified in place, because it is large.
             let mut sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
             let Some(sampled) = &mut sampled else {
                 return false;

@@ -26,7 +26,7 @@ use optics::spectrum::Spectral;
 /// A surface point on the path.
 pub(super) struct ShadingPoint<'a> {
     pub scene: &'a Scene,
-    /// State of the path before the vertex: that of the ray that hit the surface.
+    /// State of the path on the ray that hit the surface.
     pub state: &'a State,
     pub hit: Hit,
     pub surface: &'a Surface,
@@ -36,7 +36,7 @@ pub(super) struct ShadingPoint<'a> {
     pub bounces: u32,
 }
 
-/// Unoccluded light from the projector at several points, and their cells in the projector's view.
+/// Unoccluded light of the projector at several points, and the points' cells in the projector's view.
 pub(super) struct Illumination<const N: usize> {
     at: Arrivals<N>,
     /// Indices of the cells of the projector's view that contain the points.
@@ -44,8 +44,8 @@ pub(super) struct Illumination<const N: usize> {
 }
 
 impl<const N: usize> Illumination<N> {
-    /// Computes the light that arrives at the points `p`, of which the first `used` are valid. `seen_in` is
-    /// the camera pixel that sees all points, if the camera shares the projector's pinhole.
+    /// Computes the light of the projector at the points `p`, of which the first `used` are valid. `seen_in`
+    /// is the camera pixel that sees all points, if the camera shares the projector's pinhole.
     #[inline(always)]
     pub fn new(
         projector: &Projector,
@@ -72,7 +72,7 @@ impl<const N: usize> Illumination<N> {
     }
 }
 
-/// Light from the projector at one of several points, selected by index.
+/// The light of the projector at one of several points, selected by index.
 #[derive(Clone, Copy)]
 pub(super) struct IlluminationAt<'a, const N: usize> {
     pub lit: &'a Illumination<N>,
@@ -80,7 +80,7 @@ pub(super) struct IlluminationAt<'a, const N: usize> {
 }
 
 impl<const N: usize> IlluminationAt<'_, N> {
-    /// Returns the unit direction and the distance (metres) to the projector.
+    /// Returns the unit direction to the projector and the distance (metres).
     #[inline]
     pub fn toward(&self) -> (Vec3A, f32) {
         let at = &self.lit.at;
@@ -88,8 +88,8 @@ impl<const N: usize> IlluminationAt<'_, N> {
     }
 }
 
-/// Connects a surface point to the projector (light `lit`) and all point emitters. Returns the number of
-/// rays.
+/// Connects a surface point to the projector, whose light is `lit`, and to all point emitters. Returns the
+/// number of traced rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
     views: &Views,
@@ -123,13 +123,13 @@ pub(super) fn connect_all<const N: usize>(
     rays
 }
 
-/// Connects a surface point along a line that is known to be unoccluded.
+/// Connects a surface point to an emitter along a line that is known to be unoccluded.
 #[inline(never)]
 pub(super) fn connect_known(at: &ShadingPoint, to: &Connection, out: &mut Contributions) {
     connect(at, to, Some(true), out);
 }
 
-/// Connects a surface point to every point emitter. Returns the number of rays traced.
+/// Connects a surface point to all point emitters. Returns the number of traced rays.
 #[inline(never)]
 fn connect_points(at: &ShadingPoint, out: &mut Contributions) -> u32 {
     let mut rays = 0;
@@ -140,7 +140,7 @@ fn connect_points(at: &ShadingPoint, out: &mut Contributions) -> u32 {
 }
 
 /// Connects a surface point to point emitter `number`, which was chosen with probability `chance`. Returns
-/// the number of rays.
+/// the number of traced rays.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
     at: &ShadingPoint,
@@ -203,8 +203,8 @@ pub(super) fn connect_lights(at: &ShadingPoint, drawn: Option<Drawn>, out: &mut 
     rays
 }
 
-/// Makes one connection: tests known visibility first, then the BRDF, and traces a ray only if both allow
-/// light. Returns the number of rays.
+/// Makes one connection: tests known visibility first, then evaluates the BRDF, and traces a ray only if both
+/// allow light to pass. Returns the number of traced rays.
 #[inline(always)]
 fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     if known == Some(false) {
@@ -214,7 +214,7 @@ fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Co
         return connect_by_kind(at, to, known, out);
     }
     let &ShadingPoint { scene, state, surface, wo, .. } = at;
-    // Borrowed, not moved, because it is large.
+    // `scatter` is used by reference, because it is large.
     let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;
@@ -226,7 +226,7 @@ fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Co
     }
 }
 
-/// Implements [`connect`] with one contribution for each kind of lobe.
+/// Implements [`connect`] with a separate contribution for each kind of lobe.
 #[inline(never)]
 fn connect_by_kind(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     let &ShadingPoint { scene, state, surface, .. } = at;
@@ -248,12 +248,12 @@ fn connect_by_kind(at: &ShadingPoint, to: &Connection, known: Option<bool>, out:
 /// Visibility between a surface and an emitter.
 enum Visibility {
     Visible,
-    /// Possibly blocked: the ray hit a surface, which may be a sheet that transmits light.
+    /// The ray hit a surface, which blocks it or is a sheet that transmits light.
     Blocked(Ray),
     Hidden,
 }
 
-/// Returns the number of rays and the visibility of an emitter. Traces a ray unless visibility is `known`.
+/// Returns the number of traced rays and the visibility of an emitter. If `known` is set, no ray is traced.
 #[inline(always)]
 fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Visibility) {
     if known.is_some() {
@@ -269,8 +269,8 @@ fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<b
     (1, if scene.sheets { Visibility::Blocked(ray) } else { Visibility::Hidden })
 }
 
-/// Appends an emitter's light after an interaction, given its label and the blocked ray. Returns the number
-/// of rays.
+/// Appends the light of an emitter after scattering, given the path label and the blocked ray. Returns the
+/// number of traced rays.
 #[inline(always)]
 fn append(
     at: &ShadingPoint,
@@ -304,7 +304,7 @@ fn append(
     0
 }
 
-/// Finishes a path whose last segment passes a crystal, which changes polarization, or the emitter's filter.
+/// Finishes a path whose last segment is filtered at the emitter or crosses a (polarizing) crystal.
 #[cold]
 fn through_filter(
     at: &ShadingPoint,
@@ -316,7 +316,7 @@ fn through_filter(
     let mut chain = at.state.chain;
     let frame = chain.push(scatter, at.wo, at.state.frame);
     chain.scale(to.irradiance);
-    // After a depolarizing interaction any frame is valid.
+    // After depolarizing scattering, any frame is valid.
     let mut frame = frame.unwrap_or_else(|| perpendicular(to.wi));
     if let Some(way) = at.scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
         frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);

@@ -1,16 +1,16 @@
 //! Paths for slices that keep few projector pixels s' per camera pixel, such as coaxial slices (s' = s).
-//! Ordinary paths find little indirect light of these s'.
+//! Ordinary paths sample little indirect light from these pixels.
 //!
-//! One of these pixels s' is sampled, and its ray illuminates the first surface at the point y. Every
-//! vertex z of the camera path is connected to y. The density of this connection, per steradian at z, is
+//! One of the kept pixels s' is sampled; its ray illuminates the point y on the first surface. Each vertex z
+//! of the camera path is connected to y. The density of this connection, per steradian at z, is
 //!
 //! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
 //!
-//! where c is the probability of s', ρ the projector's pixels per steradian, d' and θ' the distance and
-//! angle at which y is illuminated, and r and θ the distance and angle of z as seen from y. A path that
-//! reaches y from z by scattering, with density q, is the same path. For such a slice, the balance
-//! heuristic (Veach & Guibas 1995) weights the two by q/(q + p) and p/(q + p). All other slices are
-//! unchanged. Paths that only scattering can sample (over mirrors, through sheets) are also unchanged.
+//! where c is the probability of s', ρ is the number of projector pixels per steradian, d' and θ' are the
+//! distance and the angle at which y is illuminated, and r and θ are the distance and the angle of z as seen
+//! from y. Scattering at z that reaches y, with density q, gives the same path. For such a slice, the balance
+//! heuristic (Veach & Guibas 1995) weights the two techniques by q/(q + p) and p/(q + p). All other slices
+//! are unchanged, as are paths that only scattering can sample (over mirrors, through sheets).
 
 use super::next_event::{ShadingPoint, connect_known};
 use super::sheets::Connection;
@@ -27,7 +27,7 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// Key that separates the random streams of sampled s' from those of paths.
+/// Key that separates the random streams of the sampled pixels s' from those of paths.
 const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 
 /// A slice that keeps few projector pixels for the current camera pixel.
@@ -35,7 +35,7 @@ const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 pub(crate) struct Selection<'a> {
     pub slice: u32,
     pub selected: &'a Selected,
-    /// The slice's band around the camera pixel's epipolar line; empty without a band.
+    /// Projector pixels in the slice's band around the epipolar line; empty for a slice without a band.
     pub band: &'a [u32],
 }
 
@@ -47,23 +47,23 @@ pub(super) struct LitPoint {
     surface: Surface,
     /// Exact position of the point, metres.
     at: DVec3,
-    /// Unit direction from the point to the projector, and distance in metres.
+    /// Unit direction from the point to the projector; `distance` is in metres.
     wi: Vec3A,
     distance: f32,
     irradiance: Spectral,
-    /// Probability of the projector pixel, and the point's density per area for probability 1.
+    /// Probability of the projector pixel, and density per area of the point if this probability is 1.
     chance: f32,
     per_area: f32,
 }
 
-/// Returns the density per area of the point that a given pixel illuminates, with normal `ng`, at
-/// `distance` metres along -`wi`.
+/// Returns the density per area of the illuminated point for a given projector pixel. The surface has normal
+/// `ng`, and the projector is at `distance` metres along `wi`.
 #[inline]
 fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
     projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
 }
 
-/// Samples the points of each of several samples of a camera pixel. Returns the number of traced rays.
+/// Samples the illuminated points for several samples of a camera pixel. Returns the number of traced rays.
 pub(super) fn draw_all(
     scene: &Scene,
     selections: &[Selection],
@@ -83,9 +83,9 @@ pub(super) fn draw_all(
         .sum()
 }
 
-/// The sampling of a surface vertex z of a path, and its connections to the projector.
+/// How a surface vertex z of a path was sampled, and its connections to the projector.
 pub(super) struct Sampling {
-    /// Density of the path's last direction, per steradian; 0 for a single possible direction.
+    /// Density of the direction toward z per steradian; 0 if only a single direction was possible.
     pub density: f32,
     /// Unit direction and distance (metres) from z to the projector.
     pub lit: Option<(Vec3A, f32)>,
@@ -94,7 +94,7 @@ pub(super) struct Sampling {
 }
 
 impl Sampling {
-    /// Records in each contribution of `z` the density ratio of sampling it for a given s': p/(c q).
+    /// Stores the density ratio p/(c q) in each contribution of `z` (`Contribution::rival`).
     fn note_rivals(&self, z: &ShadingPoint, out: &mut Contributions) {
         let (Some(projector), Some((wi, far))) = (&z.scene.projector, self.lit) else {
             return;
@@ -103,7 +103,7 @@ impl Sampling {
             let ng = z.surface.ng;
             let density = per_area(projector, ng, wi, far) * z.hit.t * z.hit.t / ng.dot(z.wo).abs();
             for made in &mut out.list[self.before..] {
-                // Contributions through sheets have more interactions.
+                // Contributions with more interactions than `z` cross sheets.
                 if made.pixel != NO_PIXEL && made.bounces == z.bounces {
                     made.rival = density / self.density;
                 }
@@ -129,8 +129,8 @@ pub(super) fn connect(
     points.iter().map(|y| y.connect(z, out)).sum()
 }
 
-/// Samples an s' of each slice for a sample of a camera pixel. Appends the point that s' illuminates, if
-/// the surface at the point scatters light into more than one direction. Returns the number of rays traced.
+/// Samples a pixel s' of each slice for a sample of a camera pixel. Appends the point that s' illuminates, if
+/// the surface at the point scatters light into more than one direction. Returns the number of traced rays.
 fn draw(
     scene: &Scene,
     selections: &[Selection],
@@ -161,7 +161,7 @@ fn draw(
         }
         let (at, length) = met(pinhole.origin.as_dvec3(), ray.dir, &surface);
         let distance = length as f32;
-        // 1/(z² cos θ), as in `Projector::arrivals`.
+        // The factor is 1/(z² cos θ), as in `Projector::arrivals`.
         let cos = ray.dir.dot(pinhole.axes.z_axis);
         let factor = 1.0 / (distance * distance * cos * cos * cos);
         points.push(LitPoint {
@@ -181,7 +181,7 @@ fn draw(
 }
 
 impl LitPoint {
-    /// Connects the camera vertex `z` to this point. Returns the number of rays.
+    /// Connects the camera vertex `z` to this point. Returns the number of traced rays.
     fn connect(&self, z: &ShadingPoint, out: &mut Contributions) -> u32 {
         let &ShadingPoint { scene, state, .. } = z;
         let Some(projector) = &scene.projector else {
@@ -193,7 +193,7 @@ impl LitPoint {
         let dir = way * length.recip();
         let origin = scene.geometry.leave(z.surface, dir);
         let line = scene.geometry.reach(y, -dir, length) - origin;
-        // Zero, negative or NaN if both points lie in one plane or coincide, within rounding.
+        // Zero, negative or NaN if the points coincide or are in one plane, within rounding errors.
         let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
         if !(apart(z.surface.ng) && apart(y.ng)) {
             return 0;

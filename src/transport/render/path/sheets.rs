@@ -17,7 +17,7 @@ use optics::spectrum::Spectral;
 
 /// A connection to a point emitter or the projector.
 pub(super) struct Connection {
-    /// Unit direction to the emitter, position of the emitter, and distance to it (metres).
+    /// Unit direction to the emitter; `position` and `distance` (metres) are those of the emitter.
     pub wi: Vec3A,
     pub position: Vec3A,
     pub distance: f32,
@@ -26,14 +26,14 @@ pub(super) struct Connection {
     /// Frame and filter of the emitted light.
     pub polarized: Polarized,
     pub pixel: u32,
-    /// Optical length of the path before `position`, metres.
+    /// Optical path length from the emitter to `position`, metres.
     pub start_m: f64,
 }
 
-/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through
-/// one sheet after the other, and appends the contribution of the interaction with its label. Appends
-/// nothing if another surface blocks the ray, or if the path has more interactions than `max_depth` allows.
-/// Returns the number of rays traced.
+/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through one
+/// sheet after the other, and appends the contribution with the given path label. Appends nothing if another
+/// surface blocks the ray, or if the path would have more interactions than `max_depth` allows. Returns the
+/// number of traced rays.
 #[inline(never)]
 pub(super) fn connect(
     at: &ShadingPoint,
@@ -44,7 +44,7 @@ pub(super) fn connect(
 ) -> u32 {
     let &ShadingPoint { scene, state, wo, bounces, .. } = at;
     let mut chain = state.chain;
-    // After a depolarizing interaction any frame is valid.
+    // After depolarizing scattering, any frame is valid.
     let mut frame = chain.push(scatter, wo, state.frame).unwrap_or_else(|| perpendicular(to.wi));
     chain.scale(to.irradiance);
     let start = Start { ray, from: at.surface.p, at: state.from, filling, nest: Nest::default() };

@@ -10,7 +10,7 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 
 impl Paths {
-    /// Starts a path for each sample, and returns the index of each path's cell in the camera's view.
+    /// Starts a path for each sample, and returns the index in the camera's view of each path's cell.
     #[inline(always)]
     pub(super) fn start(&mut self, batch: &Batch) -> [u32; BATCH] {
         let &Batch { scene, views, pixel: [x, y], group, .. } = batch;
@@ -26,7 +26,7 @@ impl Paths {
         }
         let dirs = camera.directions(&at);
         let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
-        // Written in place because paths are large.
+        // Paths are modified in place because they are large.
         self.paths.resize_with(BATCH, Path::default);
         for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
             let (state, dir) = (&mut path.state, many::get(&dirs, n));

@@ -1,10 +1,10 @@
-//! Visibility from the camera's and the projector's pinholes, precomputed once per render.
+//! Visibility from the pinholes of camera and projector, precomputed once per render.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::view::View;
 use crate::scene::Scene;
 
-/// Views of the devices; `None` if there is no device or no view can be built.
+/// Views from the devices; `None` if the device does not exist or has no usable view.
 #[derive(Default)]
 pub struct Views {
     pub camera: Option<View>,
@@ -19,7 +19,7 @@ impl Views {
         };
         Self {
             camera: view(&scene.camera),
-            // Light passes sheets, which a view treats as opaque.
+            // With sheets, there is no view, because light crosses sheets and a view treats them as opaque.
             projector: scene.projector.as_ref().filter(|_| !scene.sheets).and_then(|p| view(&p.pinhole)),
         }
     }

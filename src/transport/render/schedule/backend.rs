@@ -1,7 +1,7 @@
-//! Renders tiles of camera pixels into sums.
+//! Renders tiles of camera pixels and accumulates their values.
 //!
-//! The renderer reads only plain-data tables: the scene's tables and the plans of the slices. The result of
-//! a tile depends only on scene, seed and sample count. The output is therefore bit-identical for any
+//! The renderer reads only plain-data tables: the tables of the scene and the plans of the slices. The values
+//! of a tile depend only on scene, seed and sample count. The output is therefore bit-identical for any
 //! number of threads and after interruptions.
 
 use super::tiles;
@@ -16,24 +16,24 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Back end that renders on the threads of the current rayon pool.
+/// A back end that renders on the threads of the current rayon pool.
 pub(super) struct Cpu<'a> {
     scene: &'a Scene,
     plans: &'a [SlicePlan],
     epipolar: Option<Epipolar>,
-    /// Number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image is
-    /// rendered in as many parts as this limit requires. The output does not depend on the number.
+    /// Maximum number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image is
+    /// rendered in as many parts as this limit requires. The output does not depend on the limit.
     walks_at_once: u64,
-    /// Light subpaths shared with other parts of the render, if any. The output does not depend on sharing.
+    /// Light subpaths that are shared with other parts of the render. The output does not depend on sharing.
     pub light: Option<SharedLight>,
-    /// Number of samples per pixel of each tile, at most the scene's setting. A tile is bit-identical to
-    /// the tile of a render with this number as the scene's setting.
+    /// Number of samples per pixel for each tile, at most the `spp` of the scene. A tile is bit-identical to
+    /// the same tile of a render whose `spp` is this number.
     samples: Option<&'a [u32]>,
 }
 
 impl<'a> Cpu<'a> {
-    /// Prepares to render tiles with `walks_at_once` light subpaths in memory, and `samples` per pixel of
-    /// each tile if given.
+    /// Prepares to render tiles with at most `walks_at_once` light subpaths in memory. `samples` contains the
+    /// number of samples per pixel for each tile; by default, this is the `spp` of the scene.
     pub fn new(
         scene: &'a Scene,
         plans: &'a [SlicePlan],
@@ -60,7 +60,7 @@ impl<'a> Cpu<'a> {
         self.plans.iter().any(SlicePlan::needs_labels)
     }
 
-    /// Returns the slices that sample s' for a camera pixel, with their bands.
+    /// Returns the slices that sample pixels s' for a camera pixel, with their bands.
     fn selections<'b>(
         &'b self,
         [x, y]: [u32; 2],
@@ -75,7 +75,7 @@ impl<'a> Cpu<'a> {
         })
     }
 
-    /// Lists the band around a camera pixel's epipolar line for each slice that samples such a band. Bands
+    /// For each slice that samples an epipolar band, lists the pixels in the band of a camera pixel. Bands
     /// with too many pixels remain empty.
     fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
         for (plan, band) in self.plans.iter().zip(bands) {
@@ -145,11 +145,11 @@ impl<'a> Cpu<'a> {
 }
 
 impl Cpu<'_> {
-    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished. The
-    /// function starts no further tile after `stop` returns true or `take` fails.
+    /// Renders tiles in any order and on any threads, and passes each tile to `take` when it is finished. No
+    /// further tile is started after `stop` returns true or `take` fails.
     ///
     /// # Errors
-    /// The error that `take` returns.
+    /// Returns the error of `take`.
     pub fn render<E: Send>(
         &self,
         tiles: &[u32],
@@ -159,7 +159,7 @@ impl Cpu<'_> {
         if tiles.is_empty() {
             return Ok(());
         }
-        // One accumulator and tracer per thread, reused because they are large.
+        // Each thread reuses one accumulator and one tracer, because they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
         let parts: Vec<&[u32]> = tiles.chunks(tiles_at_once(self.scene, self.walks_at_once)).collect();
@@ -196,12 +196,12 @@ impl Cpu<'_> {
     }
 }
 
-/// Returns true if every number is finite.
+/// Returns true if all numbers are finite.
 #[inline]
 fn finite(elements: &[Spectral]) -> bool {
     let mut sum = Spectral::ZERO;
     for e in elements {
-        // Zero times a finite number is zero; zero times infinity or NaN is NaN.
+        // The product of zero and a finite number is zero; that of zero and infinity or NaN is NaN.
         sum += *e * Spectral::ZERO;
     }
     sum.to_array().iter().all(|s| *s == 0.0)

@@ -1,4 +1,4 @@
-//! Describes a render to its sink: slice layouts and provenance.
+//! Describes a render to its sink: the layouts of slices and the provenance.
 
 use super::tracer::replicates;
 use crate::accumulate::SlicePlan;
@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use tensor::sink::{Job, JobSlice};
 use tensor::slice::Slice;
 
-/// Returns the job of rendering all slices of a scene; `plans` are the results of [`plans`] for the scene.
+/// Returns the job of rendering all slices of a scene. `plans` must be the result of [`plans`] for the scene.
 pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     let slices = scene.slices.iter().zip(plans).map(|(slice, plan)| JobSlice {
         layout: plan.layout.clone(),
@@ -25,13 +25,13 @@ pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     }
 }
 
-/// Returns the plan of each slice, which maps contributions to elements.
+/// Returns the plan of each slice, which maps contributions to elements of the slice.
 pub(super) fn plans(scene: &Scene) -> Vec<SlicePlan> {
     let extents = scene.extents();
     scene.slices.iter().map(|s| SlicePlan::new(s, &extents)).collect()
 }
 
-/// Returns the attributes that describe the render, known before it starts.
+/// Returns the attributes that describe the render and are known before it starts.
 fn provenance(scene: &Scene) -> Map<String, Value> {
     let pose = |p: &Pinhole| {
         let per = if p.parallel { "pixels_per_m" } else { "focal_px" };
@@ -79,7 +79,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Returns lens coefficients by name: always the five of Brown–Conrady, the others only if non-zero.
+/// Returns lens coefficients by name: always the five of Brown–Conrady, and others only if they are non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),
@@ -108,7 +108,7 @@ fn lens(distortion: &Distortion) -> Value {
 fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
     use tensor::slice::ProjectorSelect as P;
     let mut map = Map::new();
-    // Probing needs these to place a drive pattern on the slice's projector axes.
+    // These values are needed to place a drive pattern on the projector axes of the slice.
     if let Some(p) = &scene.projector {
         let bin = match slice.projector {
             P::Binned { nx, ny } => [nx, ny],

@@ -1,4 +1,4 @@
-//! Schedules the rendering of tiles. A tile is finished when it is complete and stored in the sink.
+//! Schedules the rendering of tiles. A tile counts as finished when the sink has stored it completely.
 
 mod backend;
 mod job;
@@ -25,7 +25,7 @@ pub(super) use tracer::WALKS_AT_ONCE;
 pub enum RenderError<E: std::error::Error + 'static> {
     #[error("the scene has no slices; add at least one [[slices]] table")]
     NoSlices,
-    /// The image has no such part, or the part's settings are inconsistent.
+    /// The part does not exist in the image, or the settings of the part are inconsistent.
     #[error("{0}")]
     Part(String),
     /// No threads are available for rendering.
@@ -35,16 +35,15 @@ pub enum RenderError<E: std::error::Error + 'static> {
     Sink(E),
 }
 
-/// Receives the progress of a render, and can stop the render. Worker threads call its methods once per
-/// tile.
+/// Receives the progress of a render, and can stop the render. Worker threads call the methods once per tile.
 pub trait Watch: Sync {
-    /// Receives the progress after each tile; `summary` contains the totals so far.
+    /// Called after each tile; `summary` contains the totals so far.
     fn tile_done(&self, summary: &Summary);
-    /// Returns true if no further tile is to be started.
+    /// Returns true if no further tile should be started.
     fn interrupted(&self) -> bool;
 }
 
-/// Reports nothing and never stops the render.
+/// A [`Watch`] that reports nothing and never stops the render.
 pub struct Unwatched;
 
 impl Watch for Unwatched {
@@ -59,20 +58,20 @@ impl Watch for Unwatched {
 pub struct Share<'a> {
     /// Part of the image to render; all tiles if `None`.
     pub part: Option<Part>,
-    /// Folder through which the parts of a render exchange light subpaths; no exchange if `None`.
+    /// Folder through which the parts of a render exchange light subpaths; `None` for no exchange.
     pub light: Option<&'a Path>,
-    /// Number of samples per pixel of each tile, at most the settings' `spp`. Tiles with 0 samples are
+    /// Number of samples per pixel for each tile, at most `spp` in the settings. Tiles with 0 samples are
     /// skipped.
     pub samples: Option<&'a [u32]>,
 }
 
 impl Share<'_> {
-    /// Returns the tiles of the share, for an image with `tiles` tiles.
+    /// Returns the tiles of the share, for an image that has `tiles` tiles.
     fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
         {
-            return Err(format!("expected sample counts for {tiles} tiles, got {}", counts.len()));
+            return Err(format!("got sample counts for {} tiles, but the image has {tiles}", counts.len()));
         }
         let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
@@ -82,15 +81,15 @@ impl Share<'_> {
         Ok(part.tiles(tiles).filter(any).collect())
     }
 
-    /// Returns the exchange of light subpaths, for the render that `attributes` describe.
+    /// Returns the exchange of light subpaths for the render that `attributes` describe.
     fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
         let Some(folder) = self.light else {
             return Ok(None);
         };
         let Some(Part::Share { number, of }) = self.part else {
-            return Err("light paths can be shared only by parts K/N, not by ranges of tiles".into());
+            return Err("only parts K/N can share light paths, not ranges of tiles; use K/N".into());
         };
-        // No other program reads the key, so the standard library's hash suffices.
+        // Only Sunstone reads the key, so the hash of the standard library suffices.
         let mut hash = DefaultHasher::new();
         (Value::Object(attributes.clone()).to_string(), labelled).hash(&mut hash);
         let key = format!("{:016x}", hash.finish());
@@ -98,13 +97,13 @@ impl Share<'_> {
     }
 }
 
-/// Renders all slices of a scene into a sink, on the current rayon pool. The result is bit-identical for
-/// any division into parts.
+/// Renders all slices of a scene into a sink, on the current rayon pool. The result is bit-identical for any
+/// division into parts.
 ///
-/// The attributes `extra` are stored in addition to the scene's provenance.
+/// The attributes `extra` are stored in addition to the provenance of the scene.
 ///
 /// # Errors
-/// [`RenderError`]. Tiles that the sink stored before the error are complete.
+/// Returns a [`RenderError`]. Tiles that the sink stored before the error are complete.
 pub fn render<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
@@ -115,7 +114,7 @@ pub fn render<S: Sink>(
     render_in_parts(scene, extra, share, sink, watch, WALKS_AT_ONCE)
 }
 
-/// Renders as [`render`] does, with the vertices of `walks_at_once` light subpaths in memory.
+/// Renders as [`render`] does, with the vertices of at most `walks_at_once` light subpaths in memory.
 pub(super) fn render_in_parts<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
@@ -146,7 +145,7 @@ pub(super) fn render_in_parts<S: Sink>(
     Ok(summary)
 }
 
-/// Renders the tiles of `tiles` that have no record of completion.
+/// Renders the given tiles, except those that are recorded as complete.
 fn run<S: Sink>(
     backend: &Cpu,
     tiles: &[u32],
@@ -162,7 +161,7 @@ fn run<S: Sink>(
         before.discarded += r.discarded;
         before.rays_before += r.rays;
     }
-    // The totals so far, with those of an added tile.
+    // The totals so far, updated after each tile.
     let totals = Mutex::new(before);
     let add = |record: Option<&TileRecord>| {
         let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);
@@ -177,7 +176,7 @@ fn run<S: Sink>(
         totals.clone()
     };
     let todo: Vec<u32> = todo.into_iter().collect();
-    tracing::info!("{} of {} tiles to render", todo.len(), tiles.len());
+    tracing::info!("rendering {} of {} tiles", todo.len(), tiles.len());
     backend.render(
         &todo,
         || watch.interrupted(),

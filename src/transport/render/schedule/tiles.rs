@@ -1,4 +1,4 @@
-//! Divides the camera's image into square tiles, the units of rendering.
+//! Divides the camera image into square tiles, which are the units of rendering.
 
 use crate::scene::Scene;
 use std::ops::Range;
@@ -9,13 +9,13 @@ pub(super) struct TilePixels {
     pub y: Range<u32>,
 }
 
-/// Returns the number of tiles of the image.
+/// Returns the number of tiles in the image.
 pub(super) fn count(scene: &Scene) -> u32 {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     w.div_ceil(n) * h.div_ceil(n)
 }
 
-/// Returns the camera pixels of tile number `tile`.
+/// Returns the ranges of camera pixels in tile number `tile`.
 pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     let across = w.div_ceil(n);
@@ -23,7 +23,7 @@ pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
     TilePixels { x: x..(x + n).min(w), y: y..(y + n).min(h) }
 }
 
-/// Returns the number of the tile that contains the camera pixel with a row-major index.
+/// Returns the number of the tile that contains the camera pixel with row-major index `pixel`.
 pub(crate) fn of(scene: &Scene, pixel: u32) -> u32 {
     let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
     let (x, y) = (pixel % w, pixel / w);

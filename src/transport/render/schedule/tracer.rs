@@ -1,4 +1,4 @@
-//! Samples the paths of a camera pixel: unidirectional paths, bidirectional paths, or both in turn.
+//! Samples the paths of a camera pixel: unidirectional, bidirectional, or first one kind and then the other.
 
 use super::tiles;
 use crate::accumulate::Contribution;
@@ -19,7 +19,7 @@ pub(super) enum PassKind {
 #[derive(Clone, Copy)]
 pub(super) struct Pass {
     pub kind: PassKind,
-    /// Number of samples per pixel, and their grouping for stratification.
+    /// Number of samples per pixel; `group` is their grouping for stratification.
     pub count: u32,
     pub group: Group,
 }
@@ -36,11 +36,11 @@ pub(super) struct Prepared {
     walks: Option<Plan>,
 }
 
-/// Number of light subpaths whose vertices are kept in memory. An image that needs more subpaths is
+/// Maximum number of light subpaths whose vertices are kept in memory. An image that needs more subpaths is
 /// rendered in parts.
 pub(crate) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// Returns true if all paths need subpaths, which support all features but are slower than [`Paths`].
+/// Returns true if all paths must be bidirectional, which supports all features but is slower than [`Paths`].
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
@@ -52,14 +52,14 @@ fn needs_walks(scene: &Scene) -> bool {
         }
 }
 
-/// Returns the number of independent groups of samples per pixel: of the paths, or of subpaths if there are
-/// no paths.
+/// Returns the number of independent groups of samples per pixel: of unidirectional paths, or of
+/// bidirectional paths if there are no others.
 pub(super) fn replicates(scene: &Scene) -> u32 {
     let settings = &scene.settings;
     if needs_walks(scene) { settings.spp } else { settings.spp / settings.group().size() }
 }
 
-/// Returns the number of tiles that are rendered after one preparation.
+/// Returns the number of tiles that can be rendered after one preparation.
 pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     let all = tiles::count(scene) as usize;
     if !scene.settings.integrator.walks_from_light() {
@@ -70,14 +70,14 @@ pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     all.div_ceil(walks.div_ceil(walks_at_once) as usize)
 }
 
-/// Assignment of tiles to parts of the image.
+/// Maps tiles to parts of the image.
 pub(super) struct TileParts {
     of: Vec<u32>,
     count: usize,
 }
 
 impl TileParts {
-    /// Assigns each tile to the part that lists it.
+    /// Assigns each tile to the part whose list contains the tile.
     pub fn new(scene: &Scene, parts: &[&[u32]]) -> Self {
         let mut of = vec![NO_PART; tiles::count(scene) as usize];
         for (part, tiles) in (0..).zip(parts) {
@@ -92,8 +92,8 @@ impl TileParts {
 }
 
 impl Prepared {
-    /// Prepares an image in parts. `labelled` is true if slices need path labels; `light` provides the
-    /// light subpaths that are shared with other machines. Returns `None` once `stop` returns true.
+    /// Prepares the rendering of an image in parts. `labelled` is true if slices need path labels. `light`
+    /// provides light subpaths that are shared with other machines. Returns `None` once `stop` returns true.
     pub fn new(
         scene: &Scene,
         parts: &TileParts,
@@ -119,14 +119,14 @@ impl Prepared {
         }
     }
 
-    /// Returns the passes over each pixel with `spp` samples; their results are added.
+    /// Returns the passes over each pixel that has `spp` samples; the results of the passes are added.
     pub fn passes(&self, scene: &Scene, spp: u32) -> impl Iterator<Item = Pass> + use<> {
         let paths = self.paths.is_some().then_some(Pass {
             kind: PassKind::Paths,
             count: spp,
             group: Group::of(spp, scene.settings.replicates),
         });
-        // Light subpaths reach pixels at random, so stratifying the samples has no effect.
+        // Light subpaths reach pixels at random, so stratification of the samples has no effect.
         let walks = self.walks.is_some().then_some(Pass {
             kind: PassKind::Walks,
             count: samples(scene, spp),
@@ -157,7 +157,7 @@ impl Tracer {
                 let rays = self.walks.trace(scene, plan, pixel, samples);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
-            // Every pass has been prepared for, so this case does not occur.
+            // This case does not occur, because all passes have been prepared.
             _ => (0, &mut [], &[]),
         }
     }

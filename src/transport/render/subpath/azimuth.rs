@@ -1,17 +1,16 @@
-//! Samples the azimuth at which a particle scatters polarized light.
+//! Samples the azimuth of scattering events of polarized light in media.
 //!
-//! The intensity that a particle scatters depends on the azimuth if the light is polarized. If the product
-//! so far has the row (I, Q, U, V), the particle scatters 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as
-//! much as for unpolarized light, where φ is the rotation to the scattering plane. With a uniform azimuth,
-//! a subpath would carry this factor, up to 2 at every event. The product of many factors has mean 1, and a
-//! variance that grows exponentially with the number of factors. Few paths then dominate, and errors
-//! estimated from the samples are too small. (In a conservative Rayleigh slab of depth 4, the variance of
-//! the transmitted intensity was 15 times that of isotropic scattering.)
+//! The scattered intensity depends on the azimuth if the light is polarized. If the product so far has the
+//! row (I, Q, U, V), the scattered intensity is 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times that of
+//! unpolarized light, where φ is the rotation to the scattering plane. With a uniform azimuth, the weight of
+//! a subpath would contain this factor of up to 2 for each event. The product of many factors has mean 1, but
+//! its variance increases exponentially with their number. Few paths then dominate, and errors estimated from
+//! the samples are too small. (In a conservative Rayleigh slab of optical depth 4, the variance of the
+//! transmitted intensity was 15 times that of isotropic scattering.)
 //!
-//! The azimuth is therefore sampled with this factor (Bartel & Hielscher 2000, Appl. Opt. 39, 1580, by
-//! rejection). No sample is rejected, because the factors at two azimuths a quarter turn apart have the sum
-//! 2. An azimuth is accepted with probability factor/2, and otherwise replaced by the azimuth a quarter
-//! turn further.
+//! The azimuth is therefore sampled in proportion to this factor (Bartel & Hielscher 2000, Appl. Opt. 39,
+//! 1580, use rejection). No sample is rejected here, because the factors at two azimuths 90° apart have the
+//! sum 2. An azimuth is accepted with probability factor/2, and otherwise increased by 90°.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -19,9 +18,9 @@ use optics::polarization::frame::turn;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Returns the intensity that an interaction transmits of the light with product `chain`, relative to
-/// unpolarized light of the same intensity, by lane. The result is 0 to 2, and 1 where there is no light.
-/// `d_out` and `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized.
+/// Returns, for each lane, the intensity after scattering of light with product `chain`, divided by that of
+/// unpolarized light with the same intensity. The result is in [0, 2], and 1 where there is no light. `d_out`
+/// and `frame` are as in [`Chain::push`]. Returns `None` if the light is unpolarized.
 #[inline]
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {
@@ -32,7 +31,7 @@ pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3
     let (own, cross, s) = match scatter {
         Scatter::Depolarize(_) => return None,
         Scatter::Fresnel { block, s } => (block.a, block.b, s),
-        // Particles are mirror-symmetric, so they give unpolarized light no U or V.
+        // Particles are mirror-symmetric, so unpolarized light has no U or V after scattering.
         Scatter::Full { mueller, frame_out, .. } => (mueller.m[0][0], mueller.m[1][0], frame_out),
     };
     let (c2, s2) = turn(d_out, *s, frame);
@@ -40,7 +39,7 @@ pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3
     let unpolarized = row[0] * own;
     let lit = unpolarized.simd_ne(Spectral::ZERO);
     let more = across * cross / lit.select(unpolarized, Spectral::ONE);
-    // Rounding must not make it negative.
+    // Rounding errors must not make the factor negative.
     Some((Spectral::ONE + more).max(Spectral::ZERO).min(Spectral::splat(2.0)))
 }
 
@@ -67,8 +66,8 @@ mod tests {
         media
     }
 
-    /// Verifies that the factor equals the gain of the product, and that the factor at right angles is 2
-    /// minus this gain.
+    /// Verifies that the factor equals the gain of the product, and that the factor after a rotation by 90°
+    /// is 2 minus this gain.
     #[test]
     fn factors_equal_gains() {
         let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);

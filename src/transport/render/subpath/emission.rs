@@ -1,4 +1,4 @@
-//! Starts light subpaths: samples emitters by power, and directions by emission.
+//! Starts light subpaths: samples emitters by power, and directions by emitted intensity.
 
 use super::projector_distribution::ProjectorDistribution;
 use super::{End, Vertex};
@@ -24,29 +24,29 @@ pub(super) enum Source {
     Point(usize),
 }
 
-/// The emitter that a source refers to.
+/// The emitter to which a source refers.
 enum Emitter<'a> {
     Projector(&'a Projector),
     Point(&'a PointEmitter),
 }
 
-/// All emitters from which subpaths can start, and the media around them and the camera.
+/// All emitters at which subpaths can start, and the media around them and around the camera.
 pub(crate) struct Emission {
-    /// Each source with its selection probability.
+    /// Each source, with the probability of sampling it.
     sources: Vec<(Source, f32)>,
-    /// Filled objects around each source, and those around the camera.
+    /// Filled objects that contain each source, and those that contain the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
-    /// Density of starting points on the projector's image; `None` if the density is uniform.
+    /// Density of start points on the projector's image; `None` for a uniform density.
     starts: Option<ProjectorDistribution>,
 }
 
-/// The pinholes of a sample: those of the devices, or points on their lenses.
+/// The pinholes for one sample: those of the devices, or points on their lenses.
 #[derive(Clone, Copy)]
 pub(crate) struct Ends {
     pub camera: Pinhole,
     pub projector: Option<Projector>,
-    /// True if camera and projector share a pinhole.
+    /// True if the camera and the projector share a pinhole.
     pub coaxial: bool,
 }
 
@@ -59,13 +59,13 @@ impl Ends {
         }
     }
 
-    /// Samples uniformly random points on the lenses.
+    /// Samples uniformly distributed points on the lenses.
     #[inline]
     pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
         let mut ends = Self::new(scene);
         if ends.camera.lens.radius > 0.0 {
             ends.camera = ends.camera.through_lens(stream.uniform2());
-            // Light that leaves through one point of the lens returns through another.
+            // Light that leaves through one point of the lens may return through another point.
             ends.coaxial = false;
         }
         if let Some(p) = &mut ends.projector
@@ -76,7 +76,7 @@ impl Ends {
         ends
     }
 
-    /// Returns the direction of the camera ray at an image position. Moves a parallel camera to this
+    /// Returns the direction of the camera ray at an image position. A parallel camera is moved to this
     /// position.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
@@ -87,34 +87,34 @@ impl Ends {
     }
 }
 
-/// The source of a path's light.
+/// The source of the light on a path.
 #[derive(Clone, Copy)]
 pub(crate) struct Sender {
     /// Index of the source.
     pub source: usize,
-    /// Projector pixel s'; [`NO_PIXEL`] for point emitters.
+    /// Projector pixel s'; [`NO_PIXEL`] for a point emitter.
     pub pixel: u32,
 }
 
-/// The start of a light subpath and its origin.
+/// The start of a light subpath, and the source of its light.
 pub(crate) struct Emitted {
     pub end: End,
     pub sender: Sender,
 }
 
-/// Returns the filled objects around a point: the objects that a ray to infinity leaves more often than it
-/// enters.
+/// Returns the filled objects that contain a point. A ray from the point to infinity leaves these objects
+/// more often than it enters them.
 pub(crate) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
         return nest;
     }
-    // A direction to which no scene is likely to be aligned.
+    // No scene is likely to be aligned with this direction.
     let dir = Vec3A::new(0.362_7, 0.541_3, 0.758_6).normalize();
     let mut ray = Ray { origin: p, dir };
     let mut net = vec![0_i32; scene.boundaries.len()];
     let mut left = vec![];
-    // Bounded, because a grazing ray could loop forever.
+    // The number of surfaces is limited, because a grazing ray could loop forever.
     for _ in 0..10_000 {
         let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
             break;
@@ -129,14 +129,14 @@ pub(crate) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
         }
         ray.origin = scene.geometry.leave(&surface, dir);
     }
-    // The object left first was entered last.
+    // The object that the ray left first is the one that was entered last.
     for id in left.iter().rev().filter(|id| net[**id as usize] > 0) {
         nest.cross(&scene.boundaries, *id, true);
     }
     nest
 }
 
-/// Returns the density per steradian of directions that are uniform over the image.
+/// Returns the density per steradian of directions that are uniformly distributed over the image.
 #[inline]
 fn even(device: &Pinhole, dir: Vec3A) -> f32 {
     let [w, h] = device.resolution.map(|n| n as f32);
@@ -167,8 +167,8 @@ impl Emission {
         out
     }
 
-    /// Returns the same emission, with subpaths that start mostly where the projector's light hits
-    /// redirecting surfaces.
+    /// Returns the same emission, but most subpaths start where light of the projector hits redirecting
+    /// surfaces.
     pub fn importance_sampled(self, scene: &Scene) -> Self {
         let starts = scene.projector.as_ref().and_then(|p| ProjectorDistribution::new(scene, &p.pinhole));
         Self { starts, ..self }
@@ -179,7 +179,7 @@ impl Emission {
         self.sources.len()
     }
 
-    /// Returns the probability that a subpath starts at the source.
+    /// Returns the probability that a subpath starts at source number `source`.
     #[inline]
     pub fn chance(&self, source: usize) -> f32 {
         self.sources[source].1
@@ -190,7 +190,7 @@ impl Emission {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => Emitter::Point(&scene.points[i]),
             (Source::Projector, Some(p)) => Emitter::Projector(p),
-            (Source::Projector, None) => unreachable!("the projector is a source only where there is one"),
+            (Source::Projector, None) => unreachable!("the projector is a source only if it exists"),
         }
     }
 
@@ -202,8 +202,8 @@ impl Emission {
         }
     }
 
-    /// Returns a source's intensity along the unit direction `dir`, and the horizontal axis of its Stokes
-    /// vectors.
+    /// Returns the intensity of a source in the unit direction `dir`, and the horizontal axis of the emitted
+    /// Stokes vectors.
     #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match self.emitter_of(scene, ends, source) {
@@ -231,7 +231,7 @@ impl Emission {
         }
     }
 
-    /// Returns the density per steradian with which a subpath from a source starts along `dir`.
+    /// Returns the density per steradian with which a subpath from a source starts in direction `dir`.
     #[inline]
     pub fn density(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
         match self.emitter_of(scene, ends, source) {
@@ -250,8 +250,8 @@ impl Emission {
         }
     }
 
-    /// Starts a subpath: samples a source by power, and a point of the projector's image from the two uniform
-    /// numbers `at`. Returns `None` if the scene has no sources.
+    /// Starts a subpath. Samples a source by power, and a point on the projector's image from `at`, two
+    /// uniform random numbers in [0, 1). Returns `None` if the scene has no sources.
     pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;
@@ -263,7 +263,7 @@ impl Emission {
         let (dir, pixel, density) = match self.emitter_of(scene, ends, source) {
             Emitter::Projector(p) => {
                 let at = self.starts.as_ref().map_or(at, |starts| starts.point(at));
-                // Evaluated at the point: from the direction, rounding might find a neighbouring cell.
+                // Evaluated at `at`, because rounding of the direction might give an adjacent cell.
                 let relative = self.starts.as_ref().map_or(1.0, |starts| starts.density(at));
                 let [w, h] = p.pinhole.resolution;
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
@@ -292,7 +292,7 @@ impl Emission {
         })
     }
 
-    /// Returns the camera as the end of subpaths whose rays start along `dir`.
+    /// Returns the camera as the end of camera subpaths whose rays start in direction `dir`.
     #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
         let nest = if camera.parallel { surroundings(scene, camera.origin) } else { self.camera };
@@ -319,7 +319,7 @@ impl Emission {
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
                 density: self.density(scene, ends, source, dir),
-                // Connections are traced from the camera's side.
+                // Unused, because connections are traced from the side of the camera.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),
             },

@@ -1,4 +1,4 @@
-//! The segment of a subpath between two vertices, straight through media and boundaries without effect.
+//! Flights: straight segments of subpaths between vertices, through media and boundaries without effect.
 
 use super::azimuth;
 use super::{End, Site, Vertex};
@@ -15,7 +15,7 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Relative margin, against rounding errors, by which the search for surfaces extends beyond the free path.
+/// Relative distance beyond the free path to which surfaces are searched for, because of rounding errors.
 const REACH: f32 = 1e-3;
 
 /// The state of a subpath between two vertices.
@@ -23,20 +23,20 @@ const REACH: f32 = 1e-3;
 pub(crate) struct Flight {
     pub state: State,
     pub end: From,
-    /// Optical depth since the last vertex.
+    /// Optical depth since the last vertex, per lane.
     pub depth: Spectral,
     pub nest: Nest,
     pub hero: Hero,
-    /// False if the flight continues straight to the next surface, so that media only attenuate it.
+    /// False if the flight always continues to the next surface, so that media only attenuate the light.
     pub draws: bool,
 }
 
-/// The wavelength with which all distances and directions of a subpath in media are sampled. Also contains
-/// the relative densities with which the other active wavelengths would have sampled them.
+/// The hero wavelength, with which all distances and directions of a subpath in media are sampled, and the
+/// relative densities with which the other live wavelengths would have sampled them.
 ///
-/// Weights use the mean density of all active wavelengths over the *whole* subpath (Wilkie et al. 2014,
-/// "Hero wavelength spectral sampling"). With means per event, the weights would grow with the number of
-/// events.
+/// Weights use the mean density of all live wavelengths over the *whole* subpath (Wilkie et al. 2014, "Hero
+/// wavelength spectral sampling"). With separate means for each event, the weights would grow with the number
+/// of events.
 #[derive(Clone)]
 pub(crate) struct Hero {
     pub lane: usize,
@@ -44,13 +44,13 @@ pub(crate) struct Hero {
 }
 
 impl Hero {
-    /// Chooses one of the active lanes at random.
+    /// Samples one of the live lanes uniformly.
     #[inline]
     pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
         Self { lane: lanes.draw(stream), likely: lanes.ones() }
     }
 
-    /// Creates the hero from the single lane that remains after a dispersive interface.
+    /// Returns the hero wavelength for the single lane that remains after a dispersive interface.
     #[inline]
     pub fn only(lanes: Lanes) -> Self {
         Self { lane: lanes.nth(0), likely: lanes.ones() }
@@ -66,14 +66,14 @@ impl Hero {
         if !(now > 0.0 && now.is_finite()) {
             return None;
         }
-        // Normalized to stay near 1; only ratios matter.
+        // Normalize the values, of which only ratios matter, to stay near 1.
         self.likely *= Spectral::splat(1.0 / now);
         Some(now / all)
     }
 }
 
 pub(crate) enum Landing {
-    /// The site that was reached, its surface, and the hit if it is on a surface.
+    /// The vertex that was reached: site, surface, and the hit if the vertex is on a surface.
     At(Site, Surface, Option<Hit>),
     Escaped,
     Absorbed,
@@ -112,8 +112,8 @@ impl Flight {
         }
     }
 
-    /// Applies an interaction to the light along the ray. `scatter` is given in the true direction of the
-    /// light.
+    /// Applies a scattering matrix to the light along the ray. `scatter` is for the direction in which the
+    /// light travels.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter) {
         let State { ray, chain, frame, .. } = &mut self.state;
@@ -124,8 +124,8 @@ impl Flight {
         *frame = next.unwrap_or(Vec3A::ZERO);
     }
 
-    /// Returns [`azimuth::factor`] of an interaction on the ray. The result is equal for `scatter` and
-    /// its transpose.
+    /// Returns [`azimuth::factor`] of a scattering matrix on the ray. The result is the same for `scatter`
+    /// and for its transpose.
     #[inline]
     pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
         let State { ray, chain, frame, .. } = &self.state;
@@ -136,7 +136,7 @@ impl Flight {
         azimuth::factor(chain, scatter, d_out, *frame)
     }
 
-    /// Sets a frame for the ray if the last interaction did not define one.
+    /// Sets a frame for the ray if the last scattering event did not define a frame.
     #[inline]
     pub fn settle(&mut self) {
         if self.state.frame == Vec3A::ZERO {
@@ -172,7 +172,8 @@ impl Flight {
         loop {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
-            // In dense media most flights end before a surface, so the search is limited to the free path.
+            // Most flights in dense media end before a surface, so surfaces beyond the free path are not
+            // sought.
             let free = inside.filter(|_| self.draws).and_then(|id| self.free_path(scene, id, stream));
             let reach = free.map_or(f32::INFINITY, |length| length * (1.0 + REACH) + scene.geometry.skin());
             let hit = scene.geometry.intersect(&self.state.ray, reach);
@@ -212,7 +213,7 @@ impl Flight {
         if medium.scattering == Spectral::ZERO {
             return None;
         }
-        // Never 0.
+        // `u` must not be 0.
         let u = 1.0 - stream.uniform();
         Some(scene.media.reach(id, &self.sent(), self.hero.lane, -u.ln()))
     }
@@ -223,13 +224,13 @@ impl Flight {
         Ray { origin: self.state.from.as_vec3a(), dir: self.state.ray.dir }
     }
 
-    /// Advances `way` metres through a medium, or less if the free path is shorter.
+    /// Advances `way` metres through a medium, or by the free path `free` if this is shorter.
     #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let ray = self.sent();
         let passed = |length: f32| {
             let depth = scene.media.depth(id, &ray, length);
-            // NaN arises for infinite distances in lanes without extinction.
+            // The depth is NaN for infinite distances in lanes without extinction.
             depth.simd_eq(depth).select(depth, Spectral::ZERO)
         };
         let Some(length) = free else {

@@ -1,24 +1,23 @@
-//! Guiding in media: subpaths turn toward targets at the other end more often than light does.
+//! Guiding in media: subpaths are scattered toward targets at the opposite end more often than light is.
 //!
-//! If particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
-//! large turn, and small turns again. A subpath makes small turns by sampling the phase function. If the
-//! phase function or a connection also sampled the large turn, the few paths that contain such a turn would
-//! dominate.
+//! If a medium scatters light mostly forward, most light from a lit medium to a camera has had many small
+//! deflections and one large deflection. Small deflections are sampled from the phase function. If the phase
+//! function or a connection also sampled the large deflection, the few paths that contain it would dominate.
 //!
-//! Therefore at a particle, with probability [`SHARE`], a subpath does not continue like light along its
-//! own ray, but like light along a ray *from the other end*. A camera subpath thus turns toward the
-//! emitters, up to an angle that the phase function has for a small turn. The probability of the small turn
-//! that then leads to the emitter is that of the phase function. The peaks of both probabilities cancel.
-//! The large turn is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
+//! At a medium vertex, with probability [`SHARE`], a subpath is therefore not continued like light on its own
+//! ray, but like light on a ray *from the opposite end*. A camera subpath is thus deflected toward the
+//! emitters, apart from a small angle that is sampled from the phase function. The next small deflection, to
+//! the emitter, is evaluated with the phase function, and the two peaks cancel. The phase function of the
+//! large deflection is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
 //! directions toward a light that is blurred by scattering; this is the simplest case.)
 //!
-//! Subpaths also *lean*. Light that makes many small turns changes direction gradually, and reaches the
-//! other end only if the direction happens to lead there. Two directions that are opposite each other
-//! across the incoming direction are equally likely by the phase function. The direction that is closer to
-//! the target is sampled more often ([`Guide::lean`]).
+//! Subpaths also *lean* toward targets. Light with many small deflections changes direction gradually and
+//! reaches the opposite end only if its direction happens to lead there. For two directions that are mirror
+//! images about the incident direction, the phase function is equal. The direction closer to the target is
+//! sampled more often ([`Guide::lean`]).
 //!
-//! Any target gives unbiased results, since densities account for the target; [`super::guide_targets`] finds
-//! efficient targets.
+//! The result is unbiased for any targets, because the densities account for them; [`super::guide_targets`]
+//! finds efficient targets.
 
 use crate::medium::Media;
 use crate::render::state::From;
@@ -28,28 +27,28 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// Fraction of subpaths that turn toward a target at a vertex. A path has dozens of vertices at which light
-/// may make its large turn, so subpaths that turn more often rarely reach later vertices. (Measured in
-/// milk: 0.05 to 0.1 is best, 0.25 is as inefficient as no guiding.)
+/// Probability of guided scattering toward a target at each medium vertex. Light on a path may have its large
+/// deflection at any of dozens of vertices, so with a higher probability, few subpaths reach later vertices.
+/// (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
 const SHARE: f32 = 0.06;
 
-/// Maximum bias of leaning toward a target; less than 1, so that all directions remain possible.
+/// Maximum strength of the lean toward a target; less than 1, so that all directions remain possible.
 const LEAN: f32 = 0.9;
 
-/// Number of events in which a subpath turns and leans. Afterwards the subpath follows the phase function.
-/// The weight of a subpath is a product of as many factors. The tail of the weight distribution grows with
-/// this number beyond what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82,
-/// whose light is scattered by hundreds of particles. With guiding in all events, the result was 5 to 14 %
-/// too low in up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
+/// Number of scattering events with guiding. Subsequent events follow the phase function alone. The weight of
+/// a subpath is a product of one factor per guided event. The tail of the weight distribution grows with
+/// their number beyond what splitting compensates. Example: in a lossless slab of optical depth 32 and
+/// asymmetry 0.82, light is scattered hundreds of times. With guiding in all events, the result was 5 to 14 %
+/// too low for up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
 /// events.)
 pub(super) const MOST_EVENTS: u32 = 48;
 
-/// Maximum number of targets in a medium for the subpaths of one end.
+/// Maximum number of targets in a medium for subpaths from one end.
 const MOST: usize = 4;
 
 type Targets = ArrayVec<Vec3A, MOST>;
 
-/// The targets of every medium, by medium number, for camera subpaths and for light subpaths.
+/// The targets in each medium, by medium index, for camera subpaths and for light subpaths.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Guide {
     targets: Vec<[Targets; 2]>,
@@ -60,15 +59,15 @@ impl Guide {
         Self { targets: vec![[Targets::new(), Targets::new()]; media.list.len()] }
     }
 
-    /// Adds a target position in a medium, up to the maximum number.
+    /// Adds the target at `place` in a medium, up to the maximum number of targets.
     pub fn add(&mut self, medium: u32, from: From, place: Vec3A) {
         if let Some(targets) = self.targets.get_mut(medium as usize) {
-            // Further emitters are found without guiding.
+            // Emitters beyond the maximum are not guided toward.
             let _ = targets[from as usize].try_push(place);
         }
     }
 
-    /// Returns true if subpaths of both ends have targets in the same medium.
+    /// Returns true if, in some medium, subpaths from both ends have targets.
     pub fn turns_both(&self) -> bool {
         self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
     }
@@ -85,8 +84,8 @@ impl Guide {
         !self.targets(medium, from).is_empty()
     }
 
-    /// Decides at random whether a subpath turns toward a target. If so, returns the direction from which
-    /// the subpath would have come on a straight line from the other end.
+    /// Decides at random whether a subpath is guided toward a target. If so, returns the direction from which
+    /// the subpath would come if it came straight from the opposite end.
     #[inline]
     pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
         let targets = self.targets(at.medium, at.from);
@@ -101,26 +100,26 @@ impl Guide {
         (at.p - targets[n]).try_normalize()
     }
 
-    /// Returns the lean of a subpath toward its targets; the subpath came from direction `back` to a
-    /// particle.
+    /// Returns the lean of a subpath toward its targets at a medium vertex. The subpath came from direction
+    /// `back`.
     #[inline]
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
         let targets = self.targets(at.medium, at.from);
         if targets.is_empty() {
             return Lean { partner: to, factor: 1.0 };
         }
-        // Normalized again: otherwise rounding errors would triple with every particle.
+        // Normalized again, because rounding errors would otherwise triple at each vertex.
         let partner = (back * (2.0 * back.dot(to)) - to).normalize();
         let mut pull = Vec3A::ZERO;
         for target in targets {
             pull += (*target - at.p).normalize_or_zero();
         }
-        // The mean direction: opposing targets cancel.
+        // The mean over targets is used, so that opposing targets cancel.
         let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
         Lean { partner, factor: 1.0 + more }
     }
 
-    /// Returns the contribution of guided turns to the density of the direction `to`.
+    /// Returns the effect of guided scattering on the density of the direction `to`.
     #[inline]
     pub fn toward(&self, media: &Media, at: At, to: Vec3A) -> Toward {
         let targets = self.targets(at.medium, at.from);
@@ -145,35 +144,35 @@ impl Guide {
     }
 }
 
-/// A direction's partner, which is opposite across the incoming direction, and a density factor. The factor
-/// is the direction's density relative to the phase function if the subpath does not turn. The factor is in
-/// 0..2; the factor of the partner is 2 minus this factor.
+/// The partner of a direction, which is its mirror image about the incident direction, and the density factor
+/// of the direction. Without guided scattering toward a target, the density is the phase function times the
+/// factor, which is in [0, 2]. The factor of the partner is 2 minus this factor.
 #[derive(Clone, Copy)]
 pub(crate) struct Lean {
     pub partner: Vec3A,
     pub factor: f32,
 }
 
-/// The effect of guided turns on the density of a direction.
+/// The effect of guided scattering on the density of a direction.
 #[derive(Clone, Copy)]
 pub(crate) struct Toward {
-    /// Probability of no guided turn.
+    /// Probability that scattering is not guided.
     straight: f32,
-    /// Density per steradian, by lane, with which guided turns sample the direction.
+    /// Density per steradian, by lane, with which guided scattering samples the direction.
     turned: Spectral,
-    /// Expected light from the direction, relative to other directions, by lane.
+    /// Expected radiance from the direction, relative to other directions, by lane.
     pub hopes: Spectral,
 }
 
 impl Toward {
-    /// Returns the densities per steradian, by lane, given the density `own` without guided turns.
+    /// Returns the densities per steradian, by lane. `own` is the density without guided scattering.
     #[inline]
     pub fn densities(&self, own: Spectral) -> Spectral {
         own * Spectral::splat(self.straight) + self.turned
     }
 }
 
-/// The position of a subpath in a medium, with its state.
+/// The position of a subpath in a medium, and the end at which it started.
 #[derive(Clone, Copy)]
 pub(crate) struct At {
     pub medium: u32,
@@ -205,8 +204,8 @@ mod tests {
         (media, guide)
     }
 
-    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of the
-    /// densities.
+    /// Returns the chi-squared statistic per cell of sampled directions, on a grid of cosθ and φ, and the
+    /// integral of the densities.
     fn chi2(
         draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
         density: impl Fn(&Guide, &Media, At, Vec3A) -> f32,
@@ -245,8 +244,8 @@ mod tests {
         (chi / (ROWS * COLUMNS) as f64, all)
     }
 
-    /// Verifies that sampled directions have the stated density: 5 sigma of chi squared over 512 cells of
-    /// 400,000 samples. Densities without guided turns fail the test.
+    /// Verifies that sampled directions have the computed density, within 5 standard deviations of chi
+    /// squared over 512 cells of 400,000 samples. The density without guided scattering fails this test.
     #[test]
     fn guided_directions_follow_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -265,8 +264,8 @@ mod tests {
         assert!(chi > 2.0 * most, "{chi}");
     }
 
-    /// Verifies that directions sampled with leaning have the stated density, by the same test. Densities
-    /// without leaning, or with a quarter less leaning, fail the test.
+    /// Verifies that directions sampled with lean ([`Guide::lean`]) have the computed density, by the same
+    /// test. The density without lean, or with a quarter less lean, fails this test.
     #[test]
     fn leaned_directions_follow_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -290,8 +289,8 @@ mod tests {
         }
     }
 
-    /// Verifies that subpaths from the other end, in other media and at a target have the density of the
-    /// medium alone.
+    /// Verifies that subpaths from the opposite end, in other media and at a target have the density of the
+    /// phase function alone.
     #[test]
     fn other_subpaths_keep_the_density_of_the_medium() {
         let (media, guide) = guided();

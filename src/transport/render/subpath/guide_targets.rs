@@ -1,9 +1,9 @@
-//! Apparent positions of devices, as seen through interfaces from inside a medium.
+//! Finds the apparent positions of devices, as seen through interfaces from inside a medium.
 //!
-//! Rays of a device are traced until particles scatter them. If only specular interactions occurred before,
-//! each ray is a line toward the apparent device. The point nearest to all lines is the apparent position.
-//! Through a flat pane, this point is the virtual image, slightly blurred because it depends on the angle
-//! of incidence.
+//! Rays of a device are traced until a medium scatters them. If all earlier interactions are specular, the
+//! last segment is a line from the apparent device. The point nearest to all these lines is the apparent
+//! position. Through a flat pane, this point is the virtual image, slightly blurred because the image depends
+//! on the angle of incidence.
 
 use super::{Emission, End, Ends, First, Guide, Limits, Site, Splitting, Walk};
 use crate::render::bidirectional::most;
@@ -13,15 +13,15 @@ use glam::{DMat3, DVec2, DVec3, Vec3A};
 use optics::sampling::stream::Stream;
 use std::f32::consts::PI;
 
-/// Minimum forward peak of a phase function, relative to isotropic scattering, for which large turns are
-/// rare.
+/// Minimum forward peak of a phase function, relative to isotropic scattering, for which large deflections
+/// are rare.
 const LEAST_PEAK: f32 = 3.0;
 
 /// Number of rays along each side of a device's image that are traced into media.
 const GRID: u32 = 48;
 
-/// Minimum fraction of rays that must enter a medium without a diffuse interaction for a device to become a
-/// target.
+/// Minimum fraction of rays that must enter a medium without diffuse scattering for the device to be a target
+/// in the medium.
 const LEAST_SEEN: f64 = 0.01;
 
 /// Maximum number of interfaces on a ray.
@@ -30,11 +30,11 @@ const MOST_INTERFACES: u32 = 12;
 /// Key of the random streams of the traced rays.
 const SEED: u64 = 0x1bd1_1bda_a9fc_1a22;
 
-/// Sums over lines, from which the point nearest to all lines is computed by least squares.
+/// Sums over lines, from which the point nearest to all lines is computed by the method of least squares.
 #[derive(Clone, Copy)]
 struct Lines {
     count: u32,
-    /// Sums Σ (1 - d dᵀ) and Σ (1 - d dᵀ) p over lines through p along d.
+    /// Sum Σ (1 - d dᵀ) over lines through p along d; `vector` is the sum Σ (1 - d dᵀ) p.
     matrix: DMat3,
     vector: DVec3,
 }
@@ -50,7 +50,7 @@ impl Lines {
         self.vector += across * p;
     }
 
-    /// Returns the nearest point, or `None` if there are too few lines or the lines are nearly parallel.
+    /// Returns the point nearest to all lines; `None` if there are too few lines or they are nearly parallel.
     fn nearest(&self) -> Option<Vec3A> {
         if f64::from(self.count) < LEAST_SEEN * f64::from(GRID * GRID) {
             return None;
@@ -61,8 +61,8 @@ impl Lines {
     }
 }
 
-/// Returns the lines along which rays enter media without a diffuse interaction, by device and medium.
-/// `start` returns a ray through a point of a device's image (0..1 on both axes) and the device's index.
+/// Returns the lines along which rays enter media without diffuse scattering, by device and medium. `start`
+/// returns a ray through a point of a device's image (in [0, 1]²) and the index of the device.
 fn seen(
     scene: &Scene,
     from: From,
@@ -133,8 +133,8 @@ pub(crate) fn find(scene: &Scene, emission: &Emission) -> Guide {
 mod tests {
     use super::*;
 
-    /// Returns lines from a device 0.4 m in front of water, refracted by Snell's law, up to an angle `most`
-    /// in air.
+    /// Returns lines from a device 0.4 m in front of water, refracted according to Snell's law, for angles of
+    /// up to `most` in air.
     fn through_water(index: f32, most: f32) -> Lines {
         let mut lines = Lines::NONE;
         for k in 0..GRID * GRID {
@@ -148,19 +148,19 @@ mod tests {
         lines
     }
 
-    /// Verifies that the device appears at n times its distance for rays near the axis (Gauss).
+    /// Verifies that rays near the axis appear to come from n times the device's distance (Gaussian optics).
     #[test]
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {
-            let place = through_water(index, 0.02).nearest().expect("a place");
+            let place = through_water(index, 0.02).nearest().expect("the lines have a nearest point");
             assert!((place - Vec3A::new(0.0, 0.0, 0.4 * index)).length() < 1e-3, "{index}: {place}");
         }
-        // Steeper rays appear to come from farther away.
+        // Steeper rays appear to come from a larger distance.
         let far = through_water(1.333, 0.4).nearest().expect("a place").z;
         assert!(far > 0.4 * 1.333 * 1.01, "{far}");
     }
 
-    /// Verifies that too few lines, or parallel lines, have no nearest point.
+    /// Verifies that `nearest` returns `None` for too few lines and for parallel lines.
     #[test]
     fn parallel_lines_have_no_nearest_point() {
         let mut lines = Lines::NONE;

@@ -1,5 +1,5 @@
-//! Subpaths from the camera and from emitters through surfaces and media: emission, flights between
-//! vertices, scattering, guiding toward the other end, and splitting.
+//! Subpaths from the camera and from emitters through surfaces and media: emission, flights between vertices,
+//! scattering, guiding toward the opposite end, and splitting.
 
 mod azimuth;
 mod emission;

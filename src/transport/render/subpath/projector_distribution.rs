@@ -1,7 +1,7 @@
-//! Importance sampling of starting points on the projector's image, for redirected light only. Light
-//! subpaths start mostly in cells whose rays first hit a mirror, a smooth interface or a crystal.
+//! Importance sampling of start points on the projector's image, for redirected light only. Most light
+//! subpaths start in cells whose rays first hit a mirror, a smooth interface or a crystal.
 //!
-//! The rays may miss small objects, so every cell has a non-zero density.
+//! The rays may miss small objects, so all cells have a non-zero density.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::ray::Ray;
@@ -15,14 +15,14 @@ const CELLS: usize = 64;
 
 const RAYS: usize = 4;
 
-/// Weight of a cell if no ray of the cell or of its neighbours hits a redirecting surface first. Other
-/// cells have weight 1.
+/// Weight of a cell if no ray through the cell or an adjacent cell hits a redirecting surface first. All
+/// other cells have weight 1.
 const ELSEWHERE: f32 = 1.0 / 64.0;
 
-/// A density over the image, constant within each cell, with mean 1.
+/// A density over the image, which is constant in each cell and has mean 1.
 pub(super) struct ProjectorDistribution {
     densities: Vec<f32>,
-    /// Cumulative probability before each cell, row-major; one entry more than the number of cells.
+    /// Cumulative probability before each cell, row-major, followed by the total.
     before: Vec<f32>,
 }
 
@@ -54,7 +54,7 @@ impl ProjectorDistribution {
         uneven.then(|| Self::of(&weights))
     }
 
-    /// Creates a density from cell weights.
+    /// Creates a density from the weights of the cells.
     fn of(weights: &[f32]) -> Self {
         let all: f64 = weights.iter().map(|w| f64::from(*w)).sum();
         let mut sum = 0.0;
@@ -68,10 +68,10 @@ impl ProjectorDistribution {
         Self { densities: densities.collect(), before }
     }
 
-    /// Maps two uniform numbers to a point of the unit square.
+    /// Maps two uniform random numbers in [0, 1) to a point of the unit square.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> [f32; 2] {
-        // Selects a cell in row-major order; the rest of `u` determines the position in it.
+        // `u` selects a cell in row-major order; the remainder of `u` determines the position in the cell.
         let cell = self.before.partition_point(|b| *b <= u).clamp(1, self.densities.len()) - 1;
         let [from, to] = [self.before[cell], self.before[cell + 1]];
         let within = ((u - from) / (to - from)).clamp(0.0, 1.0);
@@ -93,8 +93,8 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Verifies that points fall into each cell according to its density, by chi squared over all cells (5
-    /// sigma).
+    /// Verifies that the number of points in each cell agrees with the density, by chi squared over all cells
+    /// (5 standard deviations).
     #[test]
     fn points_follow_their_density() {
         const N: usize = 400_000;
@@ -106,7 +106,7 @@ mod tests {
         let mean = distribution.densities.iter().map(|d| f64::from(*d)).sum::<f64>() / (CELLS * CELLS) as f64;
         assert!((mean - 1.0).abs() < 1e-5, "{mean}");
         let mut counts = vec![0.0_f64; CELLS * CELLS];
-        // Halves of each cell, along both sides.
+        // Count the points in each half of a cell, along both sides.
         let mut halves = [0.0_f64; 2];
         for _ in 0..N {
             let at = distribution.point(stream.uniform2());

@@ -1,4 +1,4 @@
-//! Continues a subpath from a surface or a particle.
+//! Continues a subpath from a surface or from a scattering event in a medium.
 
 use super::azimuth::quarter_turn;
 use super::guide::{self, At, Guide, Lean};
@@ -18,31 +18,31 @@ use tensor::label;
 #[derive(Clone)]
 pub(crate) struct Progress {
     pub flight: Flight,
-    /// Density with which the current direction was sampled, per steradian; 1 for a delta lobe.
+    /// Sampling density of the current direction per steradian; 1 for a delta lobe.
     pub density: f32,
-    /// Sampling of the current direction, used for emitters that the subpath hits.
+    /// How the current direction was sampled, for emitters that the subpath hits.
     pub chosen: DirectionSampling,
-    /// Throughput that the subpath would have without losses.
+    /// Throughput of the subpath if nothing had absorbed light.
     pub full: f32,
-    /// Expected light from the current direction, relative to other directions.
+    /// Expected radiance from the current direction, relative to other directions.
     pub hope: f32,
     pub interactions: u32,
     pub labelled: bool,
-    /// Number of times that the subpath has been split.
+    /// Number of times that the subpath was split.
     pub splits: u32,
 }
 
 /// The continuation of a subpath from a vertex.
 pub(super) enum Continuation {
     Toward(Vec3A),
-    /// Straight transmission through a sheet, which is not a vertex, as on a connection.
+    /// Transmission through a sheet without deflection. The sheet is not a vertex, as on a connection.
     Straight,
     Nowhere,
 }
 
 /// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns the
-/// density of the continuation (1 for a delta lobe). The interaction is in the true direction of the light;
-/// for light subpaths it is per flux.
+/// density of the continuation (1 for a delta lobe). The scattering matrix is for the direction in which
+/// light travels; for light subpaths, it is per flux.
 #[inline]
 fn sample_surface(
     scene: &Scene,
@@ -58,7 +58,7 @@ fn sample_surface(
     if from == From::Camera {
         return Some((sampled, density));
     }
-    // Reverse direction through the surface.
+    // Cosines of both directions, for scattering in the reverse direction.
     let (cos_in, cos_out) = (s.ng.dot(back).abs(), s.ng.dot(sampled.wi).abs());
     if cos_in <= 0.0 {
         return None;
@@ -75,9 +75,9 @@ fn sample_surface(
     }
     sampled.scatter = sampled.scatter.reversed();
     if !materials.is_crystal(id) {
-        // Shading normals make scattering asymmetric (Veach 1997, sect. 5.3).
+        // Shading normals make scattering non-reciprocal (Veach 1997, sect. 5.3).
         let (shading_in, shading_out) = if sampled.delta && sampled.filling.is_none() {
-            // A mirror reflects about the same normal from both sides.
+            // Reflection by a mirror uses the same normal in both directions.
             (1.0, 1.0)
         } else {
             (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs())
@@ -89,16 +89,16 @@ fn sample_surface(
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
-        // Radiance scales with the squared index, flux does not. (Light subpaths never end in crystals.)
+        // Radiance scales with the squared index, but flux does not. (Light subpaths never end in crystals.)
         let ratio = far.index / near.index;
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
     }
     Some((sampled, density))
 }
 
-/// Replaces a sampled interaction with density `density`, of a subpath that came from direction `back`, by
-/// the interaction of one kind of lobe divided by the probability of the kind. Returns the label bits of
-/// the kind.
+/// Replaces the scattering matrix of a direction, which was sampled with density `density` by a subpath from
+/// direction `back`, by the matrix of one kind of lobe divided by the probability of this kind. Returns the
+/// path-label bits of the kind.
 #[inline(never)]
 fn select_lobe(
     scene: &Scene,
@@ -109,7 +109,7 @@ fn select_lobe(
     stream: &mut Stream,
 ) -> u8 {
     let (materials, id) = (&scene.materials, s.material);
-    // Transmission through an interface is weighted by its own lobe and has one kind.
+    // Transmission through an interface is already weighted by its own lobe, and has only one kind.
     if from == From::Camera || next.delta || next.filling.is_some() {
         return materials.part(id, s, back, next, stream);
     }
@@ -133,7 +133,7 @@ pub(super) fn scatter_on(
     let mut lanes = flight.state.lanes;
     let id = surface.material;
     if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // A partial sheet is a vertex only of subpaths that do not pass straight; connections represent all.
+        // Only subpaths that a partial sheet scatters have a vertex there; its connections count for all.
         let straight = scene.materials.straight_chance(id, surface, back, lanes);
         if straight > 0.0 && straight < 1.0 {
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
@@ -158,7 +158,7 @@ pub(super) fn scatter_on(
     flight.push(&next.scatter);
     if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
         if scene.filled {
-            // The sheet may bound a filled object.
+            // The sheet may be the boundary of a filled object.
             let (dir, lane) = (flight.state.ray.dir, lanes.nth(0));
             let State { filling, .. } = &mut flight.state;
             pass(scene, &mut flight.nest, filling, surface, dir, lane);
@@ -177,7 +177,7 @@ pub(super) fn scatter_on(
         flight.nest.cross(&scene.boundaries, surface.material, enters);
     }
     if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
-        // Radiance falls with the squared index and rises again on the way out, so nothing is lost.
+        // Radiance decreases with the squared index, and increases again when the light leaves.
         let ratio = flight.state.filling.index / filling.index;
         progress.full *= ratio * ratio;
     }
@@ -186,7 +186,7 @@ pub(super) fn scatter_on(
     Continuation::Toward(next.wi)
 }
 
-/// Samples the continuation of a subpath from a Lambertian surface in a medium with guided turns.
+/// Samples the continuation of a subpath from a Lambertian surface in a medium with guiding.
 fn scatter_or_turn(
     scene: &Scene,
     guide: &Guide,
@@ -223,7 +223,7 @@ fn scatter_or_turn(
     Continuation::Toward(wi)
 }
 
-/// Samples the continuation of a subpath from a particle of medium number `id`.
+/// Samples the continuation of a subpath from a scattering event in medium number `id`.
 pub(super) fn scatter_in(
     scene: &Scene,
     guide: &Guide,
@@ -251,7 +251,7 @@ pub(super) fn scatter_in(
     }
     let Lean { partner, mut factor } = guide.lean(at, back, wi);
     if guided && turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
-        // The partner has the same scattering angle and plane, so polarization does not matter.
+        // The partner has the same scattering angle and plane, so the polarization factor is the same.
         (wi, factor) = (partner, 2.0 - factor);
     }
     let unguided = scene.media.densities_toward(id, back, wi);
@@ -262,14 +262,14 @@ pub(super) fn scatter_in(
     let Some(drawn) = flight.hero.event(drawn) else {
         return Continuation::Nowhere;
     };
-    // Particles are mirror-symmetric, so both directions scatter equally.
+    // Particles are mirror-symmetric, so light scatters equally in both directions.
     flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
     flight.state.label |= label::MEDIUM;
-    // MIS weights depend on the path alone: assume unpolarized light and guiding in all events.
+    // MIS weights must depend only on the path; therefore assume unpolarized light and guiding in all events.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = DirectionSampling { density: progress.density, from: point.receiver(scene) };
-    // Particles scatter equally in both directions, but subpaths from the other end have other targets.
+    // Scattering is the same in the reverse direction, but subpaths from the opposite end have other targets.
     let other = At { from: from.other(), ..at };
     let own = unguided * Spectral::splat(guide.lean(other, wi, back).factor);
     let reverse = guide.toward(&scene.media, other, back).densities(own);

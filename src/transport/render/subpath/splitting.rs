@@ -1,37 +1,37 @@
-//! Splitting: a subpath of large weight continues as two of half weight (Kahn & Harris 1951, Booth 1985).
+//! Splitting: a subpath of large weight continues as two of half the weight (Kahn & Harris 1951, Booth 1985).
 //!
-//! With guided turns in media ([`super::guide`]), few long subpaths have no guided turn, and each of these
-//! has a large weight. Much light of a dense medium has been scattered by forty particles. By then, only
-//! one subpath in twelve remains, with weight twelve, and its contributions are rare and large. Such a
-//! subpath is split at a particle, and both branches continue with independent random numbers.
+//! With guiding in media ([`super::guide`]), few long subpaths have no guided scattering event, and each of
+//! them has a large weight. In a dense medium, much light has been scattered forty times. By then, only one
+//! unguided subpath in twelve remains, with weight twelve, and its contributions are rare and large. Such a
+//! subpath is split at a scattering event, and both branches continue with independent random numbers.
 //!
-//! A branch contributes half of the original subpath on average. Densities and MIS weights are unchanged.
+//! On average, a branch contributes half of the original subpath. Densities and MIS weights are unchanged.
 
 use super::scattering::Progress;
 use super::{Guide, Site, Vertex};
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Minimum weight, relative to the start, at which a subpath is split. (In milk, 1.5 to 2.5 are equally
-/// efficient.)
+/// Minimum weight, relative to the start of the subpath, at which a subpath is split. (In milk, all values
+/// from 1.5 to 2.5 are equally efficient.)
 const LEAST: f32 = 2.0;
 
 /// Maximum number of splits of a branch.
 const MOST: u32 = u8::BITS;
 
-/// The branches of a subpath that are traced.
+/// Selects the branches of a subpath that are traced.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Splitting {
     Never,
     /// All branches, one after another.
     All,
-    /// Only the branch with this lineage.
+    /// Only the branch with this lineage ([`Branch::lineage`]).
     Follow(u8),
 }
 
-/// A branch that has not been traced yet. The branch starts at the particle where the subpath was split.
+/// A branch that has not been traced yet, and that starts at the vertex where the subpath was split.
 pub(crate) struct Branch {
-    /// Number of vertices that the branch shares with the subpath, including that particle.
+    /// Number of vertices that the branch shares with the subpath, including the vertex of the split.
     pub points: usize,
     pub progress: Progress,
     pub lineage: u8,
@@ -39,9 +39,9 @@ pub(crate) struct Branch {
 }
 
 impl Splitting {
-    /// Splits a subpath at its last vertex, if this vertex is a particle and the weight is large enough.
-    /// Returns the branch that is to be traced later, if all branches are traced. `lineage` is the lineage
-    /// of the subpath so far.
+    /// Splits a subpath at its last vertex, if this is a medium vertex and the weight is large enough. If all
+    /// branches are traced, returns the branch that is traced later. `lineage` is the lineage of the subpath
+    /// so far.
     #[inline]
     pub fn split(
         self,
@@ -53,7 +53,7 @@ impl Splitting {
     ) -> Option<Branch> {
         let chain = &mut progress.flight.state.chain;
         let counts = chain.max_m00() / progress.full;
-        // Excludes NaN and infinity.
+        // This excludes NaN and infinity.
         let much = (LEAST..f32::INFINITY).contains(&counts);
         if !much || self == Self::Never || progress.splits == MOST {
             return None;
@@ -65,7 +65,7 @@ impl Splitting {
             return None;
         }
         chain.scale(Spectral::splat(0.5));
-        // Forked in every mode, so that following a lineage reproduces the same random numbers.
+        // The stream is forked in all modes, so that following a lineage reproduces the same random numbers.
         let other = stream.fork();
         let bit = 1 << progress.splits;
         progress.splits += 1;

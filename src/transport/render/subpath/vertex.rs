@@ -1,13 +1,13 @@
-//! Vertices of a subpath, which are connected to those of another subpath.
+//! Vertices of a subpath, which can be connected to vertices of another subpath.
 //!
-//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, the product is
-//! C = M₁ M₂ ⋯. For a light subpath, the stored product is the transpose of L = ⋯ M₂ M₁, which is extended
-//! on the same side. A whole path is C · L, and both kinds of subpaths use the same code. The product
-//! excludes the interaction at the vertex itself.
+//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, this is C = M₁
+//! M₂ ⋯. For a light subpath, it is the transpose of L = ⋯ M₂ M₁, to which matrices are appended on the same
+//! side. A whole path is C · L, and both kinds of subpaths use the same code. The product excludes the
+//! scattering at the vertex itself.
 //!
-//! Densities are per area, and per volume in media. A factor of the medium's μ_t at either vertex is
-//! omitted, because it is the same from both sides. Densities depend only on the path, not on the live
-//! wavelengths of a subpath, so that the weights computed from densities sum to one.
+//! Densities are per area on surfaces, and per volume in media. A factor μ_t of the medium at either vertex
+//! is omitted, because it is the same from both ends. Densities depend only on the path, not on the live
+//! wavelengths of a subpath, so that MIS weights add up to one.
 
 use super::guide::{At, Guide};
 use crate::geometry::ray::{Ray, Surface};
@@ -23,13 +23,13 @@ use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// The end of a subpath: a point without extent and the ray that leaves it.
+/// The end of a subpath: a point without extent, and the ray that starts there.
 #[derive(Clone, Copy)]
 pub(crate) struct End {
     pub ray: Ray,
     pub chain: Chain,
     pub frame: Vec3A,
-    /// Density of the direction of the ray, per steradian.
+    /// Sampling density of the ray's direction per steradian.
     pub density: f32,
     pub filling: Filling,
     pub nest: Nest,
@@ -39,7 +39,7 @@ pub(crate) struct End {
 pub(crate) enum Site {
     Pinhole,
     Surface,
-    /// A particle in the medium with this number.
+    /// A scattering event in the medium with this index.
     Volume(u32),
 }
 
@@ -49,7 +49,7 @@ pub(crate) fn last(walk: &[Vertex]) -> &Vertex {
     walk.last().expect("a subpath has an end")
 }
 
-/// Returns the scattering by the lobes of one kind.
+/// Returns the scattering matrix of the lobes of one kind.
 fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
     lobes.into_iter().find(|(k, _)| *k == kind).map(|(_, s)| s)
 }
@@ -57,14 +57,14 @@ fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
 #[derive(Clone, Copy)]
 pub(crate) struct Vertex {
     pub site: Site,
-    /// Surface point of the vertex. For a volume or an end, only the position is valid.
+    /// Surface at the vertex. For a medium vertex or an end, only the position is valid.
     pub surface: Surface,
-    /// Position where the ray hit the vertex, in double precision, used to measure path lengths.
+    /// Exact position at which the ray hit the vertex, for path lengths.
     pub at: DVec3,
-    /// Unit direction to the previous vertex.
+    /// Unit direction to the vertex before this one.
     pub back: Vec3A,
-    /// Mueller product from the end of the subpath to the light that arrives at this vertex, and the frame
-    /// of this light.
+    /// Mueller product from the end of the subpath to the light that reaches this vertex; `frame` is the
+    /// frame of this light.
     pub chain: Chain,
     pub frame: Vec3A,
     /// Optical path length from the end of the subpath, in metres.
@@ -73,23 +73,23 @@ pub(crate) struct Vertex {
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Number of interactions before this vertex, and their path label ([`tensor::label`]).
+    /// Number of interactions before this vertex; `label` is their path label ([`tensor::label`]).
     pub interactions: u32,
     pub label: u8,
-    /// True if the subpath continued from this vertex by a delta lobe.
+    /// True if the subpath continued from this vertex along a delta lobe.
     pub delta: bool,
     /// Density with which the subpath sampled this vertex.
     pub forward: f32,
-    /// Density with which a subpath in the opposite direction would have sampled this vertex from the next
-    /// vertex.
+    /// Density with which a subpath in the opposite direction would have sampled this vertex from the
+    /// following vertex.
     pub reverse: f32,
-    /// Factor that converts a density of the direction `back` to a density at the previous vertex.
+    /// Factor that converts the density of direction `back` to the density of the vertex before this one.
     pub spread: f32,
 }
 
 impl Vertex {
-    /// Returns the end of a subpath as a vertex. The vertex's density is the density of the direction in
-    /// which the subpath starts.
+    /// Returns the end of a subpath as a vertex. The density of the vertex is that of the direction in which
+    /// the subpath starts.
     #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
@@ -113,9 +113,9 @@ impl Vertex {
         }
     }
 
-    /// Evaluates scattering of light from `wi` into `wo`, both directions pointing away from the vertex.
+    /// Returns the scattering matrix from `wi` to `wo`; both directions point away from the vertex.
     ///
-    /// On surfaces the result is the Mueller BSDF times |cosθ_i|, in media the phase function.
+    /// On surfaces, this is the Mueller BSDF times |cosθ_i|; in media, it is the phase function.
     #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match self.site {
@@ -125,7 +125,7 @@ impl Vertex {
         }
     }
 
-    /// Returns [`Self::scatter`] separated by kind of lobe, each with its label bits.
+    /// Returns [`Self::scatter`] by kind of lobe, each with its path-label bits.
     pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
             Site::Surface => scene.materials.lobes(self.surface.material, &self.surface, wo, wi),
@@ -134,19 +134,19 @@ impl Vertex {
         }
     }
 
-    /// Returns the intensity scattered along `wo` per flux that arrives from `wi`.
+    /// Returns the intensity that is scattered along `wo`, divided by the flux from `wi`.
     #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
         if self.site != Site::Surface {
             return Some(scatter);
         }
-        // With shading normals, light from below the true surface may reach the vertex.
+        // With shading normals, light from below the geometric surface may reach the vertex.
         let cos = self.cosine(wi);
         (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
     }
 
-    /// Returns [`Self::scatter`] restricted to lobes of `kind`, if given.
+    /// Returns [`Self::scatter`], restricted to lobes of `kind` if this is set.
     #[inline]
     pub fn scatter_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -155,7 +155,7 @@ impl Vertex {
         }
     }
 
-    /// Returns [`Self::scatter_flux`] restricted to lobes of `kind`, if given.
+    /// Returns [`Self::scatter_flux`], restricted to lobes of `kind` if this is set.
     #[inline]
     pub fn scatter_flux_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -164,7 +164,7 @@ impl Vertex {
         }
     }
 
-    /// Returns [`Self::scatter_flux`] separated by lobe kind, as [`Self::lobes`] does.
+    /// Returns [`Self::scatter_flux`] by kind of lobe, as [`Self::lobes`] does.
     pub fn lobes_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         let mut lobes = self.lobes(scene, wo, wi);
         let cos = self.cosine(wi);
@@ -178,8 +178,7 @@ impl Vertex {
         lobes
     }
 
-    /// Returns the number of the medium through which light arrives, if guided turns are possible at the
-    /// vertex.
+    /// Returns the index of the medium through which light arrives, if guiding is possible at the vertex.
     #[inline]
     pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
@@ -189,7 +188,7 @@ impl Vertex {
         }
     }
 
-    /// Returns the vertex as a receiver for the choice of lights.
+    /// Returns the vertex as a receiving point for choosing lights.
     #[inline]
     pub fn receiver(&self, scene: &Scene) -> Receiver {
         match self.site {
@@ -198,8 +197,8 @@ impl Vertex {
         }
     }
 
-    /// Returns the density per steradian of the direction `to`, for a subpath that started at the end
-    /// `from` and came from direction `back`.
+    /// Returns the density per steradian of the direction `to`, for a subpath that started at the end `from`
+    /// and reached the vertex from direction `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {
@@ -221,7 +220,7 @@ impl Vertex {
         scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Returns the projected area along a unit direction, per area: the cosine on a surface, 1 in a medium.
+    /// Returns the ratio of projected area along a unit direction to area: the cosine, or 1 in a medium.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
@@ -230,8 +229,8 @@ impl Vertex {
         }
     }
 
-    /// Returns true if the vertex scatters light from and to all directions, so that connections can end at
-    /// it.
+    /// Returns true if the vertex scatters light between all directions, so that connections can end at the
+    /// vertex.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {
@@ -255,7 +254,7 @@ impl Vertex {
         }
     }
 
-    /// Returns the medium in which a line along `dir` starts.
+    /// Returns the medium in which a line that leaves along `dir` starts.
     #[inline]
     pub fn medium_toward(&self, scene: &Scene, dir: Vec3A) -> Option<u32> {
         let s = &self.surface;
@@ -270,7 +269,7 @@ impl Vertex {
         }
     }
 
-    /// Returns the target of a line of `length` metres that arrives from direction `dir`; the target is
+    /// Returns the target of a line of `length` metres that arrives from direction `dir`. The target is
     /// offset from the surface.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
@@ -280,7 +279,7 @@ impl Vertex {
         }
     }
 
-    /// Returns the start of a line along `dir`.
+    /// Returns the start of a line that leaves along `dir`.
     #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
         let (mut filling, mut nest) = (self.filling, self.nest);

@@ -1,4 +1,4 @@
-//! Random walks through surfaces and media, from the camera or from an emitter: vertices ([`super::vertex`])
+//! Random walks from the camera or from an emitter through surfaces and media: vertices ([`super::vertex`])
 //! joined by flights ([`super::flight`]).
 
 use super::scattering::{Continuation, Progress, scatter_in, scatter_on};
@@ -13,23 +13,23 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Maximum survival probability of Russian roulette. Few subpaths find the light that large particles
-/// scatter forward, after dozens of events. With a lower limit, these few would have to compensate for all
-/// terminated subpaths.
+/// Maximum survival probability of Russian roulette. Where large particles scatter light forward, few
+/// subpaths find the light, after dozens of events. With a lower maximum, these few would have to compensate
+/// for all terminated subpaths.
 const SURVIVAL: f32 = 0.99;
 
-/// The vertices of a subpath; the first vertex is its end.
+/// The vertices of a subpath; the first vertex is the end at which it starts.
 #[derive(Default)]
 pub(crate) struct Walk {
     pub points: Vec<Vertex>,
-    /// State of the subpath when it leaves the scene.
+    /// State of the subpath after it left the scene.
     pub escape: Option<Escape>,
-    /// The emissive surfaces that the subpath hit.
+    /// The hits of the subpath on emissive surfaces.
     pub glows: Vec<EmitterHit>,
     pub rays: u32,
-    /// Index of the first vertex that the current branch does not share with previous branches.
+    /// Index of the first vertex that the current branch does not share with earlier branches.
     pub fresh: usize,
-    /// The branch taken at each split, one bit per split, the first split in the lowest bit.
+    /// The branch that was taken at each split: one bit per split, with the first split in the lowest bit.
     pub lineage: u8,
     /// Branches that have not been traced yet.
     pending: Vec<Branch>,
@@ -38,21 +38,21 @@ pub(crate) struct Walk {
 /// A subpath that has left the scene.
 pub(crate) struct Escape {
     pub chain: Chain,
-    /// The light to which the subpath's product applies.
+    /// The light on which the subpath's product acts.
     pub beam: Beam,
-    /// Number of previous interactions, and their path label.
+    /// Number of earlier interactions; `label` is their path label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: DirectionSampling,
 }
 
-/// Conditions under which a subpath stops.
+/// Conditions under which a subpath ends.
 #[derive(Clone, Copy)]
 pub(crate) struct Limits {
     pub interactions: u32,
     /// Index of the last required vertex.
     pub point: usize,
-    /// True if the subpath continues after the last interaction, to test whether it leaves the scene.
+    /// True if the subpath continues after the last interaction to test whether it leaves the scene.
     pub escapes: bool,
     /// True if path labels are needed.
     pub labelled: bool,
@@ -64,14 +64,14 @@ pub(crate) struct Limits {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum First {
     Anything,
-    /// The vertex redirects the subpath into a single direction; other subpaths are discarded.
+    /// The vertex must redirect the subpath into a single direction; other subpaths are discarded.
     Redirects,
-    /// The vertex is not on a Lambertian surface; on such a surface the subpath stops.
+    /// The vertex must not be on a Lambertian surface, where the subpath ends.
     NotLambert,
 }
 
 impl Walk {
-    /// Traces a subpath from an end. If the subpath is split, only the first branch is traced.
+    /// Traces a subpath from one end. If the subpath is split, only the first branch is traced.
     pub fn run(
         &mut self,
         scene: &Scene,
@@ -197,8 +197,8 @@ impl Walk {
         true
     }
 
-    /// Moves to the next vertex and appends this vertex with its density. Returns false if the subpath ends
-    /// before.
+    /// Moves to the next vertex and appends it with its density. Returns false if the subpath ends before the
+    /// vertex.
     fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
         let Progress { flight, interactions, .. } = progress;
         let (site, surface, hit) = match flight.fly(scene, stream, &mut self.rays) {
@@ -260,11 +260,10 @@ mod tests {
 
     const G: f32 = 0.9;
 
-    /// Number of particles per subpath.
+    /// Number of scattering events per subpath.
     const LAST: usize = 36;
 
-    /// Returns an unbounded milky medium, with guided turns and with leaning toward a target off the
-    /// initial direction.
+    /// Returns an unbounded milky medium, with guiding toward a target that is not in the initial direction.
     fn milk() -> (Scene, Guide, End) {
         let mut tables = tables(Integrator::Bidirectional, true);
         let bulk = Bulk { scattering: 1e6, index: 1.0, asymmetry: f64::from(G), ..Bulk::default() };
@@ -305,7 +304,7 @@ mod tests {
         }
     }
 
-    /// Returns a branch's weight at a particle, and the weight times the cosine to the first direction.
+    /// Returns the weight of a branch at a vertex, and its product with the cosine to the first direction.
     fn counts(walk: &Walk, at: usize) -> [f64; 2] {
         let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
@@ -314,8 +313,8 @@ mod tests {
         [weight, weight * f64::from(-point.back.z)]
     }
 
-    /// Returns the mean and standard error of both results of [`counts`], over subpaths to a particle, and
-    /// the variance of the first.
+    /// Returns the mean and the standard error of both results of [`counts`], over subpaths up to a vertex,
+    /// and the variance of the first result.
     fn means(walks: u32, at: usize, splitting: Splitting, guide: &Guide) -> ([(f64, f64); 2], f64) {
         let (scene, _, end) = milk();
         let (mut walk, limits) = (Walk::default(), limits_to(at, splitting));
@@ -341,9 +340,9 @@ mod tests {
         ([of(0), of(1)], of(0).1.powi(2) * n)
     }
 
-    /// Verifies that, without absorption, the mean weight is one after any number of particles, and the
-    /// mean cosine is gⁿ after n particles, for all guiding and splitting. Splitting more than halves the
-    /// variance.
+    /// Verifies that, without absorption, the mean weight is one after any number of scattering events, and
+    /// the mean cosine is gⁿ after n events, for all kinds of guiding and splitting. Splitting must reduce
+    /// the variance to less than half.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn walks_have_mean_weight_one_with_and_without_splitting() {
@@ -355,26 +354,26 @@ mod tests {
             let wanted = [1.0, f64::from(G).powi(LAST as i32 - 1)];
             for ((mean, error), wanted) in found.into_iter().zip(wanted) {
                 assert!(error < 0.05, "{error}");
-                assert!((mean - wanted).abs() < 5.0 * error, "{mean} +- {error}, not {wanted}");
+                assert!((mean - wanted).abs() < 5.0 * error, "found {mean} +- {error}, expected {wanted}");
             }
         }
         assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
     }
 
-    /// Verifies that the mean weight is one after hundreds of particles. With guiding in all events, this
-    /// test fails.
+    /// Verifies that the mean weight is one after hundreds of scattering events. With guiding in all events,
+    /// this test fails.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn long_walks_have_mean_weight_one() {
         let (_, guide, _) = milk();
         let ([(mean, error), _], _) = means(4000, 200, Splitting::All, &guide);
         println!("{mean} +- {error}");
-        // With guiding in all events: 0.50 +- 0.13.
+        // With guiding in all events, the mean was 0.50 +- 0.13.
         assert!(error < 0.08, "{mean} +- {error}");
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 
-    /// Verifies that following a lineage gives the same vertices.
+    /// Verifies that following the lineage of a branch gives the same vertices.
     #[test]
     fn following_a_lineage_gives_the_same_vertices() {
         let (scene, guide, end) = milk();

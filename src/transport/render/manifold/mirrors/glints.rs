@@ -1,4 +1,4 @@
-//! A rough estimate of the light that curved mirrors reflect to a point, for roulette.
+//! A rough estimate of the light that curved mirrors reflect to a point, used for roulette.
 
 use super::instances::area;
 use crate::geometry::bvh::Outline;
@@ -8,7 +8,7 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// Returns a material's specular reflectance at normal incidence, as the maximum over lanes and sides.
+/// Returns the specular reflectance of a material at normal incidence: the maximum over lanes and sides.
 pub(crate) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, material, ..Surface::default() };
     let reflects = |wo: Vec3A| {
@@ -18,12 +18,12 @@ pub(crate) fn reflectance(materials: &Materials, material: u32) -> f32 {
     reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
 }
 
-/// Approximation of all curved mirrors by one ball that scatters light uniformly.
+/// Approximation of all curved mirrors by one sphere that scatters light uniformly.
 #[derive(Debug, Default)]
 pub(crate) struct Glints {
     pub centre: Vec3A,
     radius: f32,
-    /// Sum of area times reflectance, in m².
+    /// Sum of area × reflectance over the mirrors, m².
     reflecting: f32,
 }
 
@@ -45,7 +45,7 @@ impl Glints {
         Self { reflecting: f32::INFINITY, ..Self::default() }
     }
 
-    /// Returns the irradiance at `p` per radiant intensity of an emitter at `from`, 1/m².
+    /// Returns the irradiance at `p` divided by the radiant intensity of an emitter at `from`, 1/m².
     pub fn irradiance(&self, from: Vec3A, p: Vec3A) -> f32 {
         let near = |p: Vec3A| p.distance_squared(self.centre).max(0.25 * self.radius * self.radius);
         self.reflecting / (4.0 * PI * near(from) * near(p))
@@ -56,8 +56,8 @@ impl Glints {
 mod tests {
     use super::*;
 
-    /// Verifies that a distant ball scatters uniformly the light on its cross-section, a quarter of its
-    /// surface area.
+    /// Verifies that a distant sphere uniformly scatters the light on its cross-section, which is a quarter
+    /// of its surface area.
     #[test]
     fn a_ball_scatters_the_light_on_its_cross_section() {
         let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };
@@ -66,7 +66,7 @@ mod tests {
         let (from, p) = (Vec3A::new(1.0, 3.0, 0.0), Vec3A::new(1.0, 0.0, -2.0));
         let taken = 0.5 * PI * 0.01 / 9.0;
         let want = taken / (4.0 * PI * 4.0);
-        // Only half of the ball's surface is lit, so the estimate may be too large by a small factor.
+        // Only half of the sphere's surface is lit, so the estimate may be too large by a small factor.
         let got = glints.irradiance(from, p);
         assert!((got / want - 4.0).abs() < 1e-3, "{}", got / want);
         assert_eq!(Glints::new(std::iter::empty()).irradiance(from, p), 0.0);

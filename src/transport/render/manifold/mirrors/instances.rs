@@ -1,16 +1,16 @@
-//! Mirrors in groups with too many copies to list. A point is sampled in two steps: first the copy, then
-//! the point.
+//! Mirrors in groups with too many instances to list. A point is sampled in two steps: first the instance,
+//! then the point.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
 use optics::sampling::warp;
 
-/// The mirrors of groups, and the transforms of their copies.
+/// The mirrors of groups, and the transforms of the groups' instances.
 #[derive(Debug, Default)]
 pub(crate) struct Copied {
-    /// Group, transform to the world and cumulative area (m²) of each copy.
+    /// Group, transform to the world, and cumulative area (m²) of each instance.
     copies: Vec<(u32, Affine3A, f32)>,
-    /// The mirrors of each group in the group's coordinates, with their cumulative areas.
+    /// The mirrors of each group in group coordinates, with their cumulative areas (m²).
     groups: Vec<Vec<(Outline, f32)>>,
 }
 
@@ -27,7 +27,7 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // Exact for a uniform scale; otherwise approximate, as any sampling probability may be.
+            // Exact for a uniform scale, otherwise approximate. Any positive sampling probability is valid.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))
@@ -35,13 +35,13 @@ impl Copied {
         Self { copies: copies.collect(), groups }
     }
 
-    /// Returns the approximate total area of all copies, m².
+    /// Returns the approximate total area of all instances, m².
     pub fn area(&self) -> f32 {
         self.copies.last().map_or(0.0, |c| c.2)
     }
 
-    /// Returns the point at cumulative area `at`, given three uniform numbers. There must be at least one
-    /// copy.
+    /// Returns the point at cumulative area `at` (m²). `part` and `uniforms` are uniform random numbers in
+    /// [0, 1). There must be at least one instance.
     pub fn point(&self, at: f32, part: f32, uniforms: [f32; 2]) -> Vec3A {
         let i = self.copies.partition_point(|c| c.2 <= at);
         let (group, place, _) = self.copies[i.min(self.copies.len() - 1)];
@@ -75,7 +75,7 @@ pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     }
 }
 
-/// Returns the point on an outline for two uniform numbers.
+/// Returns a point on an outline. `uniforms` are uniform random numbers in [0, 1).
 pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
     match *outline {
         Outline::Flat { corners: [a, b, c, d] } => {

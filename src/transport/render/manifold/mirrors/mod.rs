@@ -1,18 +1,18 @@
 //! The mirrors of a scene, and initial guesses for specular paths over them (Zeltner, Georgiev & Jakob 2020,
 //! "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
-//! No subpath and no straight connection samples the light of a surface that is lit over a mirror and seen
-//! in a mirror, because camera and emitter are points. [`manifold`](super) finds the specular path from a
+//! Because camera and emitter are points, no subpath and no straight connection samples the light of a
+//! surface that is lit via a mirror and seen in a mirror. [`manifold`](super) finds the specular path from a
 //! good initial guess.
 //!
-//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where
-//!   light for a point is reflected, so every group, and every pair of groups, has one candidate path.
-//!   Sequences of three or more groups are tried only if no other strategy samples their light.
-//! - Curved mirrors can have any number of specular paths. One initial guess is sampled at random. If a
-//!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of guesses until
-//!   the path is found again has the mean 1/p.
-//! - Sequences that include a curved mirror, and curved glass: as for curved mirrors, with guesses from a
-//!   traced ray ([`super::initial_guess`]).
+//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light to
+//!   a point is reflected. Each group and each pair of groups therefore has one candidate path. Sequences of
+//!   three or more groups are tried only if no other strategy samples their light.
+//! - Curved mirrors: any number of specular paths may exist. One initial guess is sampled at random. If a
+//!   fraction p of all guesses leads to a path, its weight is 1/p. The number of further guesses until the path
+//!   is found again has the mean 1/p.
+//! - Sequences that include a curved mirror, and curved glass: the same as for curved mirrors, but the guesses
+//!   come from traced rays ([`super::initial_guess`]).
 
 pub(super) mod glints;
 mod instances;
@@ -38,42 +38,42 @@ type Key = (u32, Owner);
 
 const EVERY: Owner = Owner::instance(u32::MAX);
 
-/// Maximum number of mirrors in instances that are listed like those of the world. Beyond this number, each
-/// group's mirrors are listed once, and flat mirrors are sampled at random like curved mirrors.
+/// Maximum number of mirrors in instances that are listed as those of the world are. If there are more, the
+/// mirrors of each group are listed once, and flat mirrors are sampled at random as curved mirrors are.
 const MOST_LISTED: usize = 65536;
 
-/// Maximum number of planes of flat mirrors. Beyond this number, flat mirrors are sampled at random like
-/// curved mirrors.
+/// Maximum number of planes of flat mirrors. If there are more, flat mirrors are sampled at random as curved
+/// mirrors are.
 const MOST_FLATS: usize = 2048;
 
-/// Maximum number of planes for which pairs are considered.
+/// Maximum number of planes for which pairs of planes are considered.
 const MOST_IN_PAIRS: usize = 64;
 
-/// Maximum number of planes in a sequence.
+/// Maximum number of flat mirrors in a sequence.
 const MOST_IN_ROW: usize = 8;
 
-/// Maximum number of sequences of three or more planes that are considered.
+/// Maximum number of sequences of three or more flat mirrors that are considered.
 const MOST_ROWS: usize = 1024;
 
-/// Intensity of light from curved glass (a cone of π sr), relative to a mirror that scatters uniformly.
+/// Intensity of light through curved glass (into π sr), relative to a mirror that scatters uniformly.
 const PASSED: f32 = 4.0;
 
-/// Fraction of random points that are replaced by their image in a flat mirror.
+/// Fraction of random target points that are replaced by their image in a flat mirror.
 const IMAGED: f32 = 0.25;
 
-/// Tolerance for equal planes: for normals, and for distances relative to the scene's extent.
+/// Tolerance for equal planes: for normals, and for distances as a fraction of the scene's extent.
 const SAME_PLANE: f32 = 1e-4;
 
-/// Maximum distance of an accepted reflection point from the centre of a plane's mirrors, in radii. The
-/// limit is slightly above 1 because of rounding errors. The limit is larger where interfaces on the path
-/// shift the reflection point.
+/// Maximum distance of a reflection point from the centre of the mirrors in a plane, in units of their
+/// radius. `REACH` slightly exceeds 1 because of rounding errors. `REACH_BENT` applies if interfaces on the
+/// path may shift the reflection point.
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 
-/// Barycentric coordinates at which surfaces are evaluated, inside any triangle or parallelogram.
+/// Barycentric coordinates of an inner point of triangles and parallelograms, for evaluating surfaces.
 const INSIDE: f32 = 0.3;
 
-/// A point on a group of mirrors, which is the initial guess for a path.
+/// A point on a group of mirrors, used as the initial guess for a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seed {
     pub group: u32,
@@ -89,7 +89,7 @@ struct Flat {
     radius: f32,
 }
 
-/// An end and its successive images in flat mirrors, each with the group of the mirror.
+/// An end point and its successive images in flat mirrors, each with the group of the mirror.
 type Images = ArrayVec<(u32, Vec3A), { MOST_IN_ROW + 1 }>;
 
 impl Seed {
@@ -103,20 +103,20 @@ impl Seed {
 #[derive(Debug, Default)]
 pub(crate) struct Mirrors {
     flats: Vec<Flat>,
-    /// Curved mirrors with their cumulative areas.
+    /// Curved mirrors with their cumulative areas, m².
     curved: Vec<(Outline, f32)>,
-    /// Curved mirrors in groups with many copies.
+    /// Curved mirrors in groups with many instances.
     copied: Copied,
-    /// Estimate of the light from curved mirrors; `bright` includes the light through curved glass.
+    /// Estimate of the light from curved mirrors; `bright` also includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] stands for all owners.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] denotes all owners.
     groups: HashMap<Key, u32>,
     /// True if interfaces may shift the point of reflection.
     bent: bool,
     /// True if some interface is dispersive.
     pub disperses: bool,
-    /// True if some crystal has double images.
+    /// True if some crystal produces double images.
     pub splits: bool,
 }
 
@@ -131,7 +131,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the point of reflection between two points; `None` if the point is outside these mirrors.
+    /// Returns the reflection point for light between two points; `None` if it is outside these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -235,14 +235,14 @@ impl Mirrors {
         self
     }
 
-    /// Returns the group of the surface that was hit; if it is not a mirror, a number that no seed has.
+    /// Returns the group of the surface that was hit; for other surfaces, an index that no seed has.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
-    /// Returns the seed at a point of a mirror that was hit; `None` on other surfaces.
+    /// Returns the seed at a hit point on a mirror; `None` on other surfaces.
     #[inline]
     pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
         let group = self.group(hit);
@@ -261,14 +261,14 @@ impl Mirrors {
         self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
-    /// Returns true if the weights of other strategies must account for paths over flat mirrors from every
-    /// vertex.
+    /// Returns true if the weights of other strategies must account for paths over flat mirrors from all
+    /// vertices.
     #[inline]
     pub fn flats_weigh(&self) -> bool {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls `f` with each sequence of one or two flat mirrors from `from` to `to` over which light can go.
+    /// Calls `f` with each sequence of one or two flat mirrors that can reflect light from `from` to `to`.
     pub fn flat_paths(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed { group: group as u32, point };
         for (i, a) in self.flats.iter().enumerate() {
@@ -304,8 +304,8 @@ impl Mirrors {
             .count()
     }
 
-    /// Calls `f` with each sequence of three to `most` flat mirrors over which light can go from a point to
-    /// `to`, in order from the point. If there are many mirrors, sequences are shorter.
+    /// Calls `f` with each sequence of three to `most` flat mirrors that can reflect light between `from` and
+    /// `to`, in the order from `from`. If there are many mirrors, the maximum length is smaller.
     pub fn flat_sequences(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
         let most = most.min(self.longest_row());
         if self.flats.len() > 1 && most > 2 {
@@ -313,10 +313,10 @@ impl Mirrors {
         }
     }
 
-    /// Calls `f` with all sequences of mirrors that end with given mirrors. `images` are the end and its
-    /// successive images in these mirrors, the last mirror of the path first.
+    /// Calls `f` with all sequences that end with the given mirrors. `images` are the end point and its
+    /// successive images in these mirrors, starting with the last mirror on the path.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
-        let (last, image) = *images.last().expect("the end of the path is in the list");
+        let (last, image) = *images.last().expect("internal error: no end point");
         for (group, flat) in (0..).zip(&self.flats) {
             if group == last {
                 continue;
@@ -345,8 +345,8 @@ impl Mirrors {
         Some(seeds)
     }
 
-    /// Samples a random point on the curved mirrors, or its image in one or more flat mirrors, as the
-    /// target of a ray.
+    /// Samples a random point on the curved mirrors, or its image in one or more flat mirrors, as the target
+    /// of a ray.
     pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
         let mut point = self.draw(stream)?.point;
         if !self.flats.is_empty() {
@@ -358,7 +358,7 @@ impl Mirrors {
         Some(point)
     }
 
-    /// Samples a random point on the curved mirrors, if there are any.
+    /// Samples a random point on the curved mirrors; `None` if there are none.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
         let listed = self.curved.last().map_or(0.0, |c| c.1);
         let all = listed + self.copied.area();
@@ -377,8 +377,8 @@ impl Mirrors {
     }
 }
 
-/// Returns primitives that may be mirrors, and true. If there are too many, returns only those of the
-/// world, and false.
+/// Returns the primitives that may be mirrors, and true. If there are too many, returns only the primitives
+/// of the world, and false.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();
@@ -399,7 +399,7 @@ fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec
     (all, true)
 }
 
-/// Lists the mirrors of instances by group.
+/// Lists the mirrors in instances by group.
 fn copied(
     geometry: &Geometry,
     is_mirror: impl Fn(&Surface) -> bool,
@@ -421,7 +421,7 @@ fn copied(
     Copied::new(groups, geometry.instances().map(|(_, group, place)| (group, place)))
 }
 
-/// Returns a primitive's surface at an inner point, and whether it is flat.
+/// Returns the surface of a primitive at an inner point, and true if the primitive is flat.
 fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
     let ray = Ray { origin: 0.5 * (lo + hi), dir: Vec3A::Z };

@@ -65,7 +65,7 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
     Mirrors::new(&geometry.build(), &materials)
 }
 
-/// Verifies that parts of one plane form one mirror, whichever side they face, and that diffuse and rough
+/// Verifies that mirrors in one plane form one group, whichever side they face, and that diffuse and rough
 /// surfaces are not mirrors.
 #[test]
 fn coplanar_parts_form_one_mirror() {
@@ -83,8 +83,8 @@ fn coplanar_parts_form_one_mirror() {
     assert_eq!(wide, 1);
 }
 
-/// Verifies that the path over a flat mirror has equal angles. There is no path to the other side of the
-/// mirror, nor via points outside it.
+/// Verifies that a path over a flat mirror has equal angles of incidence and reflection. No path leads to the
+/// other side of the mirror, or via a point outside it.
 #[test]
 fn paths_over_a_flat_mirror_have_equal_angles() {
     let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
@@ -103,7 +103,7 @@ fn paths_over_a_flat_mirror_have_equal_angles() {
     assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
 }
 
-/// Verifies two mirrors at a right angle: light may be reflected by both, in one order from most points.
+/// Verifies two mirrors at a right angle: both may reflect light, from most points in only one order.
 #[test]
 fn paths_over_two_mirrors_have_equal_angles() {
     let all = [
@@ -117,7 +117,7 @@ fn paths_over_two_mirrors_have_equal_angles() {
         if let [p, q] = seeds {
             pairs += 1;
             let [p, q] = [p.point, q.point];
-            // Each reflection mirrors the direction about the normal.
+            // Each reflection reverses the normal component of the direction.
             for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
                 let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
                 let (before, after) = (before.normalize(), after.normalize());
@@ -128,7 +128,7 @@ fn paths_over_two_mirrors_have_equal_angles() {
     assert_eq!(pairs, 1);
 }
 
-/// Verifies that random points are on curved mirrors, with probabilities proportional to area.
+/// Verifies that random points are on curved mirrors, with probabilities proportional to the areas.
 #[test]
 fn seeds_cover_curved_mirrors() {
     let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);
@@ -140,13 +140,13 @@ fn seeds_cover_curved_mirrors() {
         large += u32::from(on(0.0, 1.0));
         assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
     }
-    // Four fifths, within 5 sigma of a binomial.
+    // Expect four fifths, within 5 standard deviations of a binomial distribution.
     let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
     assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
 }
 
-/// Verifies that points on mirrors with many copies are on the copies, with probabilities proportional to
-/// area.
+/// Verifies that points on mirrors with many instances are on the instances, with probabilities proportional
+/// to the areas.
 #[test]
 fn mirrors_with_many_copies_are_sampled_in_two_steps() {
     const N: u32 = 40_000;
@@ -165,13 +165,13 @@ fn mirrors_with_many_copies_are_sampled_in_two_steps() {
     let unit = 4.0 * std::f32::consts::PI;
     assert!((copied.area() / unit - 25.0).abs() < 1e-3);
     let (mut stream, mut counts) = (Stream::new(4, 0, 0), [0; 4]);
-    // Centre and radius of each ball in world space.
+    // Centre and radius of each sphere in world space.
     let balls = [(100.0, 1.0), (103.0, 2.0), (200.0, 2.0), (194.0, 4.0)];
     for _ in 0..N {
         let at = stream.uniform() * copied.area();
         let p = copied.point(at, stream.uniform(), stream.uniform2());
         let on = |(x, r): &(f32, f32)| ((p - Vec3A::new(*x, 0.0, 0.0)).length() - r).abs() < 1e-3;
-        counts[balls.iter().position(on).expect("on a ball")] += 1;
+        counts[balls.iter().position(on).expect("the point is on a sphere")] += 1;
     }
     for ((_, r), n) in balls.iter().zip(counts) {
         let share = f64::from(r * r / 25.0);
