@@ -79,12 +79,12 @@ pub trait RotationStage: Instrument {
     /// Reads the position and the state of the stage.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the stage does not respond as expected within the time `within`.
     fn read(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
     /// Stops a move immediately.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the stage does not respond as expected within the time `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -1,4 +1,4 @@
-//! Tests a scene with every key. Every value is replaced by invalid values, one at a time.
+//! Tests that invalid values are reported: each value of a scene with every key is replaced, one at a time.
 
 use super::case::{Case, Expect, Put};
 use std::collections::BTreeSet;

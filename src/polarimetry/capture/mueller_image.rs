@@ -99,8 +99,8 @@ fn check_wavelengths(nm: &[f64]) -> Result<(), ImageError> {
 
 impl MuellerImage {
     /// Builds an image from an array of shape (..., 4, 4). `shape` holds the leading axes: rows, columns,
-    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. Without wavelengths
-    /// all light has [`DEFAULT_NM`].
+    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. If it is
+    /// empty, the wavelength of all light is [`DEFAULT_NM`].
     ///
     /// # Errors
     /// [`ImageError`] for an invalid wavelength, lengths that differ, or no matrices.

@@ -219,8 +219,8 @@ fn round(
         *u = (*u * *v).sqrt();
     }
     importer.note(
-        "alpha_u and alpha_v are replaced by their geometric mean: highlights are round; over all directions, for a ratio of six, up to \
-         7 % brighter (beckmann) or 9 % (ggx) and 6 % darker at 80°; for a ratio of ten, up to 9 % and 19 %",
+        "alpha_u and alpha_v are replaced by their geometric mean, so highlights are round; for a ratio of six, the surface reflects up to \
+         7 % (beckmann) or 9 % (ggx) more light in total, and up to 6 % less light at an angle of incidence of 80°",
     );
     Ok(u)
 }

@@ -152,8 +152,8 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 && how.get("index_location").is_none_or(|at| at == "end")
                 && how["index_codecs"][0]["configuration"]["endian"] != "big";
             let chunk = chunk.filter(|_| ours).ok_or(
-                "the shards must use the codecs `bytes`, `zstd` and `crc32c`, with an index of \
-                `bytes` and `crc32c` at the end",
+                "expected the `codecs` bytes, zstd and crc32c, the `index_codecs` bytes (little-endian) \
+                and crc32c, and the `index_location` end",
             )?;
             let swapped = is_swapped(&how["codecs"])?;
             return Ok((Coding { frame: Frame::Sealed, swapped }, Some(chunk)));

@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// A calibration yields the detector that fits the data, and its other tables are ignored.
+    /// A calibration file yields the detector of the data's kind; the other tables of the file are ignored.
     #[test]
     fn calibrations_are_read() {
         let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\

@@ -158,7 +158,7 @@ impl Walk {
     ) -> bool {
         // Vertices are large, so they are modified in place.
         let [.., before, point] = &mut self.points[..] else {
-            unreachable!("the end of the subpath is before its vertices");
+            unreachable!("a subpath has an endpoint and at least one vertex");
         };
         let continuation = match point.site {
             Site::Volume(id) => scatter_in(scene, guide, id, [before, point], progress, stream),
@@ -234,7 +234,7 @@ impl Walk {
         }
         self.points.push(flight.landed(site, surface, *interactions));
         let [.., before, point] = &mut self.points[..] else {
-            unreachable!("the end of the subpath is before its vertices");
+            unreachable!("a subpath has an endpoint and at least one vertex");
         };
         let distance2 = (surface.p - before.surface.p).length_squared().max(f32::MIN_POSITIVE);
         let passed = mean_transmittance(scene, flight.depth) / distance2;
