@@ -24,6 +24,7 @@ pub struct Statistics {
     /// Covariance row by row; zero along undetermined directions.
     pub covariance: Vec<Vec<f64>>,
     /// Descriptions of the undetermined parameters.
+    #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
 }
 
