@@ -19,7 +19,7 @@ pub enum PbsdfError {
     Twice(&'static str),
     #[error("field `{field}` has elements of type {found}; write the field as {want}")]
     Type { field: &'static str, found: String, want: &'static str },
-    #[error("field `{field}` has shape {found}; expected shape {want}; correct the shape")]
+    #[error("field `{field}` has shape {found}, expected {want}; correct the shape")]
     Shape { field: &'static str, found: String, want: String },
     #[error(
         "the file is truncated: `{field}` occupies bytes {start}..{end}, but the file has {size} bytes; download the \
