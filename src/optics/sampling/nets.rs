@@ -4,7 +4,7 @@
 //! (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at least one
 //! direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
 //! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and applies a
-//! random digital shift, so that the numbers are uniform and estimates are unbiased for any number of nets.
+//! random digital shift. The numbers are thus uniform, and estimates are unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;

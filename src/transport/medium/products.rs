@@ -43,7 +43,7 @@ impl Products {
         let (mut squares, mut mixed) = ([triangle(), triangle()], [square(), square()]);
         let (mut re, mut im) = ([vec![], vec![]], [vec![], vec![]]);
         for (weight, sphere) in spheres {
-            // Separate real and imaginary parts of s and d of this sphere, for the inner loops.
+            // Separate the real and imaginary parts of s and d of this sphere, for the inner loops.
             for which in 0..2 {
                 re[which].clear();
                 im[which].clear();
