@@ -100,7 +100,7 @@ schema!(InterreflectionFile, "InterreflectionFile", |_| json_schema!({ "enum": [
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleScatterFile {
-    /// Albedo of the lobe, 0..1: a number, one per wavelength, or an image.
+    /// Albedo of the lobe, 0..1: a number, one number per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
     /// Roughness α of the lobe, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,

@@ -102,7 +102,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
         x = x.clamp(bottom, top);
         s = erf_inv(x);
         let excess = 1.0 + x + t * (-s * s).exp() - u * all;
-        // This is the limit of f32 accuracy, which is rarely reached in more than three steps.
+        // The limit of f32 accuracy is reached, usually after at most three steps.
         if excess.abs() < 1e-6 * all {
             break;
         }

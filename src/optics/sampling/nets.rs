@@ -25,7 +25,7 @@ pub type Nets = [u16; POINTS];
 /// Returns the nets of 2^bits points, 1 ≤ bits ≤ [`MOST_BITS`].
 ///
 /// # Panics
-/// If `bits` is out of range.
+/// Panics if `bits` is out of range.
 pub fn nets(bits: u32) -> &'static Nets {
     static ALL: LazyLock<[Nets; MOST_BITS as usize]> = LazyLock::new(|| from_fn(|k| make(k as u32 + 1)));
     &ALL[bits as usize - 1]

@@ -108,7 +108,7 @@ impl Crystal {
         }
     }
 
-    /// Returns the medium `filling` beyond the face; if `wo` is outside, marks it as this crystal (`id`).
+    /// Returns the medium `filling` beyond the face; if `wo` is outside, the medium is this crystal (`id`).
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;

@@ -113,7 +113,7 @@ macro_rules! extended {
 
 /// All materials of a scene, with the textures and tables that they share.
 ///
-/// A material refers only to materials with smaller indices, as the scene builder ensures. Recursive
+/// The scene builder ensures that a material refers only to materials with smaller indices. Recursive
 /// evaluation therefore terminates.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {

@@ -280,8 +280,7 @@ mod tests {
         let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };
         for y in [0.0, 0.5, 1.0] {
             for dir in [Vec3A::X, -Vec3A::X] {
-                // On the ray, the value is 1 over a quarter, increases to 3 over a half, and is 3 over a
-                // quarter.
+                // The value is 1 for a quarter of the ray, increases to 3 over half, and is then 3.
                 let found = grid.integral(&along(y, dir), 9.0).to_array()[0];
                 assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
             }

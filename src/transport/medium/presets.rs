@@ -102,7 +102,7 @@ impl Milk {
     /// Returns the optical properties of the milk at the given wavelengths, which must be in 380 to 770 nm.
     ///
     /// # Errors
-    /// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
+    /// Returns a [`BulkError`] if a wavelength or a parameter is out of range.
     pub fn optics(&self, wavelengths: &Wavelengths) -> Result<Optics, BulkError> {
         let nm = wavelengths.nm();
         let host = nm.iter().map(|w| water::index(*w)).collect::<Result<Vec<_>, _>>()?;
@@ -149,7 +149,7 @@ pub fn polystyrene_index(nm: f64) -> f64 {
 /// Returns the optical properties of polystyrene spheres in water.
 ///
 /// # Errors
-/// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
+/// Returns a [`BulkError`] if a wavelength or a parameter is out of range.
 pub fn polystyrene(
     sizes: SizeDistribution,
     amount: Amount,

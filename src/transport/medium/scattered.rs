@@ -94,8 +94,7 @@ pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 /// The six elements of the scattering matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// Element S11 per steradian: the intensity of scattered unpolarized light, with integral 1 over the
-    /// sphere.
+    /// Element S11 per steradian: the scattered intensity of unpolarized light, with integral 1.
     pub s11: T,
     pub s12: T,
     pub s22: T,
