@@ -22,7 +22,7 @@ pub struct EmissionFile {
     #[serde(default, skip_serializing_if = "is_default")]
     pub two_sided: bool,
     /// Stokes vector of the emitted light divided by its intensity: [1, s1, s2, s3]. Column 0 of T is then
-    /// the response to this light and the other columns are 0. Default: T accepts any Stokes vector.
+    /// the response to this light, and all other columns are 0. Default: T accepts any Stokes vector.
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of an ideal linear polarizer in front of the emitter, measured from `horizontal`,
     /// counter-clockwise as seen by an observer who faces the emitter. Default: no polarizer.

@@ -77,7 +77,7 @@ pub struct NullFile {}
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiffuseFile {
-    /// Albedo, 0..1: a number, one per wavelength, or an image.
+    /// Albedo, 0..1: a number, one number per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
 }
 
@@ -92,8 +92,8 @@ pub struct ConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
-    /// 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one number per wavelength, or an image.
+    /// Default: 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
 }
@@ -109,8 +109,8 @@ pub struct RoughConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
-    /// 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one number per wavelength, or an image.
+    /// Default: 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
     /// Roughness α, 0.001..1: a number or an image.
@@ -128,7 +128,7 @@ pub struct RoughConductorFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricFile {
-    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// Refractive index inside: a number, one number per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside of the surface. Default: 1.
@@ -140,7 +140,7 @@ pub struct DielectricFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughDielectricFile {
-    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// Refractive index inside: a number, one number per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside of the surface. Default: 1.
@@ -247,7 +247,7 @@ pub struct CoatedConductorFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilmFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0, or the value of the named optical constants.
     pub k: Option<Located<SpectrumFile>>,
@@ -281,7 +281,7 @@ pub struct PolarizerFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetarderFile {
-    /// Retardance at normal incidence in degrees: a number or one per wavelength.
+    /// Retardance at normal incidence in degrees: a number, or one number per wavelength.
     pub retardance_deg: Option<Located<SpectrumFile>>,
     /// Optical path difference at normal incidence in nanometres. Use it instead of `retardance_deg`.
     pub retardance_nm: Option<Located<SpectrumFile>>,
@@ -354,7 +354,7 @@ pub struct MeasuredFile {
 }
 
 impl MaterialFile {
-    /// Creates a depolarizing Lambertian surface from its albedo: a number, one per wavelength, or an image.
+    /// Creates a Lambertian surface from its albedo: a number, one number per wavelength, or an image.
     pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
         Self::Diffuse(DiffuseFile { albedo: albedo.into().into() })
     }
@@ -383,8 +383,8 @@ impl MaterialFile {
         })
     }
 
-    /// Creates smooth glass in vacuum from its refractive index: a number, one per wavelength, or a name such
-    /// as `N-BK7`.
+    /// Creates smooth glass in vacuum from its refractive index: a number, one number per wavelength, or a
+    /// name such as `N-BK7`.
     pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
         Self::Dielectric(DielectricFile { ior: ior.into().into(), exterior_ior: defaults::unit_index() })
     }

@@ -50,7 +50,7 @@ pub struct HomogeneousFile {
     /// Scattering coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
@@ -68,7 +68,7 @@ pub struct HeterogeneousFile {
     /// Scattering coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
@@ -164,7 +164,7 @@ pub struct MieFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParticlesFile {
-    /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index of the host: a number, one number per wavelength, or a name of the optical constants.
     /// Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub host: Located<IndexFile>,
@@ -178,8 +178,8 @@ pub struct ParticlesFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. A name also sets
-    /// the extinction coefficient k.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. A name also
+    /// sets the extinction coefficient k.
     pub index: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0.
     pub k: Option<Located<SpectrumFile>>,

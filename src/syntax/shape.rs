@@ -29,7 +29,7 @@ pub struct ObjectFile {
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
     /// True to exchange front and back: normals are reversed, light is emitted from the other side, and glass
-    /// fills the outside. Cannot be used for objects with an interior. Default: false.
+    /// fills the outside. Not allowed for objects with an interior. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flip_normals: bool,
     /// Transform from object to world coordinates: scale, then rotate, then translate.

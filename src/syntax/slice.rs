@@ -74,8 +74,8 @@ pub enum ProjectorSelectFile {
     /// The sum over projector pixels, weighted by an image with the projector's resolution. The weight of a
     /// pixel is its linear brightness, 0..1.
     Mask(String),
-    /// The sum over projector pixels, weighted by their column or row index. The ratio of this slice to the
-    /// same slice with `sum` is the mean coordinate of the projector pixels from which the light comes.
+    /// The sum over projector pixels, weighted by their column or row index. This slice divided by the same
+    /// slice with `sum` is the mean coordinate of the projector pixels from which the light comes.
     Moment(CoordinateFile),
     /// The projector pixels in a band about the epipolar line of the camera pixel, summed or resolved.
     Epipolar(EpipolarFile),

@@ -180,7 +180,7 @@ impl Stream {
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
         let strata = &mut self.strata;
-        // Skip an odd number, so that the pair is from one net; the count per vertex is even.
+        // Skip a number at an odd position, so that both numbers are from one net.
         if strata.next < strata.end {
             strata.next += strata.next & 1;
             if strata.next < strata.end {

@@ -17,7 +17,7 @@ use super::mie::Sphere;
 pub struct Products {
     /// Number of terms of the longest Mie series.
     terms: usize,
-    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal elements doubled, and the same for d.
+    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal elements doubled, and rows n of Re d_n d_m*.
     squares: [Vec<Vec<f64>>; 2],
     /// Rows n of Re s_n d_m* and rows n of Im s_n d_m*, each for all m.
     mixed: [Vec<Vec<f64>>; 2],

@@ -26,7 +26,7 @@ pub const TOLERANCE: f64 = 1e-5;
 /// Minimum and maximum number of cells between 0 and 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method for one wavelength. The cell itself is chosen with probability `keep`,
+/// A cell of the alias method for one wavelength. The method chooses this cell with probability `keep`,
 /// otherwise the cell `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {

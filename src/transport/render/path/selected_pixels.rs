@@ -193,7 +193,7 @@ impl LitPoint {
         let dir = way * length.recip();
         let origin = scene.geometry.leave(z.surface, dir);
         let line = scene.geometry.reach(y, -dir, length) - origin;
-        // Zero, negative or NaN if the points coincide or are in one plane, within rounding errors.
+        // The product is zero, negative or NaN if the points coincide or are in one plane, up to rounding.
         let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
         if !(apart(z.surface.ng) && apart(y.ng)) {
             return 0;
