@@ -22,7 +22,8 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(crate) struct Setup {
     pub emission: Emission,
-    /// True if only redirected light is sampled ([`super`]). Subpaths then end at a Lambertian first surface.
+    /// True if only redirected light is sampled ([`super`]). Camera subpaths end at a Lambertian first
+    /// surface.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
