@@ -10,7 +10,7 @@ use object_store::{
 use store::objects::{Ask, Condition, ObjectClient, Put, Version};
 use store::refusal::Refusal;
 
-/// Maximum size, in bytes, of an object to read. No file of a store is larger.
+/// Maximum size, in bytes, of an object that is read. No file of a Sunstone store is larger.
 const LARGEST: u64 = 4 << 30;
 
 /// Converts a request to a byte range that the servers of a scheme support.
@@ -18,7 +18,7 @@ fn range(ask: &Ask, scheme: &str) -> Option<GetRange> {
     match ask {
         Ask::Whole => None,
         Ask::Bytes(range) => Some(GetRange::Bounded(range.clone())),
-        // Azure has no suffix ranges.
+        // Azure does not support suffix ranges.
         Ask::End(length, Some(size)) if scheme == "az" => {
             Some(GetRange::Bounded(size.saturating_sub(*length)..*size))
         }
@@ -91,8 +91,8 @@ impl ObjectClient for Objects {
 
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         let (store, key) = (self.store.clone(), self.key(key));
-        // An object to replace may be missing. For a new object, a missing path means that the bucket
-        // does not exist.
+        // The object to replace may not exist. If a new object is written, a missing path means that the
+        // bucket does not exist.
         let (replaces, mode) = match condition {
             Condition::Absent => (false, PutMode::Create),
             Condition::Is(Version { e_tag, version }) => {
@@ -157,8 +157,7 @@ async fn fetch(
     range: Option<GetRange>,
 ) -> Result<Option<(Bytes, u64)>, Error> {
     let options = || GetOptions { range: range.clone(), ..GetOptions::default() };
-    // The client library retries most failures, but not if the connection closes while it receives an
-    // error response.
+    // The client library retries most failures, but not if the connection closes during an error response.
     let read = again(|| async {
         let found = store.get_opts(key, options()).await?;
         let size = found.meta.size;

@@ -28,7 +28,7 @@ const AT_ONCE: usize = 32;
 const ATTEMPTS: usize = 6;
 /// Pause before the first retry.
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
-/// Maximum total time of retries. The client library itself retries failures that last longer, with
+/// Maximum total time of the retries in this crate. The client library itself retries longer failures, with
 /// increasing pauses.
 const PATIENCE: Duration = Duration::from_secs(10);
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
@@ -47,7 +47,7 @@ fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> 
     message.recv().map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 
-/// The objects below an address, with the client of their store.
+/// The objects below an address, with the client of the object store.
 #[derive(Clone)]
 struct Objects {
     scheme: String,
@@ -132,8 +132,8 @@ impl Objects {
     }
 }
 
-/// Registers these clients in this process, for every path with a scheme (`s3://`, `gs://`, `az://`,
-/// `http://`, `https://`).
+/// Registers the clients of this crate in the process, for every path with a scheme (`s3://`, `gs://`,
+/// `az://`, `http://`, `https://`).
 pub fn install() {
     store::objects::install(|scheme, address| Ok(Arc::new(Objects::open(scheme, address)?)));
 }

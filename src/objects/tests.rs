@@ -110,7 +110,7 @@ fn failed_requests_are_repeated() {
         assert_eq!(whole(&objects, &keys), vec![Some(bytes(n)); keys.len()]);
         let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(n));
-        // The response may be lost: then the object exists, and equals this one.
+        // If the response is lost, the object exists and equals this one.
         let put = objects.put_if("a/0", bytes(99), Condition::Is(old.clone())).expect("puts");
         let (found, now) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(99));

@@ -20,11 +20,11 @@ pub struct PinholeFile {
     pub resolution: Located<[u32; 2]>,
     /// Horizontal field of view in degrees. Pixels are square, and the principal point is the centre.
     pub fov_x_deg: Option<Located<f64>>,
-    /// Vertical field of view in degrees, instead of fov_x_deg.
+    /// Vertical field of view in degrees. Use it instead of `fov_x_deg`.
     pub fov_y_deg: Option<Located<f64>>,
     /// Focal length in pixels along x.
     pub fx: Option<Located<f64>>,
-    /// Focal length in pixels along y. Default: fx.
+    /// Focal length in pixels along y. Default: `fx`.
     pub fy: Option<Located<f64>>,
     /// Principal point along x in continuous pixels: the first pixel covers 0..1, so the value is
     /// OpenCV's value plus 0.5. Default: the image centre.
@@ -32,13 +32,13 @@ pub struct PinholeFile {
     /// Principal point along y in continuous pixels, with the same convention as `cx`. Default: the image
     /// centre.
     pub cy: Option<f64>,
-    /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], instead of fx, fy, cx and cy.
-    /// The matrix uses OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
+    /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]. Use it instead of `fx`, `fy`, `cx` and
+    /// `cy`. The matrix uses OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
     /// Lens distortion: OpenCV's coefficients by name.
     pub distortion: Option<Located<DistortionFile>>,
     /// Lens distortion as OpenCV's list k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]:
-    /// 4, 5, 8, 12 or 14 numbers. Use it instead of `distortion`.
+    /// 4, 5, 8, 12 or 14 numbers. Use this list instead of `distortion`.
     pub opencv: Option<Located<Vec<f64>>>,
     /// Lens distortion of OpenCV's fisheye model (Kalibr's equidistant model): the coefficients k1, k2, k3,
     /// k4.
@@ -59,7 +59,7 @@ pub struct PinholeFile {
 pub struct ApertureFile {
     /// Radius of the aperture in metres.
     pub radius: f64,
-    /// Distance of the plane in focus along the optical axis, in metres.
+    /// Distance from the lens to the plane in focus along the optical axis, in metres.
     pub focus: f64,
 }
 
@@ -71,8 +71,8 @@ pub struct ProjectorFile {
     /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub irradiance: Located<SpectrumFile>,
-    /// Whether the projector illuminates through the camera's pinhole, with the pose, pixels and lens of
-    /// the camera. A `coaxial` slice keeps s' = s. Default: false.
+    /// True if the projector illuminates the scene through the camera's pinhole, with the pose, pixels and
+    /// lens of the camera. A slice with `projector = "coaxial"` then keeps s' = s. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub coaxial: bool,
     /// Path of a `sunstone calibrate` file, relative to the scene file. The file's `[projector]`
@@ -167,7 +167,7 @@ pub enum PoseFile {
     Extrinsics(ExtrinsicsFile),
 }
 
-/// World-to-device transform x_device = R x_world + t, given by R and t or by rvec and tvec.
+/// World-to-device transform x_device = R x_world + t, given by `rotation` and `t`, or by `rvec` and `tvec`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExtrinsicsFile {
@@ -176,9 +176,9 @@ pub struct ExtrinsicsFile {
     pub rotation: Option<[[f64; 3]; 3]>,
     /// Translation: the world's origin in device coordinates, in metres.
     pub t: Option<[f64; 3]>,
-    /// Rotation as axis times angle in radians (Rodrigues vector), instead of R.
+    /// Rotation as axis times angle in radians (Rodrigues vector). Use it instead of `rotation`.
     pub rvec: Option<[f64; 3]>,
-    /// Translation under OpenCV's other name, in metres, instead of t.
+    /// Translation in metres, under OpenCV's name. Use it instead of `t`.
     pub tvec: Option<[f64; 3]>,
 }
 
@@ -229,8 +229,8 @@ pub struct PointFile {
     pub horizontal: [f64; 3],
 }
 
-/// An emitter that projects an image. Unlike the pixels of `[projector]`, the pixels of this image are not
-/// resolved by T (axis s').
+/// An emitter that projects an image. T resolves the pixels s' of `[projector]`, but not the pixels of this
+/// image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SlideFile {
@@ -245,7 +245,7 @@ pub struct SlideFile {
     pub pose: Located<PoseFile>,
 }
 
-/// Default pose, for a device without a pose in the scene file.
+/// Placeholder pose of a device that has no pose in the scene file.
 impl Default for PoseFile {
     fn default() -> Self {
         Self::Extrinsics(ExtrinsicsFile::default())
@@ -287,7 +287,7 @@ impl PinholeFile {
         *self.pose != PoseFile::default()
     }
 
-    /// Makes the camera orthographic and sets the width of its image in metres.
+    /// Makes the camera orthographic and sets the width of the image in metres.
     pub fn orthographic_width(mut self, metres: f64) -> Self {
         self.orthographic_width = Some(metres.into());
         self

@@ -18,11 +18,11 @@ pub struct EmissionFile {
     pub radiance: Located<SpectrumFile>,
     /// Image, in texture coordinates, that multiplies the radiance.
     pub image: Option<Located<ImageAlbedo>>,
-    /// Whether both sides emit light instead of the front only. Default: false.
+    /// True if both sides emit light; false if only the front emits light. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub two_sided: bool,
     /// Stokes vector of the emitted light divided by its intensity: [1, s1, s2, s3]. Column 0 of T is then
-    /// the response to this light and the other columns are 0. Default: T accepts any Stokes vector.
+    /// the response to this light, and all other columns are 0. Default: T accepts any Stokes vector.
     pub stokes: Option<Located<[f64; 4]>>,
     /// Angle in degrees of an ideal linear polarizer in front of the emitter, measured from `horizontal`,
     /// counter-clockwise as seen by an observer who faces the emitter. Default: no polarizer.
@@ -33,16 +33,16 @@ pub struct EmissionFile {
     pub horizontal: [f64; 3],
 }
 
-/// An environment of infinitely distant light: constant radiance from all directions, or an image.
+/// Infinitely distant light around the scene: constant radiance from all directions, or an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentFile {
     /// Radiance in W/(m² sr nm). If there is an image, `radiance` multiplies the image. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub radiance: Located<SpectrumFile>,
-    /// Equirectangular image file, relative to the scene file, with the formats and encodings of a
-    /// texture's `image`. Columns follow atan2(x, -z); rows start at +y. Wavelengths above 590 nm
-    /// use red, 500 to 590 nm green, and below 500 nm blue.
+    /// Equirectangular image file, relative to the scene file, with the formats and encodings of a texture's
+    /// `image`. Columns follow atan2(x, -z); rows start at +y. Wavelengths above 590 nm use the red channel,
+    /// 500 to 590 nm green, and below 500 nm blue.
     pub image: Option<Located<String>>,
     /// Layer of an OpenEXR file, as for a texture's `layer`.
     pub layer: Option<String>,
@@ -68,7 +68,7 @@ pub struct EnvironmentFile {
 pub struct SpotFile {
     /// Position in world coordinates, in metres.
     pub position: [f64; 3],
-    /// Direction of the cone's axis.
+    /// Direction of the cone's axis in world coordinates.
     pub direction: [f64; 3],
     /// Radiant intensity on the axis in W/(sr nm).
     pub intensity: Located<SpectrumFile>,
@@ -129,7 +129,7 @@ pub struct DirectionalFile {
     pub horizontal: [f64; 3],
 }
 
-/// A collimated or slightly divergent beam, such as a laser's.
+/// A collimated or slightly divergent beam, such as a laser beam.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BeamFile {
@@ -139,14 +139,14 @@ pub struct BeamFile {
     pub direction: [f64; 3],
     /// Power in W/nm.
     pub power: Located<SpectrumFile>,
-    /// Radius of the beam in metres. For a Gaussian profile, the irradiance at this radius is e⁻² of the
+    /// Radius of the beam in metres. For a Gaussian profile, the irradiance at this radius is e⁻² times the
     /// irradiance on the axis.
     pub radius: Located<f64>,
     /// Full angle of divergence in milliradians. Rays are straight and diverge from a point behind `origin`.
     /// For a Gaussian profile, the angle is the far-field divergence; the beam waist is not modelled.
     /// Default: collimated.
     pub divergence_mrad: Option<Located<f64>>,
-    /// Whether the irradiance profile is Gaussian instead of a uniform disk. Default: false.
+    /// True for a Gaussian irradiance profile, false for a uniform disk. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub gaussian: bool,
     /// Stokes vector of the emitted light, as for `emission`.

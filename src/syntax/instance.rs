@@ -17,7 +17,7 @@ pub struct GroupFile {
     pub objects: Vec<Located<ObjectFile>>,
 }
 
-/// One copy of a group, or many.
+/// One copy of a group, or many copies of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InstanceFile {

@@ -77,7 +77,7 @@ pub struct NullFile {}
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiffuseFile {
-    /// Albedo, 0..1: a number, one per wavelength, or an image.
+    /// Albedo, 0..1: a number, one number per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
 }
 
@@ -92,8 +92,8 @@ pub struct ConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
-    /// 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one number per wavelength, or an image.
+    /// Default: 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
 }
@@ -109,8 +109,8 @@ pub struct RoughConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0, dimensionless.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor that multiplies the reflected light, 0..1: a number, one per wavelength, or an image. Default:
-    /// 1.
+    /// Factor that multiplies the reflected light, 0..1: a number, one number per wavelength, or an image.
+    /// Default: 1.
     #[serde(default = "defaults::unit_albedo", skip_serializing_if = "defaults::is_unit_albedo")]
     pub reflectance: Located<AlbedoFile>,
     /// Roughness α, 0.001..1: a number or an image.
@@ -128,7 +128,7 @@ pub struct RoughConductorFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricFile {
-    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// Refractive index inside: a number, one number per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside of the surface. Default: 1.
@@ -140,7 +140,7 @@ pub struct DielectricFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughDielectricFile {
-    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// Refractive index inside: a number, one number per wavelength (dispersion), or a name of the optical
     /// constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside of the surface. Default: 1.
@@ -211,7 +211,7 @@ pub struct NormalMapFile {
 pub struct BumpMapFile {
     /// Name of the material to perturb.
     pub material: Located<String>,
-    /// Image of heights; it must be bilinear.
+    /// Image of heights. Its `filter` must be `bilinear`.
     pub image: Located<ImageAlbedo>,
     /// Difference in surface height, in metres, between image values 1 and 0. Only the normals
     /// change, not the shape. Default: 1.
@@ -233,7 +233,7 @@ pub struct PartialDepolarizerFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductorFile {
-    /// Name of the substrate in the optical constants. Use it instead of n and k.
+    /// Name of the substrate in the optical constants. Use it instead of `n` and `k`.
     pub metal: Option<Located<String>>,
     /// Real part n of the substrate's refractive index.
     pub n: Option<Located<SpectrumFile>>,
@@ -247,7 +247,7 @@ pub struct CoatedConductorFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilmFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0, or the value of the named optical constants.
     pub k: Option<Located<SpectrumFile>>,
@@ -263,7 +263,7 @@ pub struct PolarizerFile {
     /// Transmission axis in degrees from the surface's u direction, counter-clockwise as seen from the side
     /// to which the normal points. Default: 0 if `axis` is absent too.
     pub angle_deg: Option<Located<f64>>,
-    /// Transmission axis as a world direction, instead of angle_deg.
+    /// Transmission axis as a world direction. Use it instead of `angle_deg`.
     pub axis: Option<Located<[f64; 3]>>,
     /// Transmitted polarization: `linear`, or `right` or `left` for a circular polarizer. Default: `linear`.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -271,7 +271,7 @@ pub struct PolarizerFile {
     /// Transmittance of power for the transmitted polarization, 0..1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub transmittance: Located<SpectrumFile>,
-    /// Ratio of the transmittance of the blocked polarization to that of the transmitted polarization, 0..1.
+    /// Transmittance of the blocked polarization divided by that of the transmitted polarization, 0..1.
     /// Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub extinction: Located<SpectrumFile>,
@@ -281,14 +281,14 @@ pub struct PolarizerFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetarderFile {
-    /// Retardance at normal incidence in degrees: a number or one per wavelength.
+    /// Retardance at normal incidence in degrees: a number, or one number per wavelength.
     pub retardance_deg: Option<Located<SpectrumFile>>,
-    /// Optical path difference at normal incidence in nanometres, instead of retardance_deg.
+    /// Optical path difference at normal incidence in nanometres. Use it instead of `retardance_deg`.
     pub retardance_nm: Option<Located<SpectrumFile>>,
     /// Fast axis in degrees from the surface's u direction, counter-clockwise as seen from the side to which
     /// the normal points. Default: 0 if `axis` is absent too.
     pub angle_deg: Option<Located<f64>>,
-    /// Fast axis as a world direction, instead of angle_deg.
+    /// Fast axis as a world direction. Use it instead of `angle_deg`.
     pub axis: Option<Located<[f64; 3]>>,
     /// Transmittance of power, 0..1. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
@@ -296,7 +296,7 @@ pub struct RetarderFile {
     /// Dependence of the retardance on the angle of incidence. Default: `plate`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub tilt: TiltFile,
-    /// Mean refractive index of the plate, for tilt = "plate". Default: 1.55.
+    /// Mean refractive index of the plate. Used only if `tilt` is `plate`. Default: 1.55.
     pub ior: Option<Located<f64>>,
 }
 
@@ -304,7 +304,7 @@ pub struct RetarderFile {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TiltFile {
-    /// The dependence of a zero-order plate of a positive uniaxial crystal.
+    /// The dependence that a zero-order plate of a positive uniaxial crystal has.
     #[default]
     Plate,
     /// No dependence on the angle of incidence.
@@ -317,7 +317,7 @@ pub enum TiltFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CrystalFile {
-    /// Name of the crystal: `calcite`, `quartz` or `sapphire`. Use it instead of n_o and n_e.
+    /// Name of the crystal: `calcite`, `quartz` or `sapphire`. Use it instead of `n_o` and `n_e`.
     pub name: Option<Located<String>>,
     /// Ordinary refractive index of the crystal.
     pub n_o: Option<Located<SpectrumFile>>,
@@ -333,7 +333,7 @@ pub struct CrystalFile {
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1000))]
     pub bandwidth_nm: Located<f64>,
-    /// Whether the ordinary and the extraordinary ray separate incoherently into double images. If
+    /// True if the crystal splits light into incoherent ordinary and extraordinary rays (double images). If
     /// false, the rays do not separate and the crystal acts as a retarder. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split: Located<bool>,
@@ -348,13 +348,13 @@ pub struct CrystalFile {
 pub struct MeasuredFile {
     /// `.pbsdf` file in the layout of the KAIST pBRDF data set.
     pub file: Located<String>,
-    /// Whether to use evenly spaced angles for empty angle axes, as in downsampled files. Default: false.
+    /// True to use evenly spaced angles for angle axes that are empty in the file. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub even_axes: bool,
 }
 
 impl MaterialFile {
-    /// Creates a depolarizing Lambertian surface from its albedo: a number, one per wavelength, or an image.
+    /// Creates a Lambertian surface from its albedo: a number, one number per wavelength, or an image.
     pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
         Self::Diffuse(DiffuseFile { albedo: albedo.into().into() })
     }
@@ -383,8 +383,8 @@ impl MaterialFile {
         })
     }
 
-    /// Creates smooth glass in vacuum from its refractive index: a number, one per wavelength, or a name such
-    /// as `N-BK7`.
+    /// Creates smooth glass in vacuum from its refractive index: a number, one number per wavelength, or a
+    /// name such as `N-BK7`.
     pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
         Self::Dielectric(DielectricFile { ior: ior.into().into(), exterior_ior: defaults::unit_index() })
     }

@@ -50,7 +50,7 @@ pub struct HomogeneousFile {
     /// Scattering coefficient in 1/m. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
@@ -68,7 +68,7 @@ pub struct HeterogeneousFile {
     /// Scattering coefficient in 1/m for a density of 1. Default: 0.
     #[serde(default = "defaults::zero_spectrum", skip_serializing_if = "defaults::is_zero_spectrum")]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub index: Located<IndexFile>,
     /// Phase function. Default: `isotropic`.
@@ -76,13 +76,13 @@ pub struct HeterogeneousFile {
     pub phase: PhaseFile,
     /// Density, which multiplies both coefficients. There is no medium outside the grid's box.
     pub density: Located<GridFile>,
-    /// Fraction of `scattering`, 0..1, that scatters; the rest absorbs. Outside the grid's box, the
-    /// values at the box's faces apply. Default: 1.
+    /// Fraction of `scattering`, 0..1, that is scattered; the remaining fraction is absorbed. Outside the
+    /// grid's box, the values at the box's faces apply. Default: 1.
     pub albedo: Option<Located<GridFile>>,
 }
 
-/// Numbers on a grid: one per point, or three for wavelengths above 590 nm, from 500 to 590 nm, and below 500
-/// nm.
+/// Numbers on a grid: one per point, or three per point for wavelengths above 590 nm, from 500 to 590 nm, and
+/// below 500 nm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GridFile {
@@ -164,7 +164,7 @@ pub struct MieFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParticlesFile {
-    /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index of the host: a number, one number per wavelength, or a name of the optical constants.
     /// Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub host: Located<IndexFile>,
@@ -178,8 +178,8 @@ pub struct ParticlesFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants. A name also sets
-    /// the extinction coefficient k.
+    /// Refractive index: a number, one number per wavelength, or a name of the optical constants. A name also
+    /// sets the extinction coefficient k.
     pub index: Located<IndexFile>,
     /// Extinction coefficient k ≥ 0. Default: 0.
     pub k: Option<Located<SpectrumFile>>,
@@ -249,7 +249,7 @@ pub enum AmountFile {
     VolumeFraction(f64),
     /// Number of particles per cubic metre.
     PerM3(f64),
-    /// Amount by mass.
+    /// Mass of particles per volume.
     Mass(MassFile),
 }
 
@@ -280,7 +280,7 @@ pub struct MilkFile {
     #[serde(skip_serializing_if = "defaults::is_homogenization_mpa")]
     #[schemars(range(min = 0, max = 100))]
     pub homogenization_mpa: Located<f64>,
-    /// Volume fraction of milk in a mixture with water, 0..1. Default: 1.
+    /// Volume fraction of milk in a mixture of milk and water, 0..1. Default: 1.
     #[serde(skip_serializing_if = "defaults::is_unit")]
     #[schemars(range(min = 0, max = 1))]
     pub concentration: Located<f64>,
@@ -304,7 +304,7 @@ pub struct PolystyreneFile {
     /// Mean diameter in nanometres.
     #[schemars(range(min = 1, max = 100_000))]
     pub diameter_nm: Located<f64>,
-    /// Standard deviation of the diameter divided by its mean, 0..1. Default: 0.
+    /// Standard deviation of the diameter divided by the mean diameter, 0..1. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1))]
     pub spread: Located<f64>,

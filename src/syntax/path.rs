@@ -46,7 +46,7 @@ pub(crate) fn find<'t, 'i>(
     Ok(here)
 }
 
-/// Does the same as [`find`] without mutable access.
+/// Returns the same value as [`find`], without mutable access to the document.
 pub(crate) fn find_in<'t, 'i>(
     document: &'t DeTable<'i>,
     keys: &[String],

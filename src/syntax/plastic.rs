@@ -15,14 +15,14 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlasticFile {
-    /// Albedo of the base, 0..1: a number, one per wavelength, or an image.
+    /// Albedo of the base, 0..1: a number, one number per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
-    /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index of the coat: a number, one number per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
     /// Refractive index outside of the coat. Default: 1.
     #[serde(default = "defaults::unit_index", skip_serializing_if = "defaults::is_unit_index")]
     pub exterior_ior: Located<IndexFile>,
-    /// Factor that multiplies the surface reflection, 0..1: a number or one per wavelength. Default: 1.
+    /// Factor of the surface reflection, 0..1: a number, or one number per wavelength. Default: 1.
     #[serde(default = "defaults::unit_spectrum", skip_serializing_if = "defaults::is_unit_spectrum")]
     pub specular: Located<SpectrumFile>,
     /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022). Default: none.
@@ -100,7 +100,7 @@ schema!(InterreflectionFile, "InterreflectionFile", |_| json_schema!({ "enum": [
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleScatterFile {
-    /// Albedo of the lobe, 0..1: a number, one per wavelength, or an image.
+    /// Albedo of the lobe, 0..1: a number, one number per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
     /// Roughness α of the lobe, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,

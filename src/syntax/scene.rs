@@ -76,8 +76,8 @@ pub struct RenderFile {
     #[serde(skip_serializing_if = "defaults::is_replicates")]
     #[schemars(range(min = 1, max = 1_073_741_824))]
     pub replicates: Located<u32>,
-    /// Maximum path length in Mitsuba's convention: 2 is direct light only, and n allows n - 1
-    /// surface interactions. Default: 6.
+    /// Maximum path length in Mitsuba's convention: n allows n - 1 surface interactions, so 2 gives only
+    /// direct light. Default: 6.
     #[serde(skip_serializing_if = "defaults::is_max_depth")]
     #[schemars(range(min = 1, max = 1024))]
     pub max_depth: Located<u32>,
@@ -87,8 +87,8 @@ pub struct RenderFile {
     /// Integrator: the kind of paths to trace. Default: `auto`, which selects an integrator for the scene.
     #[serde(skip_serializing_if = "is_default")]
     pub integrator: Integrator,
-    /// Whether to connect paths to emitters through smooth refractive interfaces such as glass and
-    /// water. Default: true unless `integrator` is `path`.
+    /// True to connect paths to emitters through smooth refractive interfaces such as glass and water.
+    /// Default: true unless `integrator` is `path`.
     pub manifold: Option<bool>,
     /// Treatment of surfaces that touch or are too close for single precision. Default: `refuse`.
     #[serde(skip_serializing_if = "is_default")]
@@ -102,8 +102,8 @@ pub struct RenderFile {
     pub tile: Located<u32>,
 }
 
-/// Treatment of scenes that lose light in gaps between surfaces, if no surface can be moved to
-/// close or widen the gap.
+/// Treatment of scenes that lose light in a gap between surfaces, if no surface can be moved to close or
+/// widen this gap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GapsFile {

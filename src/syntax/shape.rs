@@ -28,8 +28,8 @@ pub struct ObjectFile {
     /// space. The boundaries of the other objects have no effect in that space. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
-    /// Whether to exchange front and back: normals are reversed, light is emitted from the other side, and
-    /// glass fills the outside. Cannot be used for objects with an interior. Default: false.
+    /// True to exchange front and back: normals are reversed, light is emitted from the other side, and glass
+    /// fills the outside. Not allowed for objects with an interior. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flip_normals: bool,
     /// Transform from object to world coordinates: scale, then rotate, then translate.
@@ -68,19 +68,19 @@ pub enum ShapeFile {
 pub struct MeshFile {
     /// Mesh file, relative to the scene file.
     pub file: Located<String>,
-    /// Index of the mesh, from 0, in a `serialized` file, which can contain several. Default: 0.
+    /// Index, from 0, of the mesh in a `serialized` file, which can contain several meshes. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub index: u32,
-    /// Whether to ignore the file's vertex normals and use flat faces. Default: false.
+    /// True to ignore the vertex normals of the file and use flat faces. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
-    /// Whether to compute vertex normals for meshes without normals, as the angle-weighted mean of
-    /// adjacent face normals. Default: false.
+    /// True to compute vertex normals for meshes without normals, as the angle-weighted mean of adjacent face
+    /// normals. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub smooth: bool,
-    /// Whether to use the materials of the mesh file (glTF, or the MTL library of an OBJ file),
-    /// converted to the closest Sunstone model. `part_materials` takes precedence, and `material`
-    /// applies to parts without a material. Default: false.
+    /// True to use the materials of the mesh file (glTF, or the MTL library of an OBJ file), converted to the
+    /// closest Sunstone materials. `part_materials` takes precedence, and `material` applies to parts without
+    /// a material. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub materials: bool,
 }
@@ -180,7 +180,7 @@ pub struct CylinderFile {
     #[serde(skip_serializing_if = "defaults::is_one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
-    /// Whether both ends are closed with disks. Default: false.
+    /// True to close both ends with disks. Default: false.
     #[serde(skip_serializing_if = "is_default")]
     pub caps: bool,
 }

@@ -24,14 +24,14 @@ pub struct SliceFile {
     /// Stokes elements p, p'. Default: `intensity`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub polarization: PolarizationFile,
-    /// Whether to resolve the number of surface interactions. Default: false.
+    /// True to resolve the number of surface interactions (axis `bounces`). Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bounces: bool,
-    /// Whether to separate `first_bounce_direct` from `first_bounce_indirect` light (axis `component`).
-    /// Default: false.
+    /// True to separate direct from indirect light (axis `component`: `first_bounce_direct`,
+    /// `first_bounce_indirect`). Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split_first_bounce: bool,
-    /// Whether to separate light by path type (axis `label`): scattered in a medium or not, and by
+    /// True to separate light by path label (axis `label`): whether it was scattered by a medium, and by
     /// specular, glossy or diffuse lobes. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub labels: bool,
@@ -71,15 +71,15 @@ pub enum ProjectorSelectFile {
     Block([u32; 4]),
     /// Sums of projector pixels over boxes of n × n (or n_x × n_y) pixels.
     Binned(BinSize),
-    /// The sum of projector pixels, weighted by an image with the projector's resolution. Weights are the
-    /// linear brightness, 0..1.
+    /// The sum over projector pixels, weighted by an image with the projector's resolution. The weight of a
+    /// pixel is its linear brightness, 0..1.
     Mask(String),
-    /// The sum of projector pixels, weighted by their column or row index. The ratio of this slice to the
-    /// same slice with `sum` is the mean coordinate of the projector pixels from which the light comes.
+    /// The sum over projector pixels, weighted by their column or row index. This slice divided by the same
+    /// slice with `sum` is the mean coordinate of the projector pixels from which the light comes.
     Moment(CoordinateFile),
     /// The projector pixels in a band about the epipolar line of the camera pixel, summed or resolved.
     Epipolar(EpipolarFile),
-    /// The sum of all projector pixels outside a band about the epipolar line.
+    /// The sum over all projector pixels outside a band about the epipolar line of the camera pixel.
     Nonepipolar(HalfWidth),
     /// Only the projector pixel s' = s.
     Coaxial,
@@ -174,13 +174,13 @@ impl SliceFile {
         self
     }
 
-    /// Separates light whose first bounce is direct from the rest.
+    /// Separates direct light, which has a single surface interaction, from indirect light.
     pub fn split_first_bounce(mut self) -> Self {
         self.split_first_bounce = true;
         self
     }
 
-    /// Separates light by path type.
+    /// Separates light by path label.
     pub fn labels(mut self) -> Self {
         self.labels = true;
         self

@@ -40,8 +40,8 @@ pub enum ScalarFile {
     Attribute(AttributeFile),
 }
 
-/// An image: `{ image = "wood.png" }`. Wavelengths above 590 nm use red, 500 to 590 nm green, and below 500
-/// nm blue.
+/// An image: `{ image = "wood.png" }`. Wavelengths above 590 nm use the red channel, 500 to 590 nm green, and
+/// below 500 nm blue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
@@ -60,10 +60,10 @@ pub struct ImageAlbedo {
     /// Interpolation between texels. Default: `bilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
-    /// Whether the colours are linear, not sRGB-encoded. Default: false.
+    /// True if the colours are linear, not sRGB-encoded. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
-    /// Whether a number is the luminance of the decoded colours instead of the first channel. Default: false.
+    /// True if numbers are the luminance of the decoded colours, not the first channel. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub luminance: bool,
     /// Layer of an OpenEXR file, such as `ViewLayer.Combined`. Default: the unnamed layer, or the only colour
@@ -128,8 +128,8 @@ impl ImageAlbedo {
     }
 }
 
-/// The keys of an image and of a spectrum table together. The present keys determine whether the
-/// value is an image or a table.
+/// All keys of images, checkerboards, attributes and spectrum tables. The keys that are present determine the
+/// kind of value.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AlbedoMap {

@@ -134,7 +134,7 @@ pub(super) fn is_one(value: &f64) -> bool {
     *value == 1.0
 }
 
-/// Returns whether a value equals its type's default: `false`, 0 or empty.
+/// Returns true if a value equals the default of its type: `false`, 0 or empty.
 pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }

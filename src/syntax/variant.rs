@@ -3,9 +3,9 @@
 //! Values are substituted in the parsed document and keep their location in the file. An error in a
 //! substituted value is therefore reported at its location in `[vary]`.
 //!
-//! A number drawn from a range is min + u (max - min). u is a 53-bit hash (SplitMix64's finalizer;
-//! Steele, Lea & Flood 2014) of the parameter's name, ⌊k / every⌋ and the number's index in the
-//! list. Adding a parameter therefore does not change the values of other parameters.
+//! A number drawn from a range is min + u (max - min). u in [0, 1) is a 53-bit hash (SplitMix64's finalizer;
+//! Steele, Lea & Flood 2014) of the parameter's name, ⌊k / every⌋ and the number's index in the list. Adding
+//! a parameter therefore does not change the values of other parameters.
 
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
@@ -221,8 +221,7 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// Checks that no earlier path sets the same value, a part of this value, or a value that contains this
-    /// value.
+    /// Checks that no earlier path sets the same value, a part of it, or a value that contains it.
     fn alone(
         &self,
         keys: &[String],
@@ -269,7 +268,7 @@ impl<'a> Vary<'a> {
 
     fn variant(&self, number: u64) -> Result<Variant, InputError> {
         let index = |p: &ParameterFile| number / *p.every;
-        // TOML text of the drawn values. The parsed document borrows from these texts.
+        // The TOML texts of the drawn values, from which the parsed document borrows.
         let mut drawn = BTreeMap::new();
         for (name, p) in &self.file.vary {
             if let Some(range) = &p.range {

@@ -28,9 +28,9 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterFile {
-    /// Path of the value to replace: dotted keys, as in TOML. List elements are addressed by their
-    /// `name`, or by index from 0: `objects."the doll".transform.translate.0`. With a list of
-    /// paths, all paths get the same value.
+    /// Path of the value to replace: dotted keys, as in TOML. List elements are addressed by their `name`, or
+    /// by index from 0: `objects."the doll".transform.translate.0`. If `path` is a list, the values at all
+    /// paths are replaced by the same value.
     pub path: Located<PathsFile>,
     /// Values of the variants, of the type that the path requires.
     pub values: Option<Located<Vec<AnyValue>>>,
@@ -53,7 +53,7 @@ pub struct RangeFile {
     pub max: AnyValue,
 }
 
-/// One path, or several.
+/// One path, or a list of several paths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathsFile(pub Vec<String>);
 

@@ -39,7 +39,7 @@ impl Tensor {
     /// the tensor lacks is ignored.
     ///
     /// # Panics
-    /// If an index is outside its axis.
+    /// Panics if an index is outside the range of its axis.
     pub fn at(&self, indices: &[(AxisKind, usize)]) -> f32 {
         let mut offset = 0;
         for axis in &self.axes {
@@ -67,7 +67,7 @@ impl Tensor {
         }
     }
 
-    /// Returns the number of elements before an axis, its length, and the number of elements after it.
+    /// Returns the product of the lengths of all axes before an axis, its length, and the product after it.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())
@@ -92,8 +92,8 @@ impl Tensor {
         })
     }
 
-    /// Applies `f(lane, inner, out, length)` to every block of the axis. `lane` contains `length` runs of
-    /// `inner` values; `out` contains one run.
+    /// Calls `f(lane, inner, out, length)` for every block along the axis. `lane` contains `length` runs of
+    /// `inner` values; `out` receives one run.
     fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
         let Some(axis) = self.find(kind) else {
             return self.clone();

@@ -1,8 +1,8 @@
 //! The named axes of a stored slice, with their units, in a fixed order.
 //!
 //! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
-//! only if the slice resolves it. `wavelength` is always last, so that one tensor element fills the lanes of
-//! one SIMD register.
+//! only if the slice resolves this dimension. `wavelength` is always last, so that one tensor element fills
+//! the lanes of one SIMD register.
 
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
@@ -10,9 +10,9 @@ use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSe
 /// Maximum number of elements in a chunk (8 MiB of f32), so that memory use depends only on the tile size.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
-/// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix elements
-/// that are zero in a whole tile then need no chunks, and one matrix element can be read without the other
-/// 15.
+/// Number of tensor elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix
+/// elements that are zero in a whole tile then need no chunks, and a matrix element can be read without the
+/// other 15.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
 /// Dimension of the transport tensor T that an axis resolves.
@@ -149,13 +149,13 @@ impl Axis {
 /// contiguous and begin at pixel 0.
 ///
 /// # Errors
-/// Returns the first centre that does not belong to such a box.
+/// Returns the first centre that is not the centre of such a box, if there is one.
 pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut first = 0.0;
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // This condition also refuses NaN.
+        // This condition also rejects NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }
@@ -188,7 +188,7 @@ pub struct SliceLayout {
     pub axes: Vec<Axis>,
     /// First edge and bin width of the time axis, in picoseconds; `None` without a time axis.
     pub time: Option<(f64, f64)>,
-    /// Whether the store contains the standard errors of camera elements' totals
+    /// True if the store contains the standard errors of the totals of camera elements
     /// ([`crate::field::Field::TotalStdError`]). Renders store them.
     pub totals: bool,
 }
@@ -211,7 +211,7 @@ fn binned(total: u32, n: u32) -> Vec<f64> {
 }
 
 impl SliceLayout {
-    /// Creates the layout of a slice for the given extents and chooses its chunks.
+    /// Creates the layout of a slice for the given extents, and chooses the chunk lengths.
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let mut axes = Vec::new();
         let mut push = |kind, coords: Vec<f64>, chunk: u64| {

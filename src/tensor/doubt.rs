@@ -37,7 +37,7 @@ impl Doubt {
     }
 }
 
-/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). With `single`, each
+/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). If `single` is true, each
 /// value belongs to one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
 pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let [rows, columns] = &errors.axes[..] else {
@@ -57,7 +57,7 @@ pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
             let (mut squares, mut lit) = (0.0, 0_u32);
             for row in around(rows, y) {
                 for error in &errors.data[row * width + x.start()..=row * width + x.end()] {
-                    // Skip unknown errors.
+                    // Skip errors that are 0 or unknown.
                     if *error > 0.0 {
                         squares += f64::from(*error).powi(2);
                         lit += 1;
@@ -113,7 +113,7 @@ mod tests {
     fn distant_rows_are_not_neighbours() {
         let data = [0.1, 0.1, 0.1, 9.0, 9.0, 9.0];
         assert_eq!(doubtful(&errors(&[1.0, 5.0], &data), true), [false; 6]);
-        // Boxes of several pixels are neighbours at this distance.
+        // Boxes of several pixels count as neighbours at this distance.
         let marks = doubtful(&errors(&[1.5, 5.5], &data), false);
         assert_eq!(marks, [true, true, true, false, false, false]);
     }

@@ -27,7 +27,7 @@ pub struct Layer {
     /// Unit of the values; `1` for values without a unit.
     pub units: &'static str,
     pub long_name: &'static str,
-    /// Number of values per pixel, which defines the axis after y and x.
+    /// Number of values per pixel, which determines whether the array has an axis after y and x.
     pub parts: Parts,
     pub values: LayerValues,
     /// Names of the objects or materials, indexed by the values of the layer.

@@ -23,14 +23,14 @@ impl Arrays {
     }
 
     /// Returns a copy of a field of a slice, row-major over the slice's axes, or `None` if the render does
-    /// not have it.
+    /// not have this field.
     pub fn get(&self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].as_ref()?;
         Some(array.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
-    /// Removes a field of a slice and returns it without copying, or `None` if the render does not have it.
+    /// Removes and returns a field of a slice without copying, or returns `None` if the field does not exist.
     pub fn take(&mut self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].take()?;

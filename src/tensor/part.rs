@@ -1,8 +1,8 @@
 //! Parts of a render: the tiles of camera pixels that each of several machines renders.
 //!
-//! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the
-//! whole render. Tiles are assigned to the parts in turn, because regions of similar cost (dark sky, deep
-//! glass) are contiguous in an image.
+//! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the whole
+//! render. Tiles are assigned to the parts in turn, because regions of similar render time (dark sky, glass)
+//! are contiguous in an image.
 
 use serde_json::{Map, Value, json};
 use std::fmt;

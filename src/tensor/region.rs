@@ -48,7 +48,7 @@ pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<
     (start, size)
 }
 
-/// Position of a box in a row-major array.
+/// A row-major array and the position of a box in the array.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
     /// Shape of the whole array.
@@ -60,7 +60,7 @@ pub struct Window<'a> {
 /// Copies a box of shape `extent` between two row-major arrays.
 ///
 /// # Panics
-/// If a box is not inside its array, or an array is shorter than its shape.
+/// Panics if a box is not inside its array, or if an array has fewer elements than its shape implies.
 pub fn copy<T: Copy>(from: &[T], source: Window, into: &mut [T], target: Window, extent: &[u64]) {
     if extent.contains(&0) {
         return;

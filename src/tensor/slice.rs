@@ -1,4 +1,4 @@
-//! Selection of the parts of T(s, s', p, p', t) to keep, with one independent choice per axis.
+//! Selects the parts of T(s, s', p, p', t) that a render stores, with one independent choice per axis.
 //!
 //! A [`Slice`] contains only data whose references to the scene are resolved. One render fills all slices.
 
@@ -42,8 +42,8 @@ pub enum ProjectorSelect {
         /// Rows per box.
         ny: u32,
     },
-    /// Weighted sum over s' with one weight per projector pixel: a drive image (0..1) or a coordinate. Adds
-    /// no axis.
+    /// Weighted sum over s'. The weight of a projector pixel is its value in a drive image (0..1) or its
+    /// coordinate. Adds no axis.
     Mask {
         /// Name of the drive image or coordinate.
         name: String,
@@ -124,13 +124,13 @@ pub struct Slice {
     pub projector: ProjectorSelect,
     pub time: TimeSelect,
     pub polarization: Polarization,
-    /// Whether the slice resolves the number of surface interactions (axis `bounces`). 0 is an emitter seen
-    /// directly.
+    /// True if the slice resolves the number of surface interactions (axis `bounces`), which is 0 for an
+    /// emitter that the camera sees directly.
     pub bounces: bool,
-    /// Whether the slice separates direct from indirect light (axis `component`). Component 0 is light with
-    /// a single surface interaction, at a surface that an emitter illuminates directly. Component 1 is all
+    /// True if the slice separates direct from indirect light (axis `component`). Component 0 is light with a
+    /// single surface interaction, at a surface that an emitter illuminates directly. Component 1 is all
     /// other light.
     pub split_first_bounce: bool,
-    /// Whether the slice separates light by the label of its path (axis `label`, see [`crate::label`]).
+    /// True if the slice separates light by the label of the path (axis `label`, see [`crate::label`]).
     pub labels: bool,
 }

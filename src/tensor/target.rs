@@ -1,11 +1,11 @@
 //! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
 //!
-//! Samples are added in rounds. After each round, a lit pixel with relative error e after n samples needs n
-//! (e / goal)² samples. The slice reaches the goal when a given share of its lit pixels has reached the
-//! goal. A share of 0.5 is the median. Samples are therefore assigned first to the tiles in which they make
-//! the most pixels reach the goal. Tiles whose pixels have reached the goal, or would need many samples to
-//! reach it, get fewer samples. No tile gets less than half of the uniform number of samples that would
-//! reach the goal, so that no error exceeds √2 times the error of uniform sampling.
+//! Samples are added in rounds. A lit pixel that has the relative error e after n samples needs n (e / goal)²
+//! samples in total. The slice reaches the goal when a given share of its lit pixels has reached the goal. A
+//! share of 0.5 is the median. Samples are therefore assigned first to the tiles in which they make the most
+//! pixels reach the goal. Tiles whose pixels have reached the goal, or would need many samples to reach it,
+//! get fewer samples. No tile gets less than half of the uniform number of samples that would reach the goal,
+//! so that no error exceeds √2 times the error of uniform sampling.
 //!
 //! If the noise of a pixel determined its sample count, the mean would be biased, because sampling would
 //! stop where the first samples are dim. Therefore at least [`LEAST_LIT`] pixels determine the samples of a
@@ -22,8 +22,8 @@ pub const ROUND: &str = "round";
 /// Name of the root attribute of a store whose tiles have different numbers of samples.
 pub const TILE_SAMPLES: &str = "tile_samples";
 
-/// Minimum number of lit pixels that determine the samples of a tile. If the tile has fewer, its neighbours
-/// or all tiles are included.
+/// Minimum number of lit pixels that determine the samples of a tile. If the tile has fewer lit pixels, those
+/// of its neighbours or of all tiles are included.
 pub const LEAST_LIT: usize = 64;
 
 /// Number of candidate sample counts per factor of 2. Candidates are 2^(i/`STEPS`) times the uniform count,
@@ -31,14 +31,14 @@ pub const LEAST_LIT: usize = 64;
 const STEPS: i32 = 16;
 const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 
-/// Maximum ratio of a round's samples to the samples of all earlier rounds. Error estimates from few
-/// samples are less reliable.
+/// Maximum ratio of a round's samples to the samples of all earlier rounds. The maximum is needed because
+/// error estimates from few samples are less reliable.
 const GROWTH: f64 = 4.0;
 
 /// Ratio of a round's target error to the goal, so that the last round does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples per pixel of a tile in a round. A tile that needs at most half of it is skipped.
+/// Minimum number of samples per pixel of a tile in a round. Tiles that need at most half are skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
@@ -51,7 +51,7 @@ pub struct Goal {
     pub slice: String,
     /// Relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Share of the lit pixels that must reach the error, 0 to 1; 0.5 for the median.
+    /// Fraction of the lit pixels that must reach this error, 0 to 1; 0.5 for the median.
     pub share: f64,
     /// Samples per pixel in the first round.
     pub first: u32,
@@ -122,7 +122,7 @@ pub struct Tile {
     pub pixels: u32,
     /// Number of samples per pixel so far.
     pub samples: u32,
-    /// Whether the slice keeps any pixel of the tile.
+    /// True if the slice keeps at least one pixel of the tile.
     pub kept: bool,
 }
 
@@ -159,11 +159,11 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Numbers of samples that the pixels of a tile need.
+/// Number of samples that each pixel of a tile needs to reach the goal.
 struct Needs {
-    /// Samples that the tile's own lit pixels need.
+    /// Samples that each lit pixel of the tile needs.
     own: Vec<f64>,
-    /// Sorted numbers of samples that the pixels need that determine the tile's count.
+    /// Samples that each pixel needs, for all pixels that determine the sample count of the tile; sorted.
     samples: Vec<f64>,
 }
 
@@ -185,14 +185,15 @@ impl Tile {
 }
 
 impl Survey {
-    /// Returns the relative error that a share of the lit pixels does not exceed; 0 if no pixel is lit.
+    /// Returns the relative error that a fraction `share` of lit pixels does not exceed; 0 without lit
+    /// pixels.
     pub fn reached(&self, share: f64) -> f64 {
         let errors = sorted(self.lit.iter().map(|p| p.error).collect());
         quantile(&errors, share).unwrap_or(0.0)
     }
 
-    /// Returns the number of samples per pixel with which uniform sampling would reach this error,
-    /// estimated from variances.
+    /// Returns the number of samples per pixel with which uniform sampling would reach the error
+    /// [`Self::reached`], estimated from variances.
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);
         let needs = self.lit.iter().map(|p| p.samples * (p.error / reached).powi(2));
@@ -216,7 +217,7 @@ impl Survey {
         self.next_by(goal, LEAST_LIT)
     }
 
-    /// Works as [`Self::next`], with at least `least` pixels that determine the samples of a tile.
+    /// Works as [`Self::next`], but at least `least` pixels determine the samples of a tile.
     pub(crate) fn next_by(&self, goal: &Goal, least: usize) -> Next {
         if self.reached(goal.share) <= goal.error {
             return Next::Reached;

@@ -21,7 +21,7 @@ pub struct Scene {
     pub(crate) far: f32,
     /// Light tree over the point emitters, if there are too many to connect each path vertex to all of them.
     pub(crate) point_tree: Option<LightTree>,
-    /// Reason for the choice of the integrator; `None` if the scene file selects it.
+    /// Reason for the choice of the integrator; `None` if the scene file selects the integrator.
     why: Option<&'static str>,
 }
 

@@ -107,11 +107,11 @@ pub struct Settings {
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
     /// Restricts bidirectional path tracing to one unweighted strategy: the number of vertices on the light
-    /// subpath and on the camera subpath, ends included. This setting is for tests; the result lacks all
-    /// other paths.
+    /// subpath and on the camera subpath, ends included. This setting is for tests: the result lacks the
+    /// light of all other paths.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that may be used. A subset is for tests; the result lacks paths that only other strategies
-    /// can sample.
+    /// Strategies that may be used. A subset is for tests: the result lacks the light of paths that only
+    /// other strategies can sample.
     pub strategies: Strategies,
     /// Seed of the random streams.
     pub seed: u64,

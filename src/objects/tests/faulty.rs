@@ -16,7 +16,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 static LIVES: LazyLock<Mutex<HashMap<String, Arc<AtomicI64>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the number of remaining changes that `mortal://NAME/..` makes before it fails.
+/// Returns the number of changes that the store `mortal://NAME/..` still makes before it fails.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     let mut lives = LIVES.lock().unwrap_or_else(PoisonError::into_inner);
     lives.entry(name.to_owned()).or_default().clone()
@@ -31,8 +31,8 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Fails temporarily: of ten requests, two consecutive requests are lost, and the response to a third
-    /// one is lost.
+    /// Fails temporarily: of ten requests, two consecutive requests and the response to a third request are
+    /// lost.
     Flaky(Arc<AtomicU64>),
     /// Fails permanently after a number of changes.
     Mortal(Arc<AtomicI64>),

@@ -3,8 +3,8 @@
 
 use glam::DVec2;
 
-/// Largest angle from the optical axis, in radians, at which the lens is inverted. Normalized coordinates
-/// are on the plane z = 1, which a ray at 90° does not intersect.
+/// Largest angle from the optical axis, in radians, at which the lens distortion can be inverted. Normalized
+/// coordinates are on the plane z = 1, which a ray at 90° does not intersect.
 pub const WIDEST: f64 = 1.565;
 
 /// Coefficients k1 to k4 of a fisheye lens. A point p on the plane z = 1, with r = |p| and θ = atan r, is
@@ -14,7 +14,7 @@ pub struct Fisheye {
     pub k: [f64; 4],
 }
 
-/// Radius below which the lens is the identity up to rounding errors.
+/// Radius below which the distortion is the identity up to rounding errors.
 const TINY: f64 = 1e-8;
 
 impl Fisheye {

@@ -16,7 +16,7 @@ use glam::Vec3A;
 /// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// A factor times a frame rotation (cos 2θ, sin 2θ), while no interaction was polarizing or depolarizing.
+    /// A factor times a frame rotation (cos 2θ, sin 2θ), before any polarizing or depolarizing interaction.
     Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// A general Mueller matrix.
     Full(Mueller),

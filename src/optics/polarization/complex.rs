@@ -94,7 +94,7 @@ mod tests {
             (0.0, 2.0, [1.0, 1.0]),
             (-3.0, 4.0, [1.0, 2.0]),
             (-3.0, -4.0, [1.0, -2.0]),
-            // (2 + 10⁻⁵ i)²: the imaginary part is far below the resolution of an f32 difference.
+            // For (2 + 10⁻⁵ i)², the imaginary part is below the resolution of an f32 difference.
             (4.0, 4e-5, [2.0, 1e-5]),
             (-4.0, 4e-5, [1e-5, 2.0]),
         ] {

@@ -20,7 +20,7 @@ pub fn polarizer(theta: f32) -> Mueller {
     turned(p, theta)
 }
 
-/// Returns the linear retarder with the fast axis at θ and the retardance δ by which the slow axis lags.
+/// Returns the linear retarder with the fast axis at θ. Light along the slow axis lags by the retardance δ.
 /// With δ = π/2, the retarder is the quarter-wave plate Q(θ).
 pub fn retarder(theta: f32, delta: f32) -> Mueller {
     let (s, c) = delta.sin_cos();

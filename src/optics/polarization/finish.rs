@@ -30,8 +30,8 @@ impl Chain {
     }
 
     /// Ends the path as [`Self::finish`] does, after one more non-depolarizing interaction, a factor, and a
-    /// rotation (cos 2θ, sin 2θ) of the frame of incident light. The chain is not copied. For `d_out` and
-    /// `frame` see [`Self::push`].
+    /// rotation (cos 2θ, sin 2θ) of the frame of incident light. The chain is not copied. `d_out` and `frame`
+    /// are as in [`Self::push`].
     #[inline]
     pub fn finish_scattered(
         &self,

@@ -64,7 +64,7 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let eta = Complex { re: n, im: k };
     let eta2 = eta * eta;
     let sin2 = Spectral::ONE - ci * ci;
-    // η cosθ_t = √(η² - sin²θ_i): one square root instead of a complex division.
+    // Compute η cosθ_t = √(η² - sin²θ_i), which takes one square root instead of a complex division.
     let root = (eta2 - Complex::real(sin2)).sqrt();
     let ci_c = Complex::real(ci);
     let r_s = (ci_c - root) / (ci_c + root);

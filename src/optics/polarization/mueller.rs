@@ -77,8 +77,8 @@ impl Mueller {
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
     }
 
-    /// Multiplies by R(θ) on the left, given cos 2θ and sin 2θ: rotates the outgoing frame by θ (M' =
-    /// R(θ_out) M R(-θ_in)).
+    /// Multiplies the matrix by R(θ) on the left, given cos 2θ and sin 2θ: rotates the outgoing frame by θ
+    /// (M' = R(θ_out) M R(-θ_in)).
     #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -89,8 +89,8 @@ impl Mueller {
         }
     }
 
-    /// Multiplies by R(θ) on the right. Afterwards the matrix acts on Stokes vectors in a frame whose
-    /// rotation by θ gives the previous incoming frame.
+    /// Multiplies the matrix by R(θ) on the right. Afterwards the matrix acts on Stokes vectors in a frame
+    /// whose rotation by θ gives the previous incoming frame.
     #[inline]
     pub fn rotate_in(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));

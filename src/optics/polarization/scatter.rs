@@ -7,7 +7,7 @@ use crate::spectrum::Spectral;
 use glam::Vec3A;
 
 /// A single interaction that maps light travelling along `-wi` to light travelling along `wo`.
-// A box would allocate memory at every bounce. Writing a small variant does not write the unused bytes.
+// Variants are not boxed, to avoid allocations. Writing a small variant does not write unused bytes.
 #[expect(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Scatter {

@@ -135,8 +135,8 @@ mod tests {
         }
     }
 
-    /// Compares with ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), which is zero for n₁² =
-    /// n₀ n_s.
+    /// Compares the reflectance with ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), which is
+    /// zero for n₁² = n₀ n_s.
     #[test]
     fn a_quarter_wave_film_matches_the_textbook() {
         for (ns, n1) in [(1.52_f32, 1.38_f32), (1.52, 2.3), (1.9044, 1.38)] {

@@ -75,7 +75,7 @@ pub fn d(h: Vec3A, alpha: f32) -> f32 {
 pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     let tan = (w.x * w.x + w.y * w.y).sqrt() / w.z.abs().max(f32::MIN_POSITIVE);
     let a = 1.0 / (alpha * tan).max(f32::MIN_POSITIVE);
-    // For larger a, Λ < 1e-8.
+    // For larger values of a, Λ < 1e-8.
     if a > 4.0 {
         return 0.0;
     }
@@ -102,7 +102,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
         x = x.clamp(bottom, top);
         s = erf_inv(x);
         let excess = 1.0 + x + t * (-s * s).exp() - u * all;
-        // This is the limit of f32 accuracy, which is rarely reached in more than three steps.
+        // The limit of f32 accuracy is reached, usually after at most three steps.
         if excess.abs() < 1e-6 * all {
             break;
         }

@@ -121,7 +121,7 @@ fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
 /// logarithms cancel at grazing incidence.
 #[inline]
 fn beta(x: f32, y: f32) -> f32 {
-    // Without masking: B(1, y) = 1/y.
+    // Without masking, B(1, y) = 1/y.
     if x == 1.0 || y == 1.0 {
         return 1.0 / (x * y);
     }

@@ -4,7 +4,7 @@
 //! (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at least one
 //! direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
 //! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and applies a
-//! random digital shift, so that the numbers are uniform and estimates are unbiased for any number of nets.
+//! random digital shift. The numbers are thus uniform, and estimates are unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -25,7 +25,7 @@ pub type Nets = [u16; POINTS];
 /// Returns the nets of 2^bits points, 1 ≤ bits ≤ [`MOST_BITS`].
 ///
 /// # Panics
-/// If `bits` is out of range.
+/// Panics if `bits` is out of range.
 pub fn nets(bits: u32) -> &'static Nets {
     static ALL: LazyLock<[Nets; MOST_BITS as usize]> = LazyLock::new(|| from_fn(|k| make(k as u32 + 1)));
     &ALL[bits as usize - 1]

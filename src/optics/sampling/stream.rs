@@ -1,11 +1,11 @@
 //! Counter-based random streams: one for each camera sample, keyed by (seed, pixel, sample).
 //!
-//! Without stratification, the samples of a pixel are independent. With stratification, groups of samples
-//! are independent. The first numbers of a group's samples are in the strata of nets ([`super::nets`]),
-//! which are selected at random for every group. The variance of the mean is estimated without bias from
-//! the independent samples or groups. Error estimates are therefore valid for any number of samples, and
-//! renders with different seeds merge exactly. No state is shared, so results do not depend on threads,
-//! tiles or resumption.
+//! Without stratification, the samples of a pixel are independent. With stratification, groups of samples are
+//! independent. The first random numbers of a group's samples are in the strata of nets ([`super::nets`]),
+//! which are selected at random for every group. The variance of the mean is estimated without bias from the
+//! independent samples or groups. Error estimates are therefore valid for any number of samples, and renders
+//! with different seeds merge exactly. No state is shared, so results do not depend on threads, tiles or
+//! resumption.
 
 use super::mix::mix;
 use super::nets::{MOST_BITS, Nets, POINTS, nets};
@@ -20,7 +20,7 @@ pub struct Stream {
     strata: Strata,
 }
 
-/// State of the stratified numbers.
+/// State of the stratified random numbers.
 #[derive(Clone, Debug)]
 struct Strata {
     nets: &'static Nets,
@@ -38,10 +38,10 @@ struct Strata {
 /// Empty nets for unstratified samples.
 static NO_NETS: Nets = [0; POINTS];
 
-/// Number of stratified numbers per vertex of a path.
+/// Number of stratified random numbers per vertex of a path.
 const PER_VERTEX: u32 = 8;
-/// Number of vertices with stratified numbers. All further numbers are independent, because stratification
-/// has no effect after several random vertices.
+/// Number of vertices with stratified random numbers. All further numbers are independent, because
+/// stratification has no effect after several random vertices.
 const VERTICES: u32 = 3;
 
 /// The number of samples of a pixel that are stratified together: a power of two.
@@ -148,14 +148,14 @@ impl Stream {
         stream
     }
 
-    /// Returns an independent stream, keyed by the next numbers of this stream.
+    /// Returns an independent stream, keyed by the next random numbers of this stream.
     #[inline]
     pub fn fork(&mut self) -> Self {
         let [a, b, c, d] = [(); 4].map(|()| self.random.next_u32());
         Self::new(u64::from(a) << 32 | u64::from(b), c, d)
     }
 
-    /// Moves to the stratified numbers of path vertex number `vertex`, counted from 0.
+    /// Moves to the stratified random numbers of path vertex number `vertex`, counted from 0.
     #[inline]
     pub fn vertex(&mut self, vertex: u32) {
         let strata = &mut self.strata;
@@ -180,7 +180,7 @@ impl Stream {
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
         let strata = &mut self.strata;
-        // Skip an odd number, so that the pair is from one net; the count per vertex is even.
+        // Skip a number at an odd position, so that both numbers are from one net.
         if strata.next < strata.end {
             strata.next += strata.next & 1;
             if strata.next < strata.end {
@@ -261,7 +261,7 @@ mod tests {
         assert_ne!(Stream::new(0, 0, 0).uniform(), Stream::new(1, 0, 0).uniform());
     }
 
-    /// Returns the numbers of a group's samples: one per stratum of each number and per box of each pair.
+    /// Returns the random numbers of all samples of a group. Each stratum and each box contains one sample.
     fn of_group(group: Group, seed: u64, number: u32) -> Vec<[f32; 20]> {
         let first = number * group.size();
         let draw = |sample| {
@@ -273,7 +273,7 @@ mod tests {
                 let at = 2 + 9 * vertex as usize;
                 [out[at], out[at + 1]] = stream.uniform2();
                 out[at + 2] = stream.uniform();
-                // The other number of the pair is skipped.
+                // The second number of the pair is skipped.
                 [out[at + 3], out[at + 4]] = stream.uniform2();
                 [out[at + 5], out[at + 6]] = [stream.uniform(), stream.uniform()];
                 // All further numbers are unstratified.

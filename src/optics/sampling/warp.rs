@@ -42,9 +42,9 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
 }
 
-/// Warps as [`cosine_hemisphere`] does, about several unit vectors `n` (x, y, z arrays), given one pair of
-/// uniform random numbers per vector. The result is bit-identical to `basis(n) * cosine_hemisphere(u)`, but
-/// the compiler vectorizes the code.
+/// Samples directions as [`cosine_hemisphere`] does, about several unit vectors `n` (x, y, z arrays), from
+/// one pair of uniform random numbers per vector. The result is bit-identical to `basis(n) *
+/// cosine_hemisphere(u)`, but the compiler vectorizes the code.
 #[inline(always)]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
     let x = perpendiculars(n);
@@ -63,7 +63,7 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
     out
 }
 
-/// Returns the density per steradian: cosθ / π on the upper hemisphere, 0 below.
+/// Returns the density of [`cosine_hemisphere`] per steradian: cosθ / π on the upper hemisphere, 0 below.
 #[inline]
 pub fn cosine_pdf(w: Vec3A) -> f32 {
     w.z.max(0.0) * FRAC_1_PI

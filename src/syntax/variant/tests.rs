@@ -1,4 +1,4 @@
-//! Tests of variants against their files, and of the location of errors.
+//! Tests of the values of variants, and of the locations of errors.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Tests of the plans of rounds.
+//! Tests of the sample counts that are chosen for each round.
 
 use super::*;
 

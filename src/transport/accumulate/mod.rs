@@ -25,7 +25,7 @@ use wide::f64x4;
 /// Maximum number of cells of a pixel that a plain table indexes; more cells are indexed by a hash map.
 const DIRECT_CELLS: u64 = 1 << 16;
 
-/// Maps the key of a cell to the index of the cell among those of the current pixel.
+/// Maps the key of a cell to the index of the cell among the cells of the current pixel.
 enum CellIndex {
     Direct(Vec<u32>),
     Hashed(KeyMap),
@@ -158,8 +158,8 @@ impl PixelSums {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
         let per_sample = f64x4::splat(1.0 / samples);
         let per_group = f64x4::splat(1.0 / groups);
-        // Variance of the mean over groups. The sum of a group is samples / groups times as large as a
-        // sample. The variance is NaN for a single group.
+        // Compute the variance of the mean over groups. On average, the sum of a group is `size` times the
+        // value of a sample. The variance is NaN for a single group.
         let size = samples / groups;
         let per_degree = f64x4::splat(1.0 / ((groups - 1.0) * groups * size * size));
         let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
@@ -293,7 +293,7 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Sets the projector pixels s' of each slice's band for the current pixel (none without a band).
+    /// Sets the projector pixels s' of each slice's band for the current pixel; empty if there is no band.
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {

@@ -26,8 +26,8 @@ pub struct Contribution {
     /// sampled for an s' of this slice.
     pub slice: u32,
     /// Ratio of two densities of this path: the density of sampling the path for a given s', divided by the
-    /// density of sampling the path for all slices. The first density excludes the probability of selecting
-    /// s'. The ratio is 0 if the path cannot be sampled for a given s'.
+    /// density of sampling the path for all slices. The probability of selecting s' is excluded from the
+    /// first density. The ratio is 0 if the path cannot be sampled for a given s'.
     pub rival: f32,
 }
 
@@ -102,8 +102,8 @@ pub struct SlicePlan {
     bounces: u64,
     components: u64,
     labels: u64,
-    /// Number of cells of one camera element inside the time window. The cells outside the window have the
-    /// subsequent indices.
+    /// Number of cells of one camera element inside the time window. The cells outside the window follow
+    /// these cells.
     pub(super) inner: u64,
     pub(super) overflow: u64,
     pub(super) elements: usize,

@@ -6,11 +6,11 @@ use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
 /// Maximum fraction of the projector's pixels that a slice may keep per camera pixel to get separate paths.
-/// Separate paths up to double the render time, which exceeds the gain for a fraction of 1/16.
+/// Separate paths can double the render time, which outweighs the variance reduction for a fraction of 1/16.
 const MOST: f64 = 1.0 / 64.0;
 
-/// The same maximum for bands around epipolar lines. In twice the time, the variance of indirect light is 3.5
-/// times lower for a fraction of 1/256 and 1.7 times lower for 1/85 (`docs/paths.md`).
+/// The maximum for bands around epipolar lines. Separate paths double the time and divide the variance of
+/// indirect light by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
@@ -180,7 +180,7 @@ mod tests {
         let coaxial = of(ProjectorSelect::Coaxial).expect("one pixel is few");
         assert_eq!((coaxial.draw(9, &[], &mut Stream::new(1, 2, 3)), coaxial.chance(9, 0.0)), (9, 1.0));
         let band = |half_width_px, bounces| of_bounces(ProjectorSelect::Epipolar { half_width_px }, bounces);
-        // The limit of 1/128 of the pixels is two pixels, but a line crosses 16.
+        // The limit of 1/128 of the pixels is two pixels, but an epipolar line crosses 16 pixels.
         assert!(matches!(band(0.0625, true), Some(Selected::Band { most: 2, .. })));
         assert!(band(0.0625, false).is_none() && band(0.07, true).is_none());
         let block = |w, h| ProjectorSelect::Block(tensor::slice::Block { x: 14, y: 2, w, h });

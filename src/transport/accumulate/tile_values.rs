@@ -84,7 +84,7 @@ impl Scratch {
 type Finished = [Spectral; 2];
 
 struct Entry {
-    /// Key of the entry: local camera index × number of cells per camera element + cell index.
+    /// Key of the entry: local index of the camera element × number of cells per camera element + cell index.
     key: u64,
     /// Index of the entry's first matrix element in the list of values; elements are row-major.
     first: u32,
@@ -330,7 +330,7 @@ impl TileValues {
         start.push(0);
         shape.push(plan.wavelengths as u64);
         scratch.reserve(shape.iter().product::<u64>() as usize);
-        // A constant number of wavelengths, because the compiler turns copies of unknown length into calls.
+        // The number of wavelengths is constant, so that the compiler does not turn copies into calls.
         let scatter = match plan.wavelengths {
             1 => Self::scatter::<1>,
             2 => Self::scatter::<2>,

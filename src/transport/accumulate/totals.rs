@@ -59,8 +59,8 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Verifies the variance for groups of two samples at two wavelengths, one of them dark: the variance
-    /// of the mean of 0, 1, 2, 5 is 4.667/4.
+    /// Verifies the variance for four groups, one without light, of two samples each at two wavelengths. The
+    /// variance of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_computed_over_groups() {
         let mut sums = TotalSums::default();

@@ -50,7 +50,7 @@ impl PointEmitter {
             Profile::Spot { axis, beam, cutoff } => Bounds {
                 axis: *axis,
                 spread: *beam,
-                // The margin prevents rounding from excluding a direction.
+                // The margin ensures that rounding does not exclude a direction.
                 reach: cutoff - beam + 1e-3,
                 ..all
             },

@@ -78,8 +78,8 @@ fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
 pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
-    /// Computes the epipolar geometry of two calibrated devices; `None` if their centres of projection
-    /// coincide, so that epipolar lines are undefined.
+    /// Computes the epipolar geometry of two calibrated devices. Returns `None` if the centres of projection
+    /// of the devices coincide, so that epipolar lines are undefined.
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
         if baseline.length() < 1e-9 {
@@ -158,7 +158,7 @@ impl Epipolar {
     /// any order.
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
-        // `!(d > w)` instead of `d <= w`, so that NaN is treated as in epipolar slices.
+        // Use `!(d > w)` instead of `d <= w`, so that NaN is treated as in epipolar slices.
         let within = |pixel: &u32| {
             let beyond = self.distance_px(line, *pixel) > half_width_px;
             !beyond

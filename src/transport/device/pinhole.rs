@@ -46,8 +46,8 @@ pub struct Pinhole {
     pub axes: Mat3A,
     /// Thin lens, which replaces the pinhole if the aperture radius exceeds 0.
     pub lens: Lens,
-    /// True for an orthographic device, whose rays start on the image plane parallel to the axis. `focal`
-    /// is then in pixels per metre, and normalized coordinates are metres on that plane.
+    /// True for an orthographic device, whose rays start on the image plane parallel to the axis. `focal` is
+    /// then in pixels per metre, and normalized coordinates are positions on that plane in metres.
     pub parallel: bool,
     /// Offset from the normalized coordinates of directions to those of image points. [`Self::through_lens`]
     /// and [`Self::at`] set the offset; otherwise, it is 0.
@@ -125,7 +125,7 @@ impl Pinhole {
         Ok(max)
     }
 
-    /// Returns the undistorted normalized coordinates of a pixel position; `None` if there is no inverse.
+    /// Returns the undistorted normalized coordinates of a pixel position; `None` if undistortion fails.
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
         Some(n - self.shift)

@@ -31,7 +31,7 @@ pub struct Arrivals<const N: usize> {
     pub distance: [f32; N],
     /// Irradiance of a surface that faces the projector, divided by E: 1 / (z² cosθ), with z in metres.
     pub factor: [f32; N],
-    /// The points in device coordinates of the projector (right, down, forward), metres.
+    /// Positions of the points in device coordinates of the projector (right, down, forward), metres.
     pub local: Many<N>,
 }
 

@@ -21,7 +21,7 @@ const MANY: usize = 1 << 16;
 /// Number of neighbours in each direction among which PLOC looks for the box to merge with.
 const SEARCH: usize = 14;
 
-/// A node: a leaf with the primitives that the leaf contains, or a branch.
+/// A node: a leaf with its primitives, or a branch.
 pub(super) enum Part<'a> {
     Leaf(&'a [u32]),
     Branch,

@@ -20,7 +20,7 @@ use wide::f32x4;
 pub(super) const LEAF_SIZE: usize = 8;
 /// Maximum number of bins along an axis.
 const BINS: usize = 16;
-/// Maximum number of entries in a set that one task splits completely.
+/// Maximum number of entries in a set for which a single task builds the whole subtree.
 const GRAIN: usize = 1 << 13;
 /// Number of entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
@@ -28,7 +28,7 @@ const CHUNK: usize = 1 << 15;
 const DEEP: usize = 48;
 /// Mask that is XORed into an index in a corner's fourth lane; small integers would be slow denormals.
 const NUMBER: u32 = 0x4000_0000;
-/// Minimum extent of the box centres of a set along an axis for binning, metres.
+/// Minimum extent, in metres, of the box centres of a set along an axis that is divided into bins.
 const LEAST: f32 = 1e-30;
 
 /// A binary tree. The children of a branch are adjacent, follow the branch, and start at an odd index. A leaf
@@ -114,7 +114,7 @@ fn middles(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Computes the bounds of many entries in parallel; `of` computes the bounds of a chunk.
+/// Computes the bounds of many entries in parallel; the function `of` computes the bounds of one chunk.
 fn together(entries: &[Entry], of: fn(&[Entry]) -> Extent) -> Extent {
     let extents = entries.par_chunks(CHUNK).map(of);
     extents.reduce(|| Extent::EMPTY, Extent::and)

@@ -39,7 +39,7 @@ pub struct GeometryBuilder {
     boxes: Vec<Aabb>,
     /// Object index of surfaces that are added from now on.
     object: u32,
-    /// True if [`Geometry::facet`] identifies the triangles of meshes that are added from now on.
+    /// True if [`Geometry::facet`] identifies triangles of meshes that are added from now on.
     facets: bool,
 }
 
@@ -230,7 +230,7 @@ impl GeometryBuilder {
         let extent = if any { (bounds.max - bounds.min).max_element() } else { 1.0 };
         skins.push((leaves.firsts.len(), extent * SKIN));
         // To limit peak memory, the data that only the trees need are dropped before the large tables are
-        // built. The meshes are dropped between these tables.
+        // built. The meshes are dropped after the first of these tables is built.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
         let facets = self.facets_of(&leaves);

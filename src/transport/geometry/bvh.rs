@@ -242,8 +242,8 @@ impl Geometry {
         self.occluded_any::<false>(ray, tmax)
     }
 
-    /// Searches for the nearest hit. The function is inlined, so that it is compiled with the caller's
-    /// target features. `WORLD` is true if there are instances.
+    /// Searches for the nearest hit. The function is inlined and thus compiled with the caller's target
+    /// features. `WORLD` is true if there are instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         let mut nearest = Nearest::<WORLD> { geometry: self, ray, wide: Wide::new(ray), hit: None };
@@ -401,7 +401,7 @@ impl Geometry {
         })
     }
 
-    /// Iterates over the primitives of the world and their indices in [`Hit::leaf`].
+    /// Iterates over the primitives of the world: index in [`Hit::leaf`], and outline.
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
         let [packs, quadrics] = self.own;
         let flat = 8 * packs..8 * self.packs.len() as u32;
@@ -450,7 +450,7 @@ impl Geometry {
         (self.instances.len(), self.groups.len())
     }
 
-    /// Returns the memory used by all tables, bytes.
+    /// Returns the memory used by all tables, in bytes.
     pub fn bytes(&self) -> usize {
         self.tree.bytes()
             + size_of_val(&self.packs[..])

@@ -5,8 +5,8 @@ use super::pack::Wide;
 use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
-/// Minimum barycentric distance of a hit from the edges of its triangle. Adjacent triangles overlap at shared
-/// edges.
+/// Minimum barycentric distance of a hit from the edges of its triangle. Hits nearer to an edge are omitted,
+/// because adjacent triangles overlap there.
 const RIM: f32 = 1e-4;
 
 /// Visitor that collects all hits.

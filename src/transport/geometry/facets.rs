@@ -22,7 +22,7 @@ impl Facets {
         self.numbers.push(number | if whole { WHOLE } else { 0 });
     }
 
-    /// Returns the index in its mesh of the triangle at `place`; `far` selects the second of a parallelogram.
+    /// Returns the index in its mesh of the triangle at `place`; `far` selects a parallelogram's second half.
     pub(super) fn find(&self, place: u32, far: bool) -> Option<u32> {
         let at = self.places.binary_search(&place).ok()?;
         let number = self.numbers[at];

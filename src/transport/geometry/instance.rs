@@ -22,7 +22,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Returns the memory used by the group without packs, triangles and quadrics, bytes.
+    /// Returns the memory used by the group, in bytes, without packs, triangles and quadrics.
     pub(super) fn bytes(&self) -> usize {
         size_of::<Self>() + self.tree.bytes()
     }
@@ -45,7 +45,7 @@ pub(super) struct Local {
     pub(super) ray: Ray,
     /// Distance by which the ray's origin was moved along the ray, in the group's metres.
     pub(super) start: f32,
-    /// Factor from distances along the world ray to distances in the group.
+    /// Factor that converts distances along the world ray to distances in the group.
     pub(super) scale: f32,
 }
 
@@ -88,7 +88,7 @@ impl Instance {
             let (middle, half) = ((b.min + b.max) * 0.5, (b.max - b.min) * 0.5);
             let half = (m.x_axis * half.x).abs() + (m.y_axis * half.y).abs() + (m.z_axis * half.z).abs();
             let middle = self.place(middle);
-            // Several units in the last place, to cover the rounding errors of the corners.
+            // Pad by several units in the last place, to cover the rounding errors of the corners.
             let pad = (half + middle.abs() + self.origin.abs()) * 1e-6;
             all.extend(middle - half - pad);
             all.extend(middle + half + pad);

@@ -190,7 +190,7 @@ fn instances_equal_copies() {
             apart += 1;
             continue;
         }
-        // Rounding moves the hit along a grazing ray.
+        // Rounding errors shift the hit along a grazing ray.
         if b.ng.dot(ray.dir).abs() < 0.1 {
             continue;
         }

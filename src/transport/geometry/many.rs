@@ -2,7 +2,7 @@
 //!
 //! The compiler vectorizes plain loops over such arrays for batches of paths that need the same arithmetic.
 //! With one vector per path, the processor would mostly wait for divisions and square roots. Operations and
-//! their order are those of `glam`, so the results are bit-identical to the results for single vectors.
+//! the order of operations are as in `glam`, so the results are bit-identical to those for single vectors.
 
 use glam::{Mat3A, Vec3A};
 

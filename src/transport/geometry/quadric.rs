@@ -111,7 +111,7 @@ impl Quadric {
         let r = self.radius;
         let mut disc = r * r - closest.length_squared();
         if disc < 0.0 {
-            // Same computation as in [`roots`].
+            // This is the same computation as in [`roots`].
             let distance = o.length();
             disc = (r - distance) * (r + distance);
             if disc <= 0.0 {
@@ -151,7 +151,7 @@ impl Quadric {
             QuadricKind::Sphere => {
                 let a = d.length_squared();
                 let b = -o.dot(d);
-                // Discriminant from the point of closest approach, accurate for distant and near origins.
+                // Use the point of closest approach, which is accurate for distant and near origins.
                 let closest = o + d * (b / a);
                 let disc = a * (1.0 - closest.length_squared());
                 let c = (o.length() - 1.0) * (o.length() + 1.0);
@@ -190,7 +190,7 @@ impl Quadric {
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         if self.radius > 0.0 {
             let n = (hit - self.centre).normalize();
-            // Rotation about the object's own axis, also if the map to world space is a reflection.
+            // Rotate about the object's own axis, also if the map to world space is a reflection.
             let u = self.turn.cross(n);
             return (self.centre + n * self.radius, n * self.facing, u);
         }
@@ -334,7 +334,7 @@ impl Quadric {
             QuadricKind::Disk => (rows_length(m, false), t),
             QuadricKind::Cylinder => (rows_length(m, false) + (m.z_axis * 0.5).abs(), t + m.z_axis * 0.5),
         };
-        // Padding, so that flat and rounded surfaces stay inside their bounding box.
+        // Pad the box, so that flat surfaces and rounded coordinates stay inside.
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);
         (centre - half - pad, centre + half + pad)
     }

@@ -11,9 +11,9 @@
 //! to 4 elsewhere, and more for slivers. Upward and downward rounding partly cancel. The code therefore uses
 //! half of the bound, which exceeds the largest error of tens of millions of rays.
 //!
-//! A ray starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where k is a
-//! constant of the surface. A ray toward a surface ends at the same distance from the surface, or at k u
-//! times its length if this is larger. Thinner gaps are reported ([`crate::render::gaps`]).
+//! A ray from point p starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where
+//! k is a constant of the surface. A ray toward a surface ends at the same distance from the surface, or at k
+//! u times its length if this is larger. Thinner gaps are reported ([`crate::render::gaps`]).
 
 use super::ray::Surface;
 use glam::{DVec3, Vec3A};
@@ -21,7 +21,7 @@ use glam::{DVec3, Vec3A};
 /// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Fraction by which a line is shortened at its end: several rounding errors of a distance along a ray.
+/// Fraction by which a line is shortened at its end. It exceeds the rounding error of a distance on a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
 /// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a
@@ -50,8 +50,8 @@ pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
 
 /// Returns the rounding constant of a surface in an instance, from the constant `k` of the surface in group
 /// coordinates. The map to the world stretches lengths by at most `stretch`, and the inverse map by at most
-/// `back`. Both bounds are results of [`super::instance::stretch`]. Their product is 3 for maps that preserve
-/// angles.
+/// `back`. Both bounds are results of [`super::instance::stretch`]. The product of both bounds is 3 for maps
+/// that preserve angles.
 pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }

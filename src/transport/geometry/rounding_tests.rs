@@ -12,7 +12,7 @@ use optics::polarization::frame::basis;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Distances of 1 m scenes from the origin, metres.
+/// Distances, in metres, from the origin to scenes with a size of 1 m.
 const OFFSETS: [f32; 4] = [0.1, 1.0, 100.0, 1e4];
 
 fn turned(stream: &mut Stream) -> Quat {
@@ -167,7 +167,7 @@ fn rays_do_not_escape_closed_shapes() {
         ] {
             let centre = warp::sphere(stream.uniform2()) * offset;
             let turn = turned(&mut stream);
-            // Groups have other sizes; instances scale them so that each closed shape has a size of 1 m.
+            // Groups have other sizes, but the instances scale each closed shape to a size of 1 m.
             let place = Affine3A::from_scale_rotation_translation(Vec3::ONE, turn, centre.into());
             let mut builder = GeometryBuilder::default();
             let mut mesh = ball(32);
@@ -227,7 +227,7 @@ fn rays_do_not_escape_closed_shapes() {
     }
 }
 
-/// Verifies that a ray along the inside of a curved shape hits the shape again, for arbitrarily small angles.
+/// Verifies that a ray along the inside of a curved shape hits the shape again, even at grazing angles.
 #[test]
 fn grazing_rays_do_not_escape_round_shapes() {
     let mut stream = Stream::new(44, 0, 0);

@@ -19,8 +19,8 @@ const NEAR: f32 = 1e-3;
 /// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
 /// outline is a sliver, and rounding errors may change its orientation.
 const SLIVER: f32 = 1e-5;
-/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is nearly
-/// edge-on and its depths are unreliable.
+/// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
+/// nearly edge-on and its depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
 /// Relative enlargement of spheres, to allow for rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
@@ -250,7 +250,7 @@ impl Survey {
     /// Adds a flat primitive. A primitive of an instance has no index and does not occlude.
     fn flat(&mut self, leaf: Option<u32>, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
         let behind = corners.iter().all(|c| c.z <= near);
-        // The part of the primitive before the near plane must be outside the image.
+        // The part of the primitive in front of the near plane must be outside the image.
         if corners.iter().any(|c| c.z <= near) {
             let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
             if !self.is_beside(&close) {
@@ -278,7 +278,7 @@ impl Survey {
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // No overlap if all corners are outside one edge; full cover if all are inside all edges.
+                // No overlap: all corners are outside one edge. Full cover: all are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);
@@ -339,7 +339,7 @@ impl Survey {
                     continue;
                 }
                 let covered = solid && off < rim * WELL_INSIDE - half;
-                // The front hemisphere is at most this much deeper than the centre, because rays are slanted.
+                // Because rays are slanted, parts of the front hemisphere may be deeper than the centre.
                 let cover = if covered {
                     c.z + radius * (1.0 - middle.z * middle.z).sqrt() + half * radius
                 } else {

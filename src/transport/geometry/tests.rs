@@ -1,4 +1,4 @@
-//! Tests that rays hit the expected surfaces, with the builder and the tree.
+//! Tests of the builder and the tree: rays must hit the expected surfaces.
 
 use super::builder::GeometryBuilder;
 use super::mesh::Mesh;
@@ -127,7 +127,7 @@ fn bvh_equals_brute_force() {
     assert!(hits > 5000);
 }
 
-/// Verifies that no ray passes through the shared edge of two triangles: near and distant, steep and grazing.
+/// Verifies that no near, distant, steep or grazing ray passes through the shared edge of two triangles.
 #[test]
 fn shared_edges_are_closed() {
     let mut stream = Stream::new(6, 0, 0);

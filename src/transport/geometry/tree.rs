@@ -61,8 +61,8 @@ pub trait Visit {
     fn expect(&self, leaf: u32);
 }
 
-/// Prefetches a value into the cache. In large meshes, most time is spent waiting for boxes and triangles to
-/// load. Those of children on the stack can be loaded during other work.
+/// Prefetches a value into the cache. With large meshes, most time is spent waiting for boxes and triangles
+/// to load. The boxes and triangles of children on the stack can be loaded during other work.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -132,7 +132,7 @@ impl Tree {
     ) -> Self {
         let tree = Self::collapsed(&binary, &fits, &mut leaf);
         // A traversal leaves up to seven boxes per level on the stack. Only thousands of equal boxes make the
-        // tree too deep for the stack. For equal boxes, a tree that is halved in order is as good.
+        // tree too deep for the stack. For equal boxes, a tree built by halving the list is equally good.
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
             .or_else(|| Self::collapsed(&binary.halved(&bounds), &fits, &mut leaf))
             .unwrap_or_default()
@@ -234,7 +234,7 @@ impl Tree {
         loop {
             if current & LEAF == 0 {
                 let node = &self.nodes[current as usize];
-                // Not b/d - o/d, which suffers from cancellation for distant origins.
+                // Do not compute b/d - o/d, which suffers from cancellation for distant origins.
                 let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
                 let enter = at(near[0], 0).max(at(near[1], 1)).max(at(near[2], 2)).max(Eight::splat(0.0));
                 let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);

@@ -1,4 +1,4 @@
-//! Shading data of a triangle: corner, edges, normal and tangent, each stored for a single SIMD load.
+//! Shading data of a triangle: corner, edges, normal and tangent. One SIMD load reads each vector.
 //!
 //! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for each edge e, where (u, v) is the difference of
 //! texture coordinates along the edge.
@@ -8,7 +8,7 @@ use super::rounding;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3A, Vec3A, Vec4};
 
-/// A triangle. Vectors have four components for single SIMD loads; the fourth is an index ([`INDEX`]).
+/// A triangle. The fourth component of each vector is an index ([`INDEX`]).
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
@@ -122,7 +122,7 @@ impl Triangle {
 pub(super) fn bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
     let n = e1.cross(e2);
     let area2 = n.length_squared();
-    // Gradients of the barycentric coordinates.
+    // Compute the gradients of the barycentric coordinates.
     let (du, dv) = (e2.cross(n) / area2, n.cross(e1) / area2);
     let raw = a * (1.0 - u - v) + b * u + c * v;
     let column = |k: usize| (b - a) * du[k] + (c - a) * dv[k];

@@ -234,8 +234,8 @@ mod tests {
         assert!(spoken > asked / 100 && free > 500 && firsts > 500, "{free} {spoken} {asked} {firsts}");
     }
 
-    /// Compares a view with rays. Returns the numbers of queries, decisions, unoccluded points and first
-    /// hits.
+    /// Compares a view with rays. Returns the numbers of queries, of queries that the view decides, of
+    /// unoccluded points and of first hits.
     fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2], rays: u32) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];

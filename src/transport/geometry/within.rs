@@ -5,8 +5,8 @@
 //! coordinates, where the surfaces have the accuracy of the group; the hit is then transformed to the world.
 //!
 //! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform). Normals are
-//! transformed by the inverse transpose, at each corner before interpolation. Outward surfaces stay outward
-//! in reflections.
+//! transformed by the inverse transpose, at each corner before interpolation. Normals that point outward
+//! still point outward if the map is a reflection.
 
 use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC, for_each_processor, primitives};
 use super::instance::{Instance, stretch};

@@ -85,7 +85,7 @@ impl AreaLight {
             let cross = edges[0].cross(edges[1]);
             area += 0.5 * f64::from(cross.length());
             let uvs = if mesh.uvs.is_empty() {
-                // Default texture coordinates, as in the tracer.
+                // Use the default texture coordinates of the tracer.
                 [Vec2::ZERO, Vec2::X, Vec2::Y]
             } else {
                 triangle.map(|i| mesh.uvs[i as usize])
@@ -152,7 +152,7 @@ impl AreaLight {
             let [a, b, c] = [Vec3A::ZERO, facet.edges[0], facet.edges[1]].map(|edge| facet.corner + edge);
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             let radiance = if self.split && self.radiance.texture.is_some() {
-                // The few image samples may miss bright texels, so average with the overall mean.
+                // The few image samples may miss bright texels, so include the mean of the whole image.
                 0.5 * (mean + facet.mean_radiance(&self.radiance, textures))
             } else {
                 mean
@@ -190,11 +190,11 @@ impl AreaLight {
         let (centre, radius) = quadric.ball()?;
         let to = centre - p;
         let sin2 = radius * radius / to.length_squared();
-        // Close to the surface, rounding errors would make some rays miss the sphere.
+        // For a point close to the surface, rounding errors would make some rays miss the sphere.
         (sin2 < 0.999).then(|| (to.normalize(), (1.0 - sin2).sqrt()))
     }
 
-    /// Samples a point of a part for a receiver at `p`, with three uniform random numbers in [0, 1). `chance`
+    /// Samples a point of a part for a receiver at `p`, from three uniform random numbers in [0, 1). `chance`
     /// is the probability of choosing the part. Returns `None` if the point emits no light toward `p`.
     #[inline]
     pub(super) fn draw(

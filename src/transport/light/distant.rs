@@ -71,7 +71,7 @@ impl Distant {
         if along <= 0.0 {
             return None;
         }
-        // The rays of a diverging beam come from a point 1/spread behind the origin. They start where they
+        // The rays of a diverging beam come from a point 1/spread behind the origin. Rays start where they
         // intersect the plane through the origin. Path lengths are relative to a spherical wavefront that
         // touches this plane at the origin.
         let growth = 1.0 + along * self.spread;

@@ -1,8 +1,8 @@
 //! Polarization of emitted light.
 //!
 //! The Mueller matrix of each path ends at the emitter: T acts on the Stokes vector that drives the emitter,
-//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column of the
-//! result is T s and the others are 0. For an emitter with a filter F, the result is T F, with all columns.
+//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the result has the first
+//! column T s and is 0 otherwise. For an emitter with a filter F, the result is T F, with all columns.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;

@@ -3,7 +3,7 @@
 //! Paths from the camera reach area lights and the sky by two techniques: material sampling, and one
 //! connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
 //! Distant lights and beams have a single direction, which material sampling never finds. Every vertex is
-//! therefore connected to them.
+//! therefore connected to all of these lights.
 
 pub mod area;
 pub mod bounds;
@@ -121,7 +121,7 @@ impl Lights {
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins the choice of a light by a uniform random number `which`; [`Self::choose`] completes it.
+    /// Begins to choose a light by a uniform random number `which`; [`Self::choose`] completes the choice.
     #[inline]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;

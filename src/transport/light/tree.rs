@@ -37,7 +37,7 @@ struct Node {
     nearest: Row,
     /// Radiant intensity of each child as a fraction of the total over all lights; 0 for an unused lane.
     intensity: Row,
-    /// Index of each child: a node, or a light with the flag [`LEAF`].
+    /// Index of each child: of a node, or of a light with the flag [`LEAF`].
     child: [u32; WIDTH],
     /// Index of the parent node × [`WIDTH`], plus the position of this node among the parent's children.
     parent: u32,
@@ -139,7 +139,7 @@ impl Node {
         let radius = bounds.radius();
         self.radius.0[i] = radius;
         self.nearest.0[i] = 3.0 / (radius * radius).max(3e-30);
-        // A cosine of -2 is below that of any angle, so rounding cannot exclude a direction.
+        // The value -2 is below the cosine of any angle, so rounding cannot exclude a direction.
         let (sin, cos) = if bounds.spread >= PI {
             (0.0, -2.0)
         } else {
@@ -184,7 +184,7 @@ impl Node {
             let emits = half * (most + middle.max(ZERO));
             self.cos_reach.lt(most).select(emits, ZERO)
         };
-        // Same computation for the angle between the receiver's normal and the direction to the lights.
+        // Do the same for the angle between the receiver's normal and the direction to the lights.
         let receives = if at.normal == Vec3A::ZERO {
             ONE
         } else {
@@ -200,7 +200,7 @@ impl Node {
     #[inline(always)]
     fn descend(&self, at: &Receiver, choice: &mut Choice) {
         let weights = self.importances(at);
-        // The start of each child's interval, and the end of the last interval.
+        // Start of each child's interval of cumulative weights, and end of the last interval.
         let mut begins = [0.0; WIDTH + 1];
         for i in 0..WIDTH {
             begins[i + 1] = begins[i] + weights[i];
@@ -324,7 +324,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         let x = (b.centre()[axis] - low[axis]) / extent[axis];
         ((x * BINS as f32) as usize).min(BINS - 1)
     };
-    // Cost, axis, and first bin of the second group.
+    // The lowest cost so far, with its axis and the first bin of the second group.
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in (0..3).filter(|axis| extent[*axis] > 0.0) {
         let mut bins = [None::<Bounds>; BINS];

@@ -48,8 +48,8 @@ impl Blend {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
-    /// Samples one of the materials by its share, then a direction from this material. The factor share /
-    /// probability is 1.
+    /// Samples one of the materials with probability equal to its share, then a direction from this material.
+    /// The weight needs no further factor.
     #[inline]
     pub fn sample(
         &self,
@@ -65,7 +65,7 @@ impl Blend {
     }
 
     /// Returns a delta lobe (see [`Materials::specular`]). If the lobes of the two materials have different
-    /// directions, only the lobe of the first is returned.
+    /// directions, only the lobe of the first material is returned.
     #[inline]
     pub fn specular(
         &self,

@@ -26,7 +26,7 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::sampling::microfacet::{Masking, Microfacet};
 use optics::spectrum::Spectral;
 
-/// Model of transmission through a coat.
+/// Models of transmission through a coat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Passage {
     /// Fresnel transmission of the smooth mean surface.
@@ -163,7 +163,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
             through = through.scaled(Spectral::new(kept));
         }
         a += through.a;
-        // cos 2φ, where φ is the angle from the s direction of the mean surface (y) to that of the facet.
+        // The angle from the s direction of the mean surface (y) to that of the facet is φ; compute cos 2φ.
         let s = h.cross(wo);
         let length2 = s.length_squared();
         if length2 > 1e-12 {
@@ -179,7 +179,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The result is for a single α. For an image, α is half of the image's factor. In the facets model,
+/// The result is for a single α. If α is an image, half of the image's factor is used. In the facets model,
 /// reciprocity gives the result from outside directions, without an integral over inside directions.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
@@ -194,7 +194,7 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
             masking: Masking::Separable,
             ..model
         };
-        // Mitsuba's quadrature, whose cosines include both ends, so that 1 - F is 2 % too low at small α.
+        // Use Mitsuba's quadrature. Its cosines include both ends, so that 1 - F is 2 % too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);
@@ -234,7 +234,7 @@ mod tests {
         Roughness { distribution: Distribution::Ggx, masking, alpha: Scalar::uniform(alpha) }
     }
 
-    /// Verifies that facets close to the mean surface transmit as Fresnel's equations predict.
+    /// Verifies that facets with small α transmit light as Fresnel's equations predict for the mean surface.
     #[test]
     fn smooth_facets_transmit_like_the_mean_surface() {
         let eta = Spectral::splat(1.5);
@@ -258,8 +258,8 @@ mod tests {
         }
     }
 
-    /// Compares with `eval_transmittance` and `eval_reflectance` of Mitsuba 3.9.1, which `roughplastic`
-    /// tabulates (GGX, relative index 1.49). A script evaluated Mitsuba's formulas with 65,536 normals.
+    /// Compares the single-passage model with `eval_transmittance` and `eval_reflectance` of Mitsuba 3.9.1,
+    /// which `roughplastic` tabulates (GGX, relative index 1.49, 65,536 normals).
     #[test]
     fn a_single_passage_matches_roughplastic() {
         let eta = Spectral::splat(1.49);

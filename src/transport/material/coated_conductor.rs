@@ -1,4 +1,4 @@
-//! A mirror under thin films: metal or glass with up to four coatings, in reflection only.
+//! A mirror under thin films: metal or glass with up to four coatings. Only reflection is modelled.
 //!
 //! [`thin_film::reflection`] computes the Mueller matrix. A film mainly changes the phase difference between
 //! s and p reflection, which distinguishes a protected mirror from a bare one.

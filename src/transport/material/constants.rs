@@ -71,7 +71,7 @@ fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {
     Ok(all)
 }
 
-/// Normalizes a name for comparison: lower case, with `_` for spaces and hyphens.
+/// Normalizes a name for comparison: converts it to lower case and replaces spaces and hyphens by `_`.
 fn plain(name: &str) -> String {
     name.trim().to_lowercase().replace([' ', '-'], "_")
 }
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     /// Verifies n and k at 450, 550, 635 and 660 nm against printed values of an independent evaluation of
-    /// the database. The tolerance is about half a unit of the last printed digit.
+    /// the database. The tolerance is about half a unit in the last printed digit.
     #[test]
     fn the_table_holds_the_published_numbers() {
         const FACTS: [(&str, [&str; 4], [&str; 4]); 17] = [

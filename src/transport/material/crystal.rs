@@ -67,7 +67,7 @@ pub struct Crystal {
     pub split: bool,
 }
 
-/// Returns γ cos δ and γ sin δ, with cos²ψ = `cos2` and L/λ = `waves`.
+/// Returns γ cos δ and γ sin δ, for cos²ψ = `cos2` and L/λ = `waves`.
 #[inline]
 fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64, f64) {
     let n_psi = (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt().recip();
@@ -108,7 +108,7 @@ impl Crystal {
         }
     }
 
-    /// Sets the crystal of the medium `filling` beyond the face to this crystal, `id`, if `wo` is outside.
+    /// Returns the medium `filling` beyond the face; if `wo` is outside, the medium is this crystal (`id`).
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;

@@ -122,8 +122,8 @@ impl Dielectric {
         Some(s)
     }
 
-    /// Samples the wavelength that a refracted path keeps, and returns its lane and the weight with which it
-    /// represents all live wavelengths.
+    /// Samples the wavelength that a refracted path keeps. Returns the lane of this wavelength, and the
+    /// weight with which the lane represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

@@ -14,11 +14,11 @@
 //! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
 //! polarizer along the wave's electric vector. The two rays are incoherent, as if the crystal were much
 //! thicker than the coherence length or the beams narrower than their separation. Because the faces are
-//! approximate, the total transmitted power has an error of about half of (n_e - n_o)² (1 to 2 % for
+//! approximate, the total transmitted power has a relative error of about (n_e - n_o)²/2 (1 to 2 % for
 //! calcite). A projector inside such a crystal is treated as if it were inside glass.
 //!
 //! At a surface, it is unknown to which of the two waves a path from inside belongs. One wave is therefore
-//! sampled, and the polarizers correct the result: for the wrong wave the polarizers are crossed, and the
+//! sampled, and the polarizers correct the result: for the wrong wave, the polarizers are crossed, and the
 //! path contributes nothing.
 
 use super::crystal::Crystal;

@@ -45,7 +45,7 @@ pub(super) struct Passage {
     pub cos_i: f32,
     /// BSDF times cosθ_i if the facets reflect or refract all light.
     pub value: f32,
-    /// Density of `wi`, 1/sr, if a facet is sampled among the visible facets and reflects or refracts.
+    /// Density of `wi`, 1/sr, if a visible facet is sampled that reflects or refracts all light.
     pub pdf: f32,
 }
 
@@ -109,7 +109,7 @@ impl Facets {
         self.model.visible_normal(self.lo, u)
     }
 
-    /// Returns G2/G1: the fraction of light from `li` that is not masked if the facet is visible from `wo`.
+    /// Returns G2/G1: the fraction of light from `li` that reaches a facet that is visible from `wo`.
     #[inline]
     pub fn kept(&self, li: Vec3A) -> f32 {
         self.model.g2(self.lo, li) / self.model.g1(self.lo)
@@ -134,7 +134,7 @@ impl Facets {
     #[inline]
     pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
         let v = self.lo + li * eta;
-        // This is (wo·h + η wi·h)².
+        // The squared length of `v` is (wo·h + η wi·h)².
         let length2 = v.length_squared();
         if li.z >= 0.0 || length2 < 1e-10 {
             return None;

@@ -16,7 +16,7 @@ impl Materials {
         self.interface(id).is_some()
     }
 
-    /// Returns the faces of a smooth interface that refracts a single wavelength into a single direction.
+    /// Returns the faces of a smooth interface that refracts each wavelength into a single direction.
     #[inline]
     fn interface(&self, id: u32) -> Option<&dielectric::Dielectric> {
         match &self.list[id as usize] {

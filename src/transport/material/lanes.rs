@@ -1,4 +1,4 @@
-//! The wavelengths that a path carries in the lanes of a [`Spectral`].
+//! The wavelengths that a path carries, each in one lane of a [`Spectral`].
 
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;

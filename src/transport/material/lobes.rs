@@ -3,7 +3,7 @@
 //!
 //! Reflection by a smooth surface is specular. Reflection by facets and single scattering below a plastic
 //! coat are glossy. Reflection by Lambertian surfaces and plastic bodies is diffuse. Smooth transmission sets
-//! no bit; transmission through facets is glossy. A measured table cannot be separated and sets both bits.
+//! no bit; transmission through facets is glossy. A measured table is both glossy and diffuse.
 
 use super::lobe::{Lobes, Sampled};
 use super::{Material, Materials, mirror_or_sheet};

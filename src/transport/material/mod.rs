@@ -113,7 +113,7 @@ macro_rules! extended {
 
 /// All materials of a scene, with the textures and tables that they share.
 ///
-/// A material refers only to materials with smaller indices, as the scene builder ensures. Recursive
+/// The scene builder ensures that a material refers only to materials with smaller indices. Recursive
 /// evaluation therefore terminates.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {
@@ -283,7 +283,7 @@ impl Materials {
     /// Returns a delta lobe that is not divided by a sampling probability. Returns `None` if the material has
     /// no such lobe, or if the lobe carries no light.
     ///
-    /// `lane` is the wavelength lane that determines the direction if the material is dispersive.
+    /// If the material is dispersive, the wavelength lane `lane` determines the direction.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
             (extended!(), _) => None,

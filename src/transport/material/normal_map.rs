@@ -18,8 +18,8 @@ pub struct NormalMap {
     /// Index of the image. The first three channels of a normal map are x, y, z; the first channel of a bump
     /// map is the height.
     pub texture: u32,
-    /// Factor of x and y of a normal map: 0 flattens the normals, 1 leaves them unchanged. For a bump map,
-    /// the height in metres for the image value 1.
+    /// For a normal map, the factor that multiplies x and y: 0 gives the shading normal, 1 the stored
+    /// normals. For a bump map, the height in metres for the image value 1.
     pub strength: f32,
     /// True for a bump map, false for a normal map.
     pub heights: bool,

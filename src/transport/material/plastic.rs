@@ -46,7 +46,7 @@ pub struct Plastic {
     pub interreflection: Interreflection,
     /// Transmission of the coat's facets; `None` if the smooth mean surface transmits the light.
     pub passage: Option<coat::Table>,
-    /// Light scattered once below the coat, if modelled.
+    /// Lobe of light scattered once below the coat, if this lobe is modelled.
     pub single_scatter: Option<SingleScatter>,
 }
 
@@ -67,7 +67,7 @@ pub enum Interreflection {
 pub struct SingleScatter {
     /// Factor ρ_s in [0, 1].
     pub albedo: Spectrum,
-    /// Width parameter α of the distribution of normals, which has the type of the surface's distribution.
+    /// Width parameter α of the distribution of normals, which is of the same kind as that of the surface.
     pub alpha: Scalar,
 }
 
@@ -133,7 +133,7 @@ impl Plastic {
         Some(Seen { facets, n, wo, base, out, single, share: power.map(|p| p / all) })
     }
 
-    /// Returns the sum of all lobes in the frame of the reflection, times a function of the density of `wi`.
+    /// Returns the sum of all lobes in the frame of the reflection, times `weight` of the density of `wi`.
     #[inline]
     fn value(
         &self,

@@ -81,7 +81,7 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     // parallel, because the ray is inclined by at most asin(1/ior) to the sheet's normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
-    // From the refracted to the outer ray, the component along s is unchanged and the other one rotates.
+    // Outside the plate, the component along s is the same; the perpendicular one is rotated with the ray.
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }

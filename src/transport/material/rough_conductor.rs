@@ -1,8 +1,8 @@
 //! Rough metals with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
 //! Only single scattering by facets is modelled; light that would hit several facets is absorbed. Mitsuba's
-//! `roughconductor` uses separable masking and shadowing. At α = 0.3, the correlated form differs by well
-//! under 1 %; the difference increases as α⁴.
+//! `roughconductor` uses separable masking and shadowing. At α = 0.3, the result of the correlated form used
+//! here differs from Mitsuba's by well under 1 %; the difference increases as α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;

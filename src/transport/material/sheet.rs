@@ -21,8 +21,8 @@ pub enum SheetAxis {
 }
 
 impl SheetAxis {
-    /// Returns the unit vector along the axis. The axis is a line in space and thus equal for light from
-    /// either side.
+    /// Returns the unit vector along the axis. The axis is a line in space and is thus the same for light
+    /// from either side.
     #[inline]
     pub fn at(&self, at: &Surface) -> Vec3A {
         match self {

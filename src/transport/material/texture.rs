@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn images_continue_by_wrap_mode() {
-        // The lower left texel is 4, the lower right one 6.
+        // The lower left texel has the value 4, the lower right texel the value 6.
         let at = |wrap, u| value(&textures(Filter::Nearest, wrap, SAME), u, 0.25);
         for (wrap, expected) in [
             (Wrap::Repeat, [4.0, 6.0, 6.0, 4.0]),
@@ -261,7 +261,7 @@ mod tests {
             let found = [1.1, -0.1, 1.9, -0.9].map(|u| at(wrap, u));
             assert_eq!(found, expected, "{wrap:?}");
         }
-        // On the border between two adjacent copies, the value is the mean of both.
+        // On the border between two adjacent copies, the value is the mean of both edge texels.
         let mixed = |wrap| value(&textures(Filter::Bilinear, wrap, SAME), 1.0, 0.25);
         assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
         assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
@@ -285,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Verifies corner values, including high triangle indices, for which texture coordinates are coarse.
+    /// Verifies interpolated corner values, also for high triangle indices, whose coordinates are coarse.
     #[test]
     fn corner_values_are_interpolated() {
         let mut t = Textures::default();

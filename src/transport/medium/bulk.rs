@@ -145,7 +145,7 @@ impl Ensemble {
     /// Adds particles with index `n + i·k` relative to vacuum.
     ///
     /// # Errors
-    /// Returns a [`BulkError`] that names the parameter that is out of range.
+    /// Returns a [`BulkError`] if a parameter is out of range.
     pub fn add(
         &mut self,
         sizes: &SizeDistribution,
@@ -168,10 +168,10 @@ impl Ensemble {
         Ok(())
     }
 
-    /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. The caller must call this method
-    /// after the last [`Self::add`].
+    /// Prepares the fast evaluation of [`Self::matrix`] for many spheres. Call this method after the last
+    /// [`Self::add`].
     pub fn finish(&mut self) {
-        // Cost of the quadratic forms, in units of the cost of a sphere.
+        // Compute the cost of the quadratic forms, in units of the cost of a sphere.
         let long = 2 * self.terms * self.terms;
         let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
         self.products = many.then(|| Products::new(&self.spheres));
@@ -237,7 +237,7 @@ impl Optics {
     /// coefficient `host_absorption` (1/m). All lists have one entry per vacuum wavelength in `nm`.
     ///
     /// # Errors
-    /// Returns a [`KindError`] for the first kind that has a parameter out of range.
+    /// Returns a [`KindError`] for the first kind of particle with a parameter that is out of range.
     pub fn particles(
         nm: &[f64],
         host: &[f64],

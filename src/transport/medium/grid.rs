@@ -106,7 +106,7 @@ impl Grid {
         }
         // With interpolation, cell boundaries pass through the grid points, at an offset of half a unit cube.
         let shift = if self.nearest { 0.0 } else { 0.5 };
-        // Index of the next plane along each axis, and distance at which the ray crosses this plane.
+        // For each axis: index of the next plane, and distance at which the ray crosses this plane.
         let start = o + d * near - shift;
         let mut plane =
             [0, 1, 2].map(|k| if d[k] > 0.0 { start[k].floor() + 1.0 } else { start[k].ceil() - 1.0 });
@@ -223,7 +223,7 @@ mod tests {
         Ray { origin, dir }
     }
 
-    /// Integrates along a ray with the midpoint rule at 20,000 points.
+    /// Returns the integral along a ray by the midpoint rule with 20,000 points.
     fn quadrature(grid: &Grid, ray: &Ray, length: f32) -> f64 {
         const N: u32 = 20_000;
         let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -280,7 +280,7 @@ mod tests {
         let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };
         for y in [0.0, 0.5, 1.0] {
             for dir in [Vec3A::X, -Vec3A::X] {
-                // The value is 1 over a quarter, increases to 3 over a half, and is 3 over a quarter.
+                // The value is 1 for a quarter of the ray, increases to 3 over half, and is then 3.
                 let found = grid.integral(&along(y, dir), 9.0).to_array()[0];
                 assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
             }

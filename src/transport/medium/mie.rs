@@ -87,7 +87,7 @@ fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
     let (mut psi, mut chi) = (vec![0.0; count + 1], vec![0.0; count + 1]);
     let (sin, cos) = x.sin_cos();
     (psi[0], chi[0]) = (sin, cos);
-    // Functions of order -1.
+    // Start with the functions of order -1.
     let (mut psi_before, mut chi_before) = (cos, -sin);
     let decay = logarithmic_derivatives(C::new(x, 0.0), count);
     for n in 1..=count {
@@ -227,7 +227,7 @@ mod tests {
     /// 632.8 nm, m = 1.55): S11 divided by S11 at 0°, degree of polarization -S12/S11 (in their convention),
     /// S33/S11 and S34/S11. Signs are converted to those of this file.
     #[test]
-    // One of the numbers is near π/4.
+    // One of the reference values is close to π/4, but is not π/4.
     #[expect(clippy::approx_constant)]
     fn matches_bohren_and_huffman() {
         let s = sphere(2.0 * PI * 0.525 / 0.6328, 1.55, 0.0);
@@ -349,8 +349,8 @@ mod tests {
     }
 
     /// Verifies that, outside the forward direction, scattering by a large metal sphere equals Fresnel
-    /// reflection at the specular point, with angle of incidence (180° - θ)/2. The order and signs of S1 and
-    /// S2, the sign of time and the sign of k therefore agree with `polarization::fresnel`.
+    /// reflection at the specular point, with angle of incidence (180° - θ)/2. This verifies that the order
+    /// and signs of S1 and S2 and the signs of time and k agree with `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_matches_fresnel() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -373,7 +373,7 @@ mod tests {
     fn extinction_of_large_spheres_approaches_two() {
         let excess = |x: f64| sphere(x, 1.5, 0.1).q_ext() - 2.0;
         assert!(excess(3000.0) > 0.0 && excess(3000.0) < 0.012, "{}", excess(3000.0));
-        // The contribution of the edges decreases as x^(-2/3).
+        // The contribution of the edges of the sphere decreases as x^(-2/3).
         let ratio = excess(375.0) / excess(3000.0);
         assert!((ratio - 4.0).abs() < 0.1, "{ratio}");
     }

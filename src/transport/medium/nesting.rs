@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(nest.medium(&b), None);
     }
 
-    /// Verifies the media for two overlapping objects that are crossed in any order.
+    /// Verifies the medium inside two overlapping objects whose boundaries are crossed in any order.
     #[test]
     fn the_highest_priority_fills_and_hides() {
         let (b, mut nest) = (boundaries(), Nest::default());

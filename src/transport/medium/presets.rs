@@ -2,7 +2,7 @@
 //!
 //! **Milk** consists of fat globules and casein micelles in water, after Frisvad, Christensen & Jensen 2007,
 //! "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60),
-//! with the numbers of Frisvad's program of 2009:
+//! with the parameters of Frisvad's program of 2009:
 //!
 //! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030), where w is the percentage
 //!   by weight of fat or of protein,
@@ -65,7 +65,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
         if w < 2.0 { -0.252_803_379_4 * w * w + 1.418_606_759 * w } else { 1.456_189_142 * w.powf(0.36) };
     let at_50 = 7.481_403_922e-4 * w * w + 3.203_991_829e-2 * w + 0.116_215_566_7;
     let r43 = if mpa > 1.0 {
-        // Power law through both fits, at 1 MPa and at 50 MPa.
+        // Use the power law through both fits, at 1 MPa and at 50 MPa.
         untreated * mpa.powf(-(untreated / at_50).ln() / 50.0_f64.ln())
     } else {
         untreated
@@ -87,7 +87,7 @@ fn casein_sizes() -> SizeDistribution {
         let t = transform(r);
         (-(t.ln() - centre).powi(2) / (2.0 * variance)).exp() / t
     };
-    // Divide by r³ to convert from volume weights to number weights. The ends of the range are negligible.
+    // Divide by r³ to convert from volume weights to number weights. The ends contribute little.
     let radii = (2..75).map(|i| 2.0 * f64::from(i));
     SizeDistribution::List(radii.map(|r| [r * 1e-9, weight(r) / r.powi(3)]).collect())
 }
@@ -102,7 +102,7 @@ impl Milk {
     /// Returns the optical properties of the milk at the given wavelengths, which must be in 380 to 770 nm.
     ///
     /// # Errors
-    /// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
+    /// Returns a [`BulkError`] if a wavelength or a parameter is out of range.
     pub fn optics(&self, wavelengths: &Wavelengths) -> Result<Optics, BulkError> {
         let nm = wavelengths.nm();
         let host = nm.iter().map(|w| water::index(*w)).collect::<Result<Vec<_>, _>>()?;
@@ -149,7 +149,7 @@ pub fn polystyrene_index(nm: f64) -> f64 {
 /// Returns the optical properties of polystyrene spheres in water.
 ///
 /// # Errors
-/// Returns a [`BulkError`] that names the wavelength or parameter that is out of range.
+/// Returns a [`BulkError`] if a wavelength or a parameter is out of range.
 pub fn polystyrene(
     sizes: SizeDistribution,
     amount: Amount,

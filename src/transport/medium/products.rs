@@ -17,7 +17,7 @@ use super::mie::Sphere;
 pub struct Products {
     /// Number of terms of the longest Mie series.
     terms: usize,
-    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal elements doubled, and the same for d.
+    /// Rows n of Re s_n s_m* for m ≤ n, with off-diagonal elements doubled, and rows n of Re d_n d_m*.
     squares: [Vec<Vec<f64>>; 2],
     /// Rows n of Re s_n d_m* and rows n of Im s_n d_m*, each for all m.
     mixed: [Vec<Vec<f64>>; 2],
@@ -43,7 +43,7 @@ impl Products {
         let (mut squares, mut mixed) = ([triangle(), triangle()], [square(), square()]);
         let (mut re, mut im) = ([vec![], vec![]], [vec![], vec![]]);
         for (weight, sphere) in spheres {
-            // Separate real and imaginary parts of s and d of this sphere, for the inner loops.
+            // Separate the real and imaginary parts of s and d of this sphere, for the inner loops.
             for which in 0..2 {
                 re[which].clear();
                 im[which].clear();

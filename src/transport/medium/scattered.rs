@@ -18,8 +18,8 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0, because forward
-/// peaks are narrower than the resolution of cosθ in f32.
+/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0. This is needed
+/// because forward peaks are narrower than the resolution of cosθ in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
     /// 1 - cosθ, in [0, 2].
@@ -94,7 +94,7 @@ pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 /// The six elements of the scattering matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// Element S11 per steradian: the intensity for unpolarized light, whose integral over the sphere is 1.
+    /// Element S11 per steradian: the scattered intensity of unpolarized light, with integral 1.
     pub s11: T,
     pub s12: T,
     pub s22: T,

@@ -56,7 +56,7 @@ const WORK: f64 = 2.6e11;
 /// Fraction of the integrand's maximum below which the integrand is neglected at both ends.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// Returns `error` if `good` is false.
+/// Returns the error `error` if the condition `good` is false.
 fn refuse_unless(good: bool, error: SizeError) -> Result<(), SizeError> {
     if good { Ok(()) } else { Err(error) }
 }
@@ -65,7 +65,7 @@ impl SizeDistribution {
     /// Checks the parameters of the distribution.
     ///
     /// # Errors
-    /// Returns a [`SizeError`] that names the parameter that is out of range.
+    /// Returns a [`SizeError`] if a parameter is out of range.
     pub fn check(&self) -> Result<(), SizeError> {
         let radius = |r: f64| refuse_unless((1e-12..=0.01).contains(&r), SizeError::Radius(r));
         match self {
@@ -154,8 +154,8 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        // The Mie series of large spheres are long. Use fewer points above x of about 300, for which the
-        // computation would otherwise take minutes.
+        // The Mie series of large spheres are long. For size parameters above about 300, use fewer points;
+        // otherwise, the computation would take minutes.
         let most = (WORK / (wave_number * high.exp()).powi(3)).max(24.0);
         let count = (64.0 * range).clamp(POINTS[0], POINTS[1]).min(most) as usize;
         let step = (high - low) / count as f64;

@@ -1,17 +1,17 @@
 //! A scattering matrix tabulated by scattering angle for up to four wavelengths, with importance sampling.
 //!
-//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) above 90°. It is nearly uniform
-//! in θ (dθ/dv = 2 to 2.8), and v takes only one square root. It is accurate at both ends, where peaks of
-//! large particles are narrower than the resolution of cosθ in f32. S1 and S2 are polynomials in cosθ = 1 -
-//! 2v², so all elements are smooth and even functions of v. Interpolation is cubic over four nodes; the node
-//! before the first equals the second. The grid is doubled until the interpolated matrix halfway between
-//! nodes is accurate to [`TOLERANCE`].
+//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) above 90°. The grid is nearly
+//! uniform in θ (dθ/dv = 2 to 2.8), and computing v takes only one square root. It is accurate at both ends,
+//! where peaks of large particles are narrower than the resolution of cosθ in f32. S1 and S2 are polynomials
+//! in cosθ = 1 - 2v², so all elements are smooth and even functions of v. Interpolation is cubic over four
+//! nodes; the node before the first equals the second. The grid is doubled until the interpolated matrix
+//! halfway between nodes is accurate to [`TOLERANCE`].
 //!
 //! Directions are sampled with a density that agrees with S11 at the nodes and is linear in cosθ between
-//! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time is constant for any grid,
-//! and cells of low probability behind a forward peak are also sampled accurately. In the cell, the
-//! cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the density
-//! is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
+//! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time does not depend on the
+//! grid size, and cells of low probability behind a forward peak are also sampled accurately. In the cell,
+//! the cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the
+//! density is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
@@ -26,7 +26,7 @@ pub const TOLERANCE: f64 = 1e-5;
 /// Minimum and maximum number of cells between 0 and 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method for one wavelength. The cell itself is chosen with probability `keep`,
+/// A cell of the alias method for one wavelength. The method chooses this cell with probability `keep`,
 /// otherwise the cell `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {

@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn absorption_matches_published_values() {
-        // Table entries, a midpoint, the transition between the tables, and 4πk/λ above the transition.
+        // Test table entries, a midpoint, the transition between the tables, and 4πk/λ above the transition.
         for (nm, want) in [
             (380.0, 0.01137),
             (450.0, 0.00922),

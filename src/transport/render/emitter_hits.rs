@@ -22,7 +22,7 @@ pub(super) struct DirectionSampling {
 }
 
 impl DirectionSampling {
-    /// Returns the value for a ray that no connection can sample: from a mirror, smooth glass or the camera.
+    /// Returns the record for a ray that no connection can sample: from a mirror, smooth glass or the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self { density: 0.0, from: Receiver::anywhere(from) }
@@ -38,7 +38,7 @@ impl DirectionSampling {
 /// A hit of a path on an emissive surface.
 pub(super) struct EmitterHit {
     pub chain: Chain,
-    /// The light on which the path's product acts.
+    /// Direction and Stokes frame of the light on which the path's Mueller product acts.
     pub beam: Beam,
     pub surface: Surface,
     /// Index in the mesh of the triangle that was hit, if known.
@@ -51,7 +51,7 @@ pub(super) struct EmitterHit {
     pub chosen: DirectionSampling,
 }
 
-/// Appends the light of an emissive surface to a path.
+/// Appends the contribution of a path that hits an emissive surface.
 pub(super) fn add_emissive_surface(scene: &Scene, glow: &EmitterHit, out: &mut Contributions) {
     let EmitterHit { mut chain, beam, ref surface, .. } = *glow;
     let (number, light) = scene.lights.of(surface.material).expect("the surface emits light");
@@ -73,8 +73,8 @@ pub(super) fn add_emissive_surface(scene: &Scene, glow: &EmitterHit, out: &mut C
     out.push(extent, time_ps, NO_PIXEL, glow.interactions, glow.label);
 }
 
-/// Appends the light of the environment to a path that left the scene after `bounces` interactions with path
-/// label `label`. `beam` is the light on which the path's product acts.
+/// Appends the contribution of the environment for a path that left the scene after `bounces` interactions
+/// with path label `label`. The path's Mueller product acts on the light `beam`.
 #[inline]
 pub(super) fn add_environment(
     scene: &Scene,

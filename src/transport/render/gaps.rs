@@ -1,7 +1,7 @@
-//! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
+//! Detects gaps that are too thin for single precision, behind sheets and interfaces. A ray that leaves one
 //! surface may start beyond the other surface and miss it, and rays from a distance may hit the two surfaces
-//! in either order. If the meaning of a contact is known ([`Contact`]), one surface can be moved. Other gaps
-//! are rejected.
+//! in either order. If it is known what lies between two surfaces in contact ([`Contact`]), one surface can
+//! be moved. Other gaps are rejected.
 //!
 //! Let δ be the offset of rays from a surface, k the rounding constant of the surface (`geometry::rounding`),
 //! and u = 2⁻²⁴. Light passes safely from surface A to surface B if the gap is wider than 3 δ_A + δ_B (rays
@@ -23,7 +23,7 @@ const MOST_SURFACES: u32 = 32;
 /// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap, because all wedges are thin at the edge.
+/// Minimum cosine between the normals on both sides of a gap. It excludes wedges, which are thin at the edge.
 const PARALLEL: f32 = 0.95;
 
 /// Reciprocal of the maximum component difference between directions that count as equal.
@@ -35,8 +35,8 @@ const LEAST_FINDS: usize = 3;
 /// Search distance behind a surface in units of δ/k, which exceeds the required width for any two surfaces.
 const SEARCHED: f32 = 1024.0;
 
-/// Tested points of a primitive, as barycentric coordinates in both halves of a parallelogram, or as
-/// directions.
+/// Tested points of a primitive: barycentric coordinates on a triangle or parallelogram, or random numbers
+/// that select a direction from the centre of a sphere.
 const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
 
 /// A gap in which light would be lost.
@@ -51,13 +51,13 @@ pub struct Gap {
     /// Object indices on both sides, the transmitting surface first; `None` for instances of groups.
     pub objects: [Option<u32>; 2],
     pub contact: Contact,
-    /// False if the direction contradicts the kind of gap, because each of two coincident surfaces is found
-    /// behind the other. Light leaves glass toward an object that touches the glass, and hits the front of a
-    /// surface under a sheet.
+    /// False if `across` contradicts `contact`. Each of two coincident surfaces is found behind the other,
+    /// but only one direction is plausible: light leaves glass toward an object that touches the glass, and
+    /// light from a sheet hits the front of the surface below.
     likely: bool,
 }
 
-/// The meaning of a contact between two surfaces.
+/// What lies between two surfaces in contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
     /// Air is between the two surfaces, or would have no effect: the surface on this side (index 0 or 1) does
@@ -84,7 +84,7 @@ fn is_sheet(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
     materials.is_null(s.material) || materials.straight(s.material, s, wo).is_some()
 }
 
-/// Returns the gap behind a surface for light along `dir`, if there is one.
+/// Returns the narrowest gap behind a surface for light along `dir`, if there is a gap.
 fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     let g = &scene.geometry;
     let near = g.moved(s);
@@ -151,7 +151,7 @@ fn along(scene: &Scene, mut ray: Ray) -> Vec<Gap> {
     gaps
 }
 
-/// Returns a point of a primitive of the world.
+/// Returns the hit and the surface at a tested point of a primitive of the world.
 fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Option<(Hit, Surface)> {
     let g = &scene.geometry;
     match *outline {

@@ -1,5 +1,5 @@
 //! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2). Paths with low throughput and connections
-//! with low contributions are often skipped; the weights of the remaining ones are increased.
+//! with low contributions are often skipped; the weights of all others are increased.
 //!
 //! In a medium, a few connections between subpaths contribute nearly all light of a pixel. A connection whose
 //! expected contribution x is below a threshold τ is made with probability x/τ, which adds at most τ x to the

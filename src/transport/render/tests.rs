@@ -163,7 +163,7 @@ fn renders_are_bit_identical_on_all_processors() {
 /// any number of threads.
 #[test]
 fn rendering_in_parts_is_bit_identical() {
-    // 24 × 24 pixels with 9 samples, in 3 or 9 parts of 9 tiles.
+    // The image has 24 × 24 pixels with 9 samples each. It is rendered in 3 or 9 parts of 9 tiles in total.
     for (integrator, walks) in
         [(Integrator::Bidirectional, 2000), (Integrator::Bidirectional, 100), (Integrator::Caustics, 2000)]
     {

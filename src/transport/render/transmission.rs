@@ -63,7 +63,7 @@ pub(super) fn has_no_effect(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
-/// Moves light that travels along `dir` through a surface, without deflection, into the medium behind it.
+/// Moves light that travels along `dir` without deflection through a surface into the medium behind it.
 #[inline]
 pub(super) fn pass(
     scene: &Scene,

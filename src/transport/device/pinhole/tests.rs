@@ -174,7 +174,7 @@ fn points_folded_into_the_image_are_not_visible() {
     };
     let strong = Opencv { k1: -2.0, ..Opencv::default() };
     folds(strong, 100.0);
-    // The distortion increases again beyond the fold, so that each image radius has an undistorted radius.
+    // The distorted radius increases again beyond the fold, so that each image radius has an inverse.
     let wave = Opencv { k1: -1.0, k2: 0.3, ..Opencv::default() };
     folds(wave, 180.0);
     assert!(made(wave.into(), 800.0).is_ok(), "where it does not fold yet");

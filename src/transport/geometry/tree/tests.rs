@@ -7,7 +7,7 @@ use glam::Vec3A;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Visitor that records the leaves that it visits, and stops at the first if `stop` is set.
+/// Visitor that records the visited leaves, and stops at the first leaf if `stop` is set.
 struct Seen {
     met: Vec<bool>,
     stop: bool,
@@ -123,8 +123,8 @@ fn equal_boxes_do_not_give_a_deep_tree() {
         let ends = (0..1000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // Boxes with a common corner, with a common centre, without height, of zero size, long and thin and
-    // crossed, and increasingly distant.
+    // Test boxes with a common corner, with a common centre, without height, of zero size, long thin boxes
+    // that cross each other, and increasingly distant boxes.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));

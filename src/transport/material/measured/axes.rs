@@ -58,8 +58,8 @@ impl Axes {
     /// Checks the ranges, order and lengths of the axes.
     ///
     /// # Errors
-    /// Returns [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`],
-    /// [`PbsdfError::Order`] or [`PbsdfError::HalfCircle`].
+    /// Returns a [`PbsdfError`] if an axis is too short, not increasing or out of range, or if `phi_d` covers
+    /// only half a circle.
     pub fn check(&self) -> Result<(), PbsdfError> {
         for (values, (axis, low, high)) in self.angles().into_iter().zip(ANGLES) {
             if values.len() < 2 {
@@ -117,13 +117,13 @@ impl Axis {
         &self.nodes
     }
 
-    /// Returns the index of the entry at or below `x`, which may exceed the axis by a rounding error.
+    /// Returns the index of the entry at or below `x`; `x` may exceed the axis by a rounding error.
     #[inline]
     fn below(&self, x: f32) -> usize {
         let last = self.nodes.len() - 2;
         match self.rate {
             Some(rate) => {
-                // The guess is off by at most one, because the entries are even to a hundredth of a step.
+                // The index is off by at most one, because the entries are even to a hundredth of a step.
                 let i = (((x - self.nodes[0]) * rate) as usize).min(last);
                 if x < self.nodes[i] {
                     i.saturating_sub(1)

@@ -4,10 +4,10 @@
 //! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength. The
 //! factor 4 (h·wo) is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
 //!
-//! Cells are evenly spaced in azimuth about the plane of wo and n, which is a plane of symmetry of p. In q =
-//! 1 - cosθ_h, cells are narrower at small θ_h. A uniform (q, φ) in a cell is uniform in solid angle. One of
-//! the two adjacent values of θ_o is sampled by its linear weight, so the density is linearly interpolated.
-//! (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
+//! Cells are evenly spaced in azimuth, measured from the plane of wo and n, about which p is symmetric. In
+//! q = 1 - cosθ_h, cells are narrower at small θ_h. A point that is uniform in (q, φ) in a cell is uniform in
+//! solid angle. One of the two adjacent values of θ_o is sampled by its linear weight, so the density is
+//! linearly interpolated. (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
 
 use super::axes::Axis;
 use glam::Vec3A;
@@ -98,7 +98,7 @@ impl Importance {
         }
         let mut total: f64 = masses.iter().sum();
         if total <= 0.0 {
-            // No reflection is known (holes, or the horizon), so use a uniform density of half vectors.
+            // The table has no reflection for this `wo` (holes, or the horizon). Use a uniform density.
             for (mass, cell) in masses.iter_mut().zip(0..) {
                 let row = cell / self.columns;
                 *mass = f64::from(self.edges[row + 1] - self.edges[row]);

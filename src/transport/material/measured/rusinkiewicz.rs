@@ -34,18 +34,18 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let length2 = sum.length_squared();
     // Opposite directions on the horizon have no unique half vector; the normal is a valid choice.
     let h = if length2 > 1e-12 { sum * length2.sqrt().recip() } else { n };
-    // n × h, without cancellation if n and h are close.
+    // Compute n × h without cancellation if n and h are close.
     let across = n.cross(h - n);
     let sin_h = across.length();
     let b = if sin_h > 1e-6 { across * sin_h.recip() } else { perpendicular(h) };
-    // 2 wi × wo, without cancellation.
+    // Compute 2 wi × wo without cancellation.
     let cross = difference.cross(sum);
     let size = cross.length();
     let s = if size > 1e-6 { cross * size.recip() } else { -b };
     let (t, p) = (b.cross(h), h.cross(s));
     let at = Coordinates {
         phi_d: b.dot(p).atan2(t.dot(p)),
-        // Half of the chord over half of the sum, which is accurate near 0, unlike an arc cosine.
+        // Use the ratio of chord to sum, which is accurate near 0, unlike an arc cosine.
         theta_d: difference.length().atan2(length2.sqrt()),
         theta_h: sin_h.atan2(n.dot(h)),
     };
@@ -123,7 +123,7 @@ mod tests {
             let (i, o, _) = directions(at);
             prop_assert!((i.z - wi.z).abs() < 2e-5 && (o.z - wo.z).abs() < 2e-5, "{at:?}: {i} {o}");
             prop_assert!((i.dot(o) - wi.dot(wo)).abs() < 2e-5);
-            // n · (i × o) keeps its sign and magnitude, so handedness is preserved.
+            // The sign and magnitude of n · (i × o) are preserved, and thus the handedness.
             prop_assert!((i.cross(o).z - wi.cross(wo).z).abs() < 2e-5);
         }
 
@@ -148,8 +148,8 @@ mod tests {
         }
     }
 
-    /// Verifies for h = n, wi = wo, all three equal, and directions on the horizon that angles are finite and
-    /// that the frame vector is a unit vector perpendicular to both rays.
+    /// Verifies that angles are finite and that the frame vector is a unit vector perpendicular to both rays,
+    /// for h = n, wi = wo, h = n = wi = wo, and directions on the horizon.
     #[test]
     fn degenerate_configurations_have_coordinates() {
         let f = frame(0.3);

@@ -46,7 +46,7 @@ const READ_WHOLE: u64 = 64 << 20;
 /// Size of one Mueller matrix in bytes.
 const CELL: usize = 64;
 
-/// The two bands between which the value of a lane is interpolated.
+/// The two wavelength bands of a table between which the value of a lane is interpolated.
 #[derive(Clone, Copy, Debug, Default)]
 struct Band {
     low: usize,
@@ -112,7 +112,7 @@ impl Table {
     /// warning is logged once.
     ///
     /// # Errors
-    /// Returns a [`PbsdfError`] that contains the cause and the fix, but not the path.
+    /// Returns a [`PbsdfError`], without the path, if the file cannot be read or its contents are invalid.
     pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
         let map = bytes_of(path).map_err(PbsdfError::Read)?;
         Self::of(Arc::new(map), options, path)
@@ -376,7 +376,7 @@ impl Sum {
         let mut there = true;
         for i in 0..16 {
             matrix[i] = f32::from_le_bytes(words[i]);
-            // The comparison is false for NaN.
+            // This comparison is false for NaN.
             there &= matrix[i].abs() < LIMIT;
         }
         if there {
@@ -390,7 +390,7 @@ impl Sum {
     /// Returns the factor that converts the sum to the weighted mean.
     #[inline]
     fn scale(&self) -> f32 {
-        // The total weight is negligible, or M00 ≤ 0.
+        // Return 0 if the total weight is negligible or M00 ≤ 0.
         if self.weight < 1e-12 || self.elements[0] <= 0.0 { 0.0 } else { self.weight.recip() }
     }
 }

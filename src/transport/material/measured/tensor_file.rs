@@ -124,7 +124,7 @@ impl<'a> TensorFile<'a> {
     /// Checks the magic bytes, the version, and that the header is complete.
     ///
     /// # Errors
-    /// Returns [`PbsdfError::Magic`], [`PbsdfError::Version`] or [`PbsdfError::Header`].
+    /// Returns a [`PbsdfError`] if the magic bytes or the version differ, or if the header is incomplete.
     pub fn new(bytes: &'a [u8]) -> Result<Self, PbsdfError> {
         if !bytes.starts_with(MAGIC) {
             return Err(PbsdfError::Magic);
@@ -142,7 +142,7 @@ impl<'a> TensorFile<'a> {
     /// Returns the end of the header, in bytes from the start of the file.
     ///
     /// # Errors
-    /// [`PbsdfError::Header`] if the header is incomplete.
+    /// Returns [`PbsdfError::Header`] if the header is incomplete.
     pub fn header_end(&self) -> Result<usize, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         // A field has at least 13 bytes, so even an invalid count of billions stops at the end of the file.
@@ -155,8 +155,8 @@ impl<'a> TensorFile<'a> {
     /// Returns the field with this name, after checking its type, shape and byte range.
     ///
     /// # Errors
-    /// Returns [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`],
-    /// [`PbsdfError::Truncated`] or an error of [`Self::new`].
+    /// Returns a [`PbsdfError`] if the field is missing, occurs twice, has another type or exceeds the file,
+    /// or if the header is incomplete.
     pub fn field(&self, name: &'static str, dtype: Dtype) -> Result<Field<'a>, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         let mut found = None;

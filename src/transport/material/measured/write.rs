@@ -60,7 +60,7 @@ fn head(axes: &Axes) -> Vec<u8> {
 /// between s frames. NaN marks unknown values.
 ///
 /// # Errors
-/// Returns [`PbsdfError::Write`], or an error of [`Axes::check`] or [`Axes::slab_len`].
+/// Returns a [`PbsdfError`] if the axes are invalid or too long, or if the file cannot be written.
 pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) -> Result<(), PbsdfError> {
     axes.check()?;
     let mut slab = vec![0.0_f32; axes.slab_len()?];
@@ -133,7 +133,7 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
 /// first source, bands 4 to 7 those of the second, and so on.
 ///
 /// # Errors
-/// Returns [`PbsdfError::Sources`] if there are too few or too many sources, or an error of [`write()`].
+/// Returns a [`PbsdfError`] if there are too few or too many sources, or if [`write()`] fails.
 pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
     if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {

@@ -22,7 +22,8 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(crate) struct Setup {
     pub emission: Emission,
-    /// True if only redirected light counts. Camera subpaths then end if their first surface is Lambertian.
+    /// True if only redirected light is sampled ([`super`]). Camera subpaths end at a Lambertian first
+    /// surface.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
@@ -38,9 +39,9 @@ pub(crate) struct Setup {
     pub labelled: bool,
 }
 
-/// Result for a subpath that starts with interfaces: index of the first vertex behind the interfaces at which
-/// connections can end, and density per perpendicular area with which subpaths reach this vertex. The density
-/// is `None` if the path through the interfaces cannot be found from the vertex.
+/// For a subpath that starts with interfaces: the index of the first vertex behind the interfaces at which
+/// connections can end, and the density per perpendicular area with which subpaths reach this vertex. The
+/// density is `None` if the path through the interfaces cannot be found from the vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;
 
 /// Buffers that a thread reuses for all connections.
@@ -59,9 +60,9 @@ pub(crate) fn most(scene: &Scene) -> u32 {
 
 /// The line between the last vertices of two subpaths.
 pub(crate) struct Line {
-    /// Directions of the line from the camera vertex and from the light vertex.
+    /// Unit directions of the line: from the camera vertex, and from the light vertex.
     pub dirs: [Vec3A; 2],
-    /// Mean transmittance of the line divided by the squared length, 1/m².
+    /// Transmittance along the line, averaged over wavelengths and divided by the squared length, 1/m².
     pub passed: f32,
     /// For a refracted or reflected line: densities, per perpendicular area, with which the opposite subpath
     /// reaches the camera vertex and the light vertex.
@@ -82,7 +83,7 @@ pub(crate) fn behind(walk: &[Vertex]) -> Option<usize> {
     (1..=last).find(|i| !walk[*i].delta || *i == last)
 }
 
-/// Properties of a path that are not part of its matrix.
+/// Properties of a path that are not part of the path's Mueller matrix.
 pub(crate) struct Record {
     pub time_ps: f64,
     pub pixel: u32,
@@ -90,8 +91,8 @@ pub(crate) struct Record {
     pub label: u8,
 }
 
-/// Multiplies the camera's product `chain`, which acts on `beam`, by the product of vertex `y`, and appends
-/// the path to `out`.
+/// Multiplies the Mueller product `chain` of the camera subpath, which acts on `beam`, by the product of the
+/// light vertex `y`, and appends the path to `out`.
 #[inline]
 pub(crate) fn meet(mut chain: Chain, beam: Beam, y: &Vertex, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -115,7 +116,7 @@ pub(crate) struct Connector<'a> {
     /// Possible start vertices of the camera subpath and of the light subpath.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
-    /// False if no other strategy samples the same paths, or if MIS weights are not needed.
+    /// True if connections need MIS weights; false if no other strategy samples the same paths.
     pub weighs: bool,
     pub stream: &'a mut Stream,
     /// The contributions, to which new ones are appended.
@@ -155,8 +156,8 @@ impl<'a> Connector<'a> {
         self.connect(&[Vertex::end(self.scene, &end)], light, sender, Some(factor));
     }
 
-    /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution. Both
-    /// vertices may be ends of the path. If roulette has already been decided, `factor` is the weight.
+    /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution.
+    /// Either vertex may be an end. If the roulette decision has already been made, `factor` is the weight.
     pub fn connect(&mut self, camera: &[Vertex], light: &[Vertex], sender: Sender, factor: Option<f32>) {
         if self.are_separated(camera, light) {
             return;
@@ -170,7 +171,7 @@ impl<'a> Connector<'a> {
         let Some(way) = to.try_normalize() else {
             return;
         };
-        // Decide roulette once for all lobes.
+        // Make one roulette decision for all lobes.
         let Some(factor) = factor.or_else(|| {
             let mut chain = z.chain;
             if z.site != Site::Pinhole {
@@ -327,7 +328,7 @@ impl<'a> Connector<'a> {
 
     /// Returns true if no other strategy samples the path of a straight connection of these subpaths.
     fn is_sole(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
-        // A surface that light reaches only by specular events is also sampled by connections from it.
+        // If light reaches a surface only by specular events, connections from the surface sample the path.
         let lambert = |p: &Vertex| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
         self.setup.redirected && camera.len() == 1 && lambert(last(light))
     }

@@ -13,14 +13,14 @@ const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 pub(super) struct LightSubpath {
     pub ends: Ends,
     pub sender: Sender,
-    /// Random stream of the subpath, after the random numbers that the subpath has used.
+    /// Random stream of the subpath, positioned after the random numbers that the subpath has used.
     pub stream: Stream,
     pub limits: Limits,
 }
 
 impl Walks {
-    /// Traces a light subpath, or the first branch of it, up to vertex `point`; `None` if the scene has no
-    /// emitters.
+    /// Traces a light subpath, or the first branch of it, up to vertex `point`. Returns `None` if the scene
+    /// has no emitters.
     pub(super) fn light_subpath(
         &mut self,
         scene: &Scene,
@@ -47,8 +47,8 @@ impl Walks {
 }
 
 /// Returns the image point of the projector at which a subpath starts. The points of one sample are evenly
-/// spread (Roberts 2018, the additive recurrence of the plastic number). A random shift that is common to all
-/// points makes each point uniformly distributed.
+/// spread (by the additive recurrence of the plastic number, Roberts 2018). A random shift that is common to
+/// all points makes each point uniformly distributed.
 #[inline]
 fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(seed, u32::MAX, number.sample);

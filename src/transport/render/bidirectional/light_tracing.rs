@@ -125,8 +125,8 @@ impl Walks {
 
 /// Decides by roulette whether to keep a vertex of a light subpath that the camera sees directly or along a
 /// specular path. Returns the weight of the vertex. The unweighted contribution is an upper bound for the
-/// MIS-weighted contribution. The weight takes longer to compute and is evaluated only for the vertices that
-/// are kept. Tracing the subpath again takes longest.
+/// MIS-weighted contribution. The MIS weight takes longer to compute and is evaluated only for the vertices
+/// that are kept. The most expensive step is to trace a subpath again for each kept vertex.
 fn decide(
     connector: &mut Connector,
     light: &[Vertex],
@@ -148,7 +148,7 @@ fn decide(
         let brings = brings(&connector.out);
         connector.out.list.clear();
         connector.out.elements.clear();
-        // The contribution is zero if the connection is blocked.
+        // `brings` is zero if the connection is blocked.
         if brings == 0.0 {
             return None;
         }

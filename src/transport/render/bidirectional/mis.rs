@@ -30,8 +30,8 @@ pub(super) struct Densities {
 /// Number of samples of each strategy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Number of light subpaths per connection: the probability that a light subpath starts at the emitter of
-    /// the path.
+    /// Number of light subpaths per connection, which is the probability that a light subpath starts at the
+    /// emitter of the path.
     pub light: f32,
     /// Number of light subpaths per camera pixel and sample. All of these subpaths are connected to the
     /// camera's pinhole.
@@ -64,7 +64,7 @@ impl Tries {
     }
 }
 
-/// Returns the weight of the strategy that connects `light` and `camera`, subpaths that include their ends.
+/// Returns the MIS weight of the strategy that connects the subpaths `light` and `camera`, ends included.
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());

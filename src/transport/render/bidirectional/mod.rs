@@ -90,7 +90,7 @@ pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// The contributions of each sample, in order; the Mueller elements of all contributions.
+    /// The contributions of each sample, in order. `elements` contains the Mueller elements of all of them.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
@@ -98,7 +98,7 @@ pub struct Walks {
 /// Buffers that a thread reuses between light subpaths that are traced before the render.
 type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
 
-/// Returns true if connections between `s` light vertices and `t` camera vertices are enabled.
+/// Returns true if light subpaths of `s` vertices are connected to camera subpaths of `t` vertices.
 #[inline]
 pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
@@ -273,7 +273,7 @@ impl Plan {
     }
 }
 
-/// Returns the intensity of all contributions, in the brightest wavelength lane.
+/// Returns the total intensity of all contributions, in the brightest wavelength lane.
 #[inline]
 pub(super) fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
@@ -281,8 +281,8 @@ pub(super) fn brings(out: &Contributions) -> f32 {
 }
 
 impl Walks {
-    /// Traces paths for the given `samples` of camera pixel (x, y), each through a uniformly distributed
-    /// point. Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
+    /// Traces paths for the given `samples` of camera pixel (x, y), each through a uniformly random point.
+    /// Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
     pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
         self.lists.resize_with(samples.len(), Vec::new);
         let mut elements = std::mem::take(&mut self.elements);
@@ -341,7 +341,7 @@ impl Walks {
                 if (share == 1.0 || stream.uniform() < share)
                     && self.camera.points.get(1).is_some_and(goes_on)
                 {
-                    // Over all samples, each light subpath can start at any point.
+                    // Over all samples, the start of the subpath with this number is uniformly distributed.
                     let number = WalkNumber { sample, walk: pixel };
                     partner = self.light_subpath(scene, plan, number, (usize::MAX, Splitting::Never));
                     rays += partner.as_ref().map_or(0, |_| self.light.rays);

@@ -82,7 +82,7 @@ fn walks(connector: &Connector, z: &Vertex, id: u32, y: &Vertex) -> f32 {
 }
 
 impl Connector<'_> {
-    /// Returns the MIS weight of a subpath if light of an emitter enters at the vertex `y` that follows `z`.
+    /// Returns the MIS weight of a subpath whose vertex `y` after `z` receives light of an emitter at `to`.
     pub fn share_of_walk(&mut self, z: &Vertex, y: &Vertex, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;

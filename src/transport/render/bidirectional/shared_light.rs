@@ -129,13 +129,13 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Writes the file of a share: the vertices, the extents of each part, and the extents' position.
+    /// Writes the file of a share: the vertices, the extents of each part, and the position of the extents.
     fn write(
         &self,
         share: u32,
         points: impl FnOnce(&mut BufWriter<File>) -> io::Result<Option<splat_file::Extents>>,
     ) -> io::Result<Option<()>> {
-        // The name must not be used by another machine.
+        // The name of the temporary file must be unique across all machines.
         let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
         let mut file = BufWriter::new(temporary.reopen()?);
         let Some(extents) = points(&mut file)? else {
@@ -171,7 +171,7 @@ impl SharedLight {
     }
 }
 
-/// Reads where the file of a share stores the vertices of a part.
+/// Reads the extents in which the file of a share stores the vertices of a part.
 fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     const END: u64 = 12;
     let wrong = || io::Error::from(ErrorKind::InvalidData);

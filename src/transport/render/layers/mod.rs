@@ -139,11 +139,11 @@ fn pixel(scene: &Scene, surfaces: &[Option<VisibleSurface>]) -> Pixel {
 /// | `depth` | length of the ray from the pinhole in metres, along refraction (not distance along the axis) |
 /// | `optical_length` | optical length of the ray in metres, at the middle wavelength |
 /// | `position` | world position in metres |
-/// | `geometric_normal`, `shading_normal` | world, unit, toward the ray; shading: interpolated and mapped |
-/// | `object` | number, with [`Names::objects`] as labels; -1 for none |
-/// | `copy` | number of the copy of a group, from 0; -1 outside groups |
-/// | `material` | number in [`Names::materials`], of the object's most frequent material |
-/// | `albedo` | by wavelength, mean of that material; NaN without albedo (see below) |
+/// | `geometric_normal`, `shading_normal` | unit vectors in world space, on the side of the incoming ray |
+/// | `object` | index of the object in [`Names::objects`]; -1 if there is none |
+/// | `copy` | index of the group instance, from 0; -1 outside groups |
+/// | `material` | index in [`Names::materials`] of the object's most frequent material in the pixel |
+/// | `albedo` | mean albedo of that material, per wavelength; NaN if it has none (see below) |
 /// | `coverage` | fraction of the pixel that the object covers (or the background, if `object` is -1) |
 ///
 /// Metals, glass, sheets, crystals and measured tables have no albedo. If a pixel has no surface, all other

@@ -60,7 +60,7 @@ impl<'a> CrystalSearch<'a> {
             let id = surface.material;
             let enters = surface.ng.dot(ray.dir) < 0.0;
             if scene.materials.splits(id) {
-                // Crystals must be complete and must follow one another.
+                // The line must leave each crystal before it enters the next crystal.
                 if inside == enters {
                     return None;
                 }

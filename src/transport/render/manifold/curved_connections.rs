@@ -77,7 +77,7 @@ impl Connector<'_> {
         self.connect_by_chance(camera, source, factor, draw, decide);
     }
 
-    /// Returns true if the deterministic initial guess leads to this path over mirrors.
+    /// Returns true if the deterministic initial guess `over` leads to the path `path` over mirrors.
     fn is_expected(&self, z: &Vertex, path: &SpecularPath, over: &[Seed], goal: Goal) -> bool {
         if over.iter().any(|s| s.is_curved()) {
             return false;

@@ -33,7 +33,7 @@ pub(crate) struct PathLanes {
 }
 
 impl PathLanes {
-    /// Returns the value for a single wavelength.
+    /// Returns the record of a path that only one wavelength uses.
     #[inline]
     pub fn only(lane: usize, factor: f32) -> Self {
         Self { lanes: Lanes { mask: 1 << lane }, lane, factor }
@@ -45,8 +45,8 @@ const LIGHT: usize = 1;
 
 /// Probability of searching for paths over flat mirrors: `PARTICLES` from medium vertices, `IN_MEDIA` from
 /// surface vertices in a medium. Such paths are numerous and contribute little compared with light subpaths.
-/// In the milky tank, a search for all of them took an eighth of the render time for a hundredth of the
-/// light.
+/// In the example scene of a milky tank, a search for all of them took an eighth of the render time for a
+/// hundredth of the light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
@@ -189,7 +189,7 @@ impl Connector<'_> {
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
-        // In a medium, most mirrors are too distant.
+        // In a medium, most mirrors are too distant to contribute.
         let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
             let ray = Ray { origin: z.surface.p, dir };
             let length = (first.point - z.surface.p).length();
@@ -202,9 +202,9 @@ impl Connector<'_> {
     }
 
     /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution is that
-    /// of a straight path: light `scattered` toward the end × intensity `end` of the end × n²/d². The
-    /// decision is repeated when the transmittance of media is known. Returns the start, the route and the
-    /// weight.
+    /// of a straight path: light `scattered` toward the end × intensity `end` of the end × n²/d², with
+    /// refractive index n and distance d. The decision is repeated when the transmittance of media is known.
+    /// Returns the start, the route and the weight.
     #[inline]
     pub fn spin(
         &mut self,
@@ -325,7 +325,7 @@ impl Connector<'_> {
             passed: 1.0,
             arrivals: [Some(path.density(density, &passed)), None],
         };
-        // If other weights ignore these paths, no other strategy samples the paths that reach this point.
+        // If other weights ignore paths over mirrors, no other strategy samples the path of this connection.
         let weight = if path.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {

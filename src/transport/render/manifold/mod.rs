@@ -10,12 +10,12 @@
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
 //! where M_x is the scattering matrix at x, and each Sᵢ is the transmission matrix of an interface, with
-//! radiance scaled by the squared indices. Without refraction, 1/J is 1/d². A light subpath samples the same
-//! path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
+//! radiance scaled by the squared refractive indices. Without refraction, 1/J is 1/d². A light subpath
+//! samples the same path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
 //!
 //! A curved interface may have several specular paths, and the straight line leads to at most one of them.
-//! The result depends only on x, so that MIS weights ([`super::bidirectional`]) can determine for any path
-//! whether it would have been found. The other paths are sampled at random ([`curved_connections`]).
+//! The result depends only on x, so that MIS weights ([`super::bidirectional`]) can account for whether a
+//! path is found from the straight line. The other paths are sampled at random ([`curved_connections`]).
 //!
 //! A path may also include [`mirrors`]; the initial guess is then a given point on each mirror. J has the
 //! same definition.
@@ -52,7 +52,7 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Maximum of 1 - cosine between the directions of equal paths, which is an angle of a milliradian.
+/// Maximum of 1 - cosine between the directions of equal paths, which corresponds to a milliradian.
 const SAME: f32 = 5e-7;
 
 /// Factor by which the offset of traced rays from their surface is increased. These rays are offset along
@@ -357,8 +357,8 @@ impl SpecularPath {
         ratio * ratio
     }
 
-    /// Multiplies `chain`, whose light has the frame `frame`, by all interactions on the path to the emitter
-    /// at `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
+    /// Multiplies `chain`, whose light has the frame `frame`, by the matrices of all interactions on the path
+    /// to the emitter at `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
     pub fn follow(
         &self,
         scene: &Scene,

@@ -32,8 +32,8 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// Extends a ray from `from` past `to`. `length` is the path length so far, and position and direction
-    /// have derivatives. Returns `None` if the ray points away from `to`.
+    /// Extends a ray from `from` past `to`. `length` is the path length so far; `p` and `d` are the
+    /// derivatives of position and direction. Returns `None` if the ray points away from `to`.
     #[inline]
     pub fn past(to: Vec3A, from: Vec3A, dir: Vec3A, [p, d]: [[Vec3A; 2]; 2], length: f32) -> Option<Self> {
         let way = (to - from).dot(dir);

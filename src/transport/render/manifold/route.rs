@@ -67,7 +67,7 @@ impl<'a> Route<'a> {
     }
 
     /// Returns a route over the mirror points `over`. `through` contains the numbers of interfaces before,
-    /// between and after them.
+    /// between and after these points.
     #[inline]
     pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
         Self { through, over, mirrors: Some(mirrors), passes: 1.0 }

@@ -75,7 +75,7 @@ struct Path {
     /// The hit of the current ray; `surface` is the surface at the hit.
     hit: Option<Hit>,
     surface: Surface,
-    /// Sampling of the current ray's direction; set only if a ray can hit an emitter.
+    /// How the current ray's direction was sampled; set only if a ray can hit an emitter.
     chosen: DirectionSampling,
     /// Sampling density of the current ray's direction per steradian; 0 for a delta lobe. Set only if slices
     /// sample projector pixels.
@@ -98,8 +98,8 @@ pub struct Paths {
 struct Rows {
     /// Positions of the paths' vertices, metres.
     points: Many<BATCH>,
-    /// For Lambertian surfaces: normals on the side of scattering; `uniforms` are the random numbers for the
-    /// next direction.
+    /// Normals of Lambertian surfaces, on the side of scattering. `uniforms` are the random numbers from
+    /// which the next directions are sampled.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
     /// Points for which lights are chosen, the chosen lights, and random numbers for points on the lights.
@@ -135,8 +135,8 @@ impl Paths {
         self.trace_any::<MORE>(batch)
     }
 
-    /// Implements [`Self::trace`] with AVX instructions. No operations are fused, so the results are
-    /// bit-identical.
+    /// Implements [`Self::trace`] with AVX2 instructions. Multiplications and additions are not fused, so the
+    /// results are bit-identical.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
@@ -314,7 +314,7 @@ impl Path {
         }
     }
 
-    /// Returns the surface as the start of connections, after `bounces` earlier interactions.
+    /// Returns the surface point from which connections start, after `bounces` earlier interactions.
     #[inline(always)]
     fn vertex<'a>(&'a self, scene: &'a Scene, bounces: u32) -> ShadingPoint<'a> {
         let Some(hit) = self.hit else {

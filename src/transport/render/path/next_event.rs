@@ -203,8 +203,8 @@ pub(super) fn connect_lights(at: &ShadingPoint, drawn: Option<Drawn>, out: &mut 
     rays
 }
 
-/// Makes one connection: tests known visibility first, then evaluates the BRDF, and traces a ray only if both
-/// allow light to pass. Returns the number of traced rays.
+/// Makes one connection: tests the known visibility first, then evaluates the BRDF, and traces a ray only if
+/// neither excludes a contribution. Returns the number of traced rays.
 #[inline(always)]
 fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     if known == Some(false) {
@@ -248,12 +248,12 @@ fn connect_by_kind(at: &ShadingPoint, to: &Connection, known: Option<bool>, out:
 /// Visibility between a surface and an emitter.
 enum Visibility {
     Visible,
-    /// The ray hit a surface, which blocks it or is a sheet that transmits light.
+    /// The ray hit a surface, which either blocks the ray or is a sheet that transmits light.
     Blocked(Ray),
     Hidden,
 }
 
-/// Returns the number of traced rays and the visibility of an emitter. If `known` is set, no ray is traced.
+/// Returns the number of traced rays and the visibility of an emitter, which is visible if `known` is set.
 #[inline(always)]
 fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Visibility) {
     if known.is_some() {

@@ -85,7 +85,7 @@ pub(super) fn draw_all(
 
 /// How a surface vertex z of a path was sampled, and its connections to the projector.
 pub(super) struct Sampling {
-    /// Density of the direction toward z per steradian; 0 if only a single direction was possible.
+    /// Density per steradian with which the direction toward z was sampled; 0 for a delta lobe.
     pub density: f32,
     /// Unit direction and distance (metres) from z to the projector.
     pub lit: Option<(Vec3A, f32)>,
@@ -103,7 +103,7 @@ impl Sampling {
             let ng = z.surface.ng;
             let density = per_area(projector, ng, wi, far) * z.hit.t * z.hit.t / ng.dot(z.wo).abs();
             for made in &mut out.list[self.before..] {
-                // Contributions with more interactions than `z` cross sheets.
+                // Contributions with more interactions than `z` belong to connections that cross sheets.
                 if made.pixel != NO_PIXEL && made.bounces == z.bounces {
                     made.rival = density / self.density;
                 }
@@ -112,7 +112,7 @@ impl Sampling {
     }
 }
 
-/// Connects the camera vertex `z` to the points that sampled s' illuminate. Returns the number of rays.
+/// Connects the camera vertex `z` to the points lit by the sampled pixels s'. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect(
     z: &ShadingPoint,
@@ -193,7 +193,7 @@ impl LitPoint {
         let dir = way * length.recip();
         let origin = scene.geometry.leave(z.surface, dir);
         let line = scene.geometry.reach(y, -dir, length) - origin;
-        // Zero, negative or NaN if the points coincide or are in one plane, within rounding errors.
+        // The product is zero, negative or NaN if the points coincide or are in one plane, up to rounding.
         let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
         if !(apart(z.surface.ng) && apart(y.ng)) {
             return 0;

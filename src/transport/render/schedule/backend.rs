@@ -149,7 +149,7 @@ impl Cpu<'_> {
     /// further tile is started after `stop` returns true or `take` fails.
     ///
     /// # Errors
-    /// Returns the error of `take`.
+    /// Returns the error of `take` if `take` fails.
     pub fn render<E: Send>(
         &self,
         tiles: &[u32],

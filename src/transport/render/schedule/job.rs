@@ -79,7 +79,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Returns lens coefficients by name: always the five of Brown–Conrady, and others only if they are non-zero.
+/// Returns lens coefficients by name: the five of the Brown–Conrady model, and all others that are non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),

@@ -98,12 +98,11 @@ impl Share<'_> {
 }
 
 /// Renders all slices of a scene into a sink, on the current rayon pool. The result is bit-identical for any
-/// division into parts.
-///
-/// The attributes `extra` are stored in addition to the provenance of the scene.
+/// division into parts. The attributes `extra` are stored in addition to the provenance of the scene.
 ///
 /// # Errors
-/// Returns a [`RenderError`]. Tiles that the sink stored before the error are complete.
+/// Returns a [`RenderError`] if the scene has no slices, the share is invalid, threads cannot be started, or
+/// the sink fails. Tiles that the sink stored before the error are complete.
 pub fn render<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],

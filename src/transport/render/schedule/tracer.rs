@@ -1,4 +1,4 @@
-//! Samples the paths of a camera pixel: unidirectional, bidirectional, or first one kind and then the other.
+//! Samples the paths of a camera pixel: unidirectional paths, bidirectional paths, or both kinds in turn.
 
 use super::tiles;
 use crate::accumulate::Contribution;

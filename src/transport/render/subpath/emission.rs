@@ -41,7 +41,7 @@ pub(crate) struct Emission {
     starts: Option<ProjectorDistribution>,
 }
 
-/// The pinholes for one sample: those of the devices, or points on their lenses.
+/// The pinholes for one sample: those of the devices, or random points on the lenses of the devices.
 #[derive(Clone, Copy)]
 pub(crate) struct Ends {
     pub camera: Pinhole,
@@ -263,7 +263,7 @@ impl Emission {
         let (dir, pixel, density) = match self.emitter_of(scene, ends, source) {
             Emitter::Projector(p) => {
                 let at = self.starts.as_ref().map_or(at, |starts| starts.point(at));
-                // Evaluated at `at`, because rounding of the direction might give an adjacent cell.
+                // Use `at`, because rounding of the direction might give an adjacent cell.
                 let relative = self.starts.as_ref().map_or(1.0, |starts| starts.density(at));
                 let [w, h] = p.pinhole.resolution;
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
@@ -319,7 +319,7 @@ impl Emission {
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
                 density: self.density(scene, ends, source, dir),
-                // Unused, because connections are traced from the side of the camera.
+                // This field is unused, because connections are traced from the side of the camera.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),
             },

@@ -15,7 +15,7 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Relative distance beyond the free path to which surfaces are searched for, because of rounding errors.
+/// Margin, relative to the free path, by which the search for surfaces exceeds the free path.
 const REACH: f32 = 1e-3;
 
 /// The state of a subpath between two vertices.
@@ -56,7 +56,8 @@ impl Hero {
         Self { lane: lanes.nth(0), likely: lanes.ones() }
     }
 
-    /// Records an event with `densities` by lane. Returns the density to divide by; `None` on underflow.
+    /// Records an event with `densities` by lane. Returns the density that divides weights; `None` on
+    /// underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -66,7 +67,7 @@ impl Hero {
         if !(now > 0.0 && now.is_finite()) {
             return None;
         }
-        // Normalize the values, of which only ratios matter, to stay near 1.
+        // Normalize the values to stay near 1; only their ratios matter.
         self.likely *= Spectral::splat(1.0 / now);
         Some(now / all)
     }

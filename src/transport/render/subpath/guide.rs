@@ -28,19 +28,19 @@ use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
 /// Probability of guided scattering toward a target at each medium vertex. Light on a path may have its large
-/// deflection at any of dozens of vertices, so with a higher probability, few subpaths reach later vertices.
-/// (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
+/// deflection at any of dozens of vertices, so with a higher probability, few subpaths reach later vertices
+/// unguided. (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
 const SHARE: f32 = 0.06;
 
 /// Maximum strength of the lean toward a target; less than 1, so that all directions remain possible.
 const LEAN: f32 = 0.9;
 
 /// Number of scattering events with guiding. Subsequent events follow the phase function alone. The weight of
-/// a subpath is a product of one factor per guided event. The tail of the weight distribution grows with
-/// their number beyond what splitting compensates. Example: in a lossless slab of optical depth 32 and
-/// asymmetry 0.82, light is scattered hundreds of times. With guiding in all events, the result was 5 to 14 %
-/// too low for up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49
-/// events.)
+/// a subpath is a product of one factor per guided event. The tail of the weight distribution grows with the
+/// number of guided events beyond what splitting compensates. Example: in a lossless slab of optical depth 32
+/// and asymmetry 0.82, light is scattered hundreds of times. With guiding in all events, the result was 5 to
+/// 14 % too low for up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most
+/// 49 events.)
 pub(super) const MOST_EVENTS: u32 = 48;
 
 /// Maximum number of targets in a medium for subpaths from one end.
@@ -108,13 +108,13 @@ impl Guide {
         if targets.is_empty() {
             return Lean { partner: to, factor: 1.0 };
         }
-        // Normalized again, because rounding errors would otherwise triple at each vertex.
+        // Normalize again, because rounding errors would otherwise triple at each vertex.
         let partner = (back * (2.0 * back.dot(to)) - to).normalize();
         let mut pull = Vec3A::ZERO;
         for target in targets {
             pull += (*target - at.p).normalize_or_zero();
         }
-        // The mean over targets is used, so that opposing targets cancel.
+        // Use the mean over all targets, so that opposing targets cancel.
         let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
         Lean { partner, factor: 1.0 + more }
     }
@@ -289,8 +289,8 @@ mod tests {
         }
     }
 
-    /// Verifies that subpaths from the opposite end, in other media and at a target have the density of the
-    /// phase function alone.
+    /// Verifies that the density is that of the phase function alone for subpaths from the opposite end, in
+    /// other media, and at a target.
     #[test]
     fn other_subpaths_keep_the_density_of_the_medium() {
         let (media, guide) = guided();

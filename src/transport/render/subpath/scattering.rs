@@ -22,7 +22,7 @@ pub(crate) struct Progress {
     pub density: f32,
     /// How the current direction was sampled, for emitters that the subpath hits.
     pub chosen: DirectionSampling,
-    /// Throughput of the subpath if nothing had absorbed light.
+    /// Throughput that the subpath would have without absorption.
     pub full: f32,
     /// Expected radiance from the current direction, relative to other directions.
     pub hope: f32,
@@ -109,7 +109,7 @@ fn select_lobe(
     stream: &mut Stream,
 ) -> u8 {
     let (materials, id) = (&scene.materials, s.material);
-    // Transmission through an interface is already weighted by its own lobe, and has only one kind.
+    // The weight of transmission through an interface is already that of its only kind of lobe.
     if from == From::Camera || next.delta || next.filling.is_some() {
         return materials.part(id, s, back, next, stream);
     }
@@ -133,7 +133,7 @@ pub(super) fn scatter_on(
     let mut lanes = flight.state.lanes;
     let id = surface.material;
     if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // Only subpaths that a partial sheet scatters have a vertex there; its connections count for all.
+        // Only subpaths that a partial sheet scatters have a vertex here; its weight covers all subpaths.
         let straight = scene.materials.straight_chance(id, surface, back, lanes);
         if straight > 0.0 && straight < 1.0 {
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));

@@ -53,7 +53,7 @@ impl Splitting {
     ) -> Option<Branch> {
         let chain = &mut progress.flight.state.chain;
         let counts = chain.max_m00() / progress.full;
-        // This excludes NaN and infinity.
+        // The range excludes NaN and infinity.
         let much = (LEAST..f32::INFINITY).contains(&counts);
         if !much || self == Self::Never || progress.splits == MOST {
             return None;

@@ -220,7 +220,7 @@ impl Vertex {
         scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Returns the ratio of projected area along a unit direction to area: the cosine, or 1 in a medium.
+    /// Returns the ratio of projected to actual area along a unit direction: the cosine, or 1 in a medium.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {

@@ -24,7 +24,7 @@ pub(crate) struct Walk {
     pub points: Vec<Vertex>,
     /// State of the subpath after it left the scene.
     pub escape: Option<Escape>,
-    /// The hits of the subpath on emissive surfaces.
+    /// The points at which the subpath hit emissive surfaces.
     pub glows: Vec<EmitterHit>,
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with earlier branches.
@@ -38,7 +38,7 @@ pub(crate) struct Walk {
 /// A subpath that has left the scene.
 pub(crate) struct Escape {
     pub chain: Chain,
-    /// The light on which the subpath's product acts.
+    /// Direction and Stokes frame of the light on which the subpath's Mueller product acts.
     pub beam: Beam,
     /// Number of earlier interactions; `label` is their path label.
     pub interactions: u32,

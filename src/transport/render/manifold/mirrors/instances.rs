@@ -27,7 +27,7 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // Exact for a uniform scale, otherwise approximate. Any positive sampling probability is valid.
+            // This area factor is exact for a uniform scale. An approximation suffices for all other maps.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))

@@ -103,7 +103,7 @@ fn paths_over_a_flat_mirror_have_equal_angles() {
     assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
 }
 
-/// Verifies two mirrors at a right angle: both may reflect light, from most points in only one order.
+/// Verifies paths over two mirrors at a right angle. For these points, only one order of the mirrors exists.
 #[test]
 fn paths_over_two_mirrors_have_equal_angles() {
     let all = [
@@ -140,7 +140,7 @@ fn seeds_cover_curved_mirrors() {
         large += u32::from(on(0.0, 1.0));
         assert!(on(0.0, 1.0) || on(4.0, 0.5), "{p}");
     }
-    // Expect four fifths, within 5 standard deviations of a binomial distribution.
+    // Expect four fifths of the points on the large sphere, within 5 standard deviations.
     let (share, sigma) = (f64::from(large) / f64::from(n), (0.16 / f64::from(n)).sqrt());
     assert!((share - 0.8).abs() < 5.0 * sigma, "{share}");
 }
