@@ -169,12 +169,12 @@ fn errors_name_the_fault_and_fix() {
         }),
         ("`M` has shape (0, 3, 3, 2, 4, 4)", |f| f[4].2[0] = 0),
         ("`M` has shape ()", |f| f[4].2 = vec![]),
-        ("`phi_d` has shape (4); expected shape (1, 4)", |f| f[0].2 = vec![4]),
+        ("`phi_d` has shape (4), expected (1, 4)", |f| f[0].2 = vec![4]),
         ("`phi_d` has shape (2, 4)", |f| {
             f[0].2 = vec![2, 4];
             f[0].3.extend([0; 16]);
         }),
-        ("`theta_d` has shape (1, 4); expected shape (1, 3)", |f| {
+        ("`theta_d` has shape (1, 4), expected (1, 3)", |f| {
             f[1].2 = vec![1, 4];
             f[1].3.extend([0; 4]);
         }),
