@@ -24,8 +24,8 @@ pub struct Application {
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Function that learns the task of the first method from training observations; `None` unless the method
-    /// computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
+    /// Function that learns the task of the first method from training observations; `None` unless this
+    /// method computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
     pub task: Option<Learn>,
 }
 
@@ -81,7 +81,7 @@ pub enum Truth {
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a variant; [`itself`] for the same variant.
+        /// Returns the variant to render for a given variant; [`itself`] returns the given variant.
         of: fn(u64) -> u64,
         /// Factor by which the number of samples exceeds that of the other renders.
         samples: u32,

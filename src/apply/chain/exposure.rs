@@ -70,10 +70,10 @@ pub struct Detectors {
 }
 
 impl Exposure {
-    /// Checks the values.
+    /// Checks the values of the exposure.
     ///
     /// # Errors
-    /// An error that names the first invalid number.
+    /// If a value is invalid; the error names the first invalid value.
     pub fn check(&self) -> Result<(), ChainError> {
         let demand = |field, value: f64, holds, need| {
             let bad = DetectorError::Field { field, value, need };

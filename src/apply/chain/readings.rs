@@ -45,7 +45,7 @@ impl<'a> Readings<'a> {
     /// standard errors are kept.
     ///
     /// # Errors
-    /// [`ChainError`].
+    /// [`ChainError`] if the detector refuses its settings or the light.
     pub fn of(slice: &'a Slice, real: &Scheme, detectors: &Detectors, seed: u64) -> Result<Self, ChainError> {
         let light = Light::of(slice)?;
         let noise = detectors.noise(&light)?;

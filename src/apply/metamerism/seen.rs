@@ -42,7 +42,8 @@ impl Seen {
     }
 }
 
-/// A method that computes a score per pixel. Real fruit should have higher scores.
+/// A method that computes a score per pixel. A pixel of a real fruit should have a higher score than a pixel
+/// of a fake fruit.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }

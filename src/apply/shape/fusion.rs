@@ -95,7 +95,7 @@ fn trusted(weight: f64, residual: f64) -> f64 {
     weight / (1.0 + weight * residual * residual / (CAUCHY * CAUCHY))
 }
 
-/// Returns the pixels that steps connect to a pixel with a known depth.
+/// Returns whether each pixel is connected by steps to a pixel with a known depth.
 fn reached(p: &LogDepth) -> Vec<bool> {
     let mut known: Vec<bool> = p.values.iter().map(|v| v.weight > 0.0).collect();
     loop {

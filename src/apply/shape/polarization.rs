@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_PI_2;
 /// The component of the reflected light whose polarization is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reflection {
-    /// Diffuse light from below the surface.
+    /// Diffuse light that leaves the object through the surface.
     Diffuse,
     /// Specular light, at zenith angles below Brewster's.
     Specular,

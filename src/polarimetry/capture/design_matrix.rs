@@ -75,7 +75,7 @@ impl DesignMatrix {
         Self { a, name: scheme.name.clone(), captures: scheme.captures(), least: scheme.least_captures() }
     }
 
-    /// Returns the intensities of a row-major Mueller matrix.
+    /// Returns the intensities that the captures measure for a row-major Mueller matrix.
     pub fn intensities(&self, mueller: &[f64; 16]) -> DVector<f64> {
         &self.a * DVector::from_column_slice(mueller)
     }

@@ -110,7 +110,7 @@ impl Quantity {
         self.shape().iter().product::<u64>() as usize
     }
 
-    /// Returns whether the quantity is computed from the Lu–Chipman factors.
+    /// Returns whether computing the quantity requires the Lu–Chipman factors.
     fn needs_parts(self) -> bool {
         matches!(self, Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator)
     }

@@ -117,7 +117,7 @@ enum Start {
     Random(u32),
 }
 
-/// Learns all settings of a template that change between captures.
+/// Learns those settings of a template scheme that change between captures.
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
     learn_before(template, objective, search, &())
 }

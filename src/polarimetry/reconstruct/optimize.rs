@@ -53,7 +53,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     best
 }
 
-/// A point, and the function's value and gradient there.
+/// A point, and the value and gradient of the function at this point.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
 /// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
@@ -61,7 +61,7 @@ struct Remembered<'a, F> {
     f: &'a F,
     last: Mutex<Option<Evaluated>>,
     best: Mutex<Minimum>,
-    /// Number of consecutive undefined values.
+    /// Number of consecutive evaluations at which the function is undefined.
     walls: AtomicU32,
 }
 

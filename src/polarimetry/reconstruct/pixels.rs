@@ -154,7 +154,7 @@ impl<T: PixelNumber> Reconstruction<T> {
     /// measurement, then by pixel. `out` receives 16 elements per pixel, and `errors` their standard errors.
     ///
     /// # Panics
-    /// If lengths differ.
+    /// If the lengths of the arguments do not match.
     pub fn apply(
         &self,
         intensities: &[T],

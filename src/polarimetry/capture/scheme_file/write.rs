@@ -7,7 +7,8 @@ use super::super::spectral_value::SpectralValue;
 use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
-/// The fields to write: only those that differ from an ideal element. TOML omits fields that are `None`.
+/// The fields of an element to write: only those that differ from an ideal element. TOML omits fields that
+/// are `None`.
 #[derive(Serialize)]
 struct ElementOut {
     name: String,
