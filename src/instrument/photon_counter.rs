@@ -25,7 +25,7 @@ pub struct CounterLimits {
 pub struct CounterSettings {
     /// Number of bins, starting at the sync pulse.
     pub bins: usize,
-    /// Width of a bin, in picoseconds.
+    /// Width of each bin, in picoseconds.
     pub bin_ps: f64,
     /// Acquisition time.
     pub dwell: Duration,
@@ -58,7 +58,7 @@ pub trait PhotonCounter: Instrument {
     /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit, timeout or disconnected.
+    /// Returns a [`Failure`] of kind limit (unsupported settings), timeout or disconnected.
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.

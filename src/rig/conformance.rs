@@ -59,7 +59,7 @@ impl Report {
         self.0.push(Check { name, fault: found.err().map(|d| d.into().0) });
     }
 
-    /// Adds a check of several steps.
+    /// Adds a check that consists of several steps.
     fn steps(&mut self, name: &'static str, steps: impl FnOnce() -> Result<(), Deviation>) {
         self.check(name, steps());
     }

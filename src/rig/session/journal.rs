@@ -81,7 +81,7 @@ impl Journal {
     /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
-    /// Errors of the file system.
+    /// If the journal cannot be opened or created.
     pub fn open(store: &Path) -> io::Result<Self> {
         let path = store.join(FILE);
         let torn = match std::fs::read(&path) {
@@ -99,7 +99,7 @@ impl Journal {
     /// Appends events and waits until they are on disk.
     ///
     /// # Errors
-    /// Errors of the file system.
+    /// If the events cannot be written or synced.
     pub fn append(&mut self, events: &[Event]) -> io::Result<()> {
         let mut text = String::new();
         for event in events {
@@ -134,8 +134,8 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// Returns the result of `keep` for the last record of each frame on disk: frames 0, 1, … up to the first
-/// gap.
+/// Returns the result of `keep` for the last record of each frame on disk. The frames are 0, 1, … up to the
+/// first missing frame.
 ///
 /// `keep` limits memory: a run can have half a million frames.
 ///

@@ -16,7 +16,7 @@ pub enum RunError {
     Interrupted,
 }
 
-/// The progress of a run, reported after each frame.
+/// The progress of a run, which is reported after each frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
     /// Number of frames on disk, including those of earlier runs.

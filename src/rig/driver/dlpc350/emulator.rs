@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Fault of the emulator.
+/// A fault that the emulator can simulate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
     #[default]
@@ -26,7 +26,7 @@ pub enum Trouble {
     Aborts,
 }
 
-/// Pattern on the mirrors.
+/// The pattern that the mirrors display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Light {
     /// Image number in flash.

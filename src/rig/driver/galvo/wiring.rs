@@ -79,8 +79,8 @@ impl Wiring {
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
     }
 
-    /// Returns the samples of a path per channel. Both axes start and arrive together; the last sample is
-    /// `to`.
+    /// Returns the samples of a path, one list per channel. Both axes start and arrive together; the last
+    /// sample is `to`.
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);
         let axis = |i: usize| {
@@ -95,7 +95,7 @@ impl Wiring {
     /// Checks that a card can drive the mirrors over their full range.
     ///
     /// # Errors
-    /// A message with the cause and how to fix it.
+    /// If the card cannot drive the mirrors; the message states the cause and the fix.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(
