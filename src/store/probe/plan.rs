@@ -13,7 +13,8 @@ const MAX_ELEMENTS: u128 = 1 << 30;
 /// Maximum number of time bins of a pulse.
 const MAX_KERNEL: f64 = 1e6;
 
-/// Target slot of an entry along an axis of the result, and weight of the entry.
+/// A share of an entry in the result: the index of the target slot along the axis, and the weight of the
+/// entry.
 pub(super) type Share = (usize, f64);
 
 /// The plan for one axis.
@@ -267,7 +268,8 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// Returns the pattern averaged over the pixels of every entry (v, u); `None` if nothing is contracted.
+/// Returns the pattern averaged over the pixels of every entry (v, u); `None` if the probe contracts neither
+/// axis.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,

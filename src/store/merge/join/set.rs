@@ -10,7 +10,7 @@ use tensor::part::{self, Part};
 /// Maximum number of parts or tiles that a message lists.
 const NAMED: usize = 12;
 
-/// Root attributes whose values may differ between the parts of one render.
+/// Names of root attributes whose values may differ between the parts of one render.
 const OWN: [&str; 4] = [part::ATTRIBUTE, "discarded_samples", "rays", "wall_time_s"];
 
 pub(super) struct Set(Vec<(Part, TensorStore)>);
