@@ -96,7 +96,7 @@ impl CameraLimits {
     /// Checks that the settings are within the camera's limits.
     ///
     /// # Errors
-    /// Returns a message with the setting that is out of range.
+    /// Returns a message that names the setting, if a setting is out of range.
     pub fn check(&self, settings: &CameraSettings) -> Result<(), String> {
         let r = settings.region;
         let [width, height] = self.size;

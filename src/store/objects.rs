@@ -85,7 +85,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Returns an error if the store refuses the request or cannot be reached.
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
 
-    /// Returns an error if the store is read-only.
+    /// Checks that the store can be written.
     ///
     /// # Errors
     /// Returns an error if the store is read-only.

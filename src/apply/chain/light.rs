@@ -49,7 +49,7 @@ impl Light {
         Ok(Self { image, polarized })
     }
 
-    /// Converts matrices in the order of the image to a tensor with the axes of `like`.
+    /// Converts matrices in the pixel order of the image to a tensor with the axes of `like`.
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
         let lanes = like.extent(AxisKind::Wavelength);

@@ -77,7 +77,7 @@ fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Returns a mask that divides the epipolar lines of the projector into `count` stripes.
 ///
-/// If `inside`, each frame shows the lines of its stripe; otherwise it shows all other lines. A
+/// If `inside` is true, each frame shows the lines of its stripe, otherwise all other lines. A
 /// camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors

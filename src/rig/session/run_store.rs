@@ -155,7 +155,7 @@ fn maps(steps: &Steps) -> Vec<FrameMap> {
 /// Opens the store of an unfinished run of the same plan and rig.
 ///
 /// # Errors
-/// [`RunStoreError`].
+/// [`RunStoreError`] if the store cannot be opened or belongs to another run.
 pub fn resume(
     path: &Path,
     steps: &Steps,
