@@ -1,4 +1,5 @@
-//! Tests `sunstone calibrate`: calibrations from images, the resulting scene tables, and refusals.
+//! Tests that `sunstone calibrate` calibrates devices from images, writes valid scene tables, and refuses
+//! invalid input.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

@@ -43,7 +43,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     text + slices
 }
 
-/// A finished render. Dropping it deletes its files.
+/// A finished render. Dropping this value deletes the files of the render.
 pub struct Rendered {
     pub store: TensorStore,
     _folder: TempDir,
@@ -66,12 +66,12 @@ impl Rendered {
     }
 }
 
-/// Renders a scene from text; panics with the text if it is refused.
+/// Renders a scene from text; panics with the text if the scene is refused.
 pub fn render_text(text: &str) -> Rendered {
     render_scene(&scene_of(text))
 }
 
-/// Parses a scene; panics with its text if it is refused.
+/// Parses a scene; panics with the text if the scene is refused.
 pub fn scene_of(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text)
         .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))

@@ -1,5 +1,5 @@
-//! Tests single materials: samplers follow their densities, weights are values over densities, and
-//! light is reversible.
+//! Tests single materials: samplers follow their densities, weights are values divided by densities, and
+//! light paths are reversible.
 
 use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
@@ -227,7 +227,7 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of the sign
+/// Tests reciprocity for matrices between axes, from `value`. Returns also the largest effect of the sign
 /// change in Δ, divided by M00.
 pub fn reciprocal(
     name: &str,

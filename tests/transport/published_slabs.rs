@@ -9,9 +9,10 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground, under a sun of
-/// flux π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by
-/// Natraj, Li & Yung (2009, ApJ 691, 1909). The signs of Q and U are those of Sunstone's frames.
+/// Compares I, Q and U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground, under
+/// a sun of flux π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as
+/// recomputed by Natraj, Li & Yung (2009, ApJ 691, 1909). The signs of Q and U are those of Sunstone's
+/// frames.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_table_of_coulson() {
@@ -152,7 +153,8 @@ fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     }
 }
 
-/// Tests doubling: the closed form of single scattering, and reciprocity and energy of multiple scattering.
+/// Tests doubling with the closed form of single scattering, and with the reciprocity and energy conservation
+/// of multiple scattering.
 #[test]
 fn doubling_keeps_its_invariants() {
     let (mu, mu0, phi) = (0.7, 0.3, 1.1);

@@ -25,7 +25,7 @@ mod import;
 mod instances;
 mod there_and_back;
 
-/// Every material and every shape that Mitsuba also has.
+/// A scene with every material and every shape that Mitsuba can also express.
 const ALL: &str = r#"
 wavelengths_nm = [550]
 [render]
@@ -236,7 +236,7 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
 }
 
 /// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because
-/// near the horizon the f32 rounding of moved shapes decides whether it exists.
+/// near the horizon the f32 rounding of moved shapes decides whether a matrix exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
     let compared = a.is_some() && b.is_some();
