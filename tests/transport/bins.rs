@@ -1,6 +1,5 @@
-//! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a
-//! medium, through glass, over a mirror) is compared with f64 quadrature, multiple scattering with
-//! camera paths.
+//! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a medium,
+//! through glass, over a mirror) is compared with f64 quadrature, multiple scattering with camera paths.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 

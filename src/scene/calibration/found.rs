@@ -23,7 +23,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns the index of the view, out of `count` views, whose pose to use. Returns `None` if there is no
+    /// Returns the index of the view, out of `count` views, whose pose is used. Returns `None` if there is no
     /// view or none is selected.
     pub(super) fn view_of(
         &self,

@@ -49,8 +49,8 @@ impl Dlpc350 {
     /// Creates a projector on an open line. `leds` is a bit mask of the LEDs to use (1 red, 2 green, 4 blue).
     /// A pattern repeats every `period`.
     ///
-    /// # Errors [`Failure`] with limit: too many images or planes, invalid pixel values, no LED, or a
-    /// period out of range.
+    /// # Errors
+    /// [`Failure`] of kind limit for too many images, invalid pixel values, no LED, or an invalid period.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
