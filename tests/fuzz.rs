@@ -177,8 +177,7 @@ fn render_if_small(mut scene: Scene) -> bool {
     true
 }
 
-/// One change to a text. Positions are fractions of the number of numbers, lines, words or characters in the
-/// text.
+/// One change to a text. Positions are fractions of the number of numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
     /// Replaces a number by a text.

@@ -103,7 +103,6 @@ pub struct Size {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Name in tables.
     pub name: &'static str,
     /// Publication of the method, or a note that the method is new.
     pub source: &'static str,
@@ -118,7 +117,6 @@ impl Method {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Metric {
-    /// Name in tables.
     pub name: &'static str,
     /// Unit of the metric; empty for a number without unit.
     pub unit: &'static str,

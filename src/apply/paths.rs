@@ -11,7 +11,6 @@ use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
 
-/// The interactions of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
     /// The set of interactions, as bits of [`tensor::label`].
@@ -140,7 +139,6 @@ impl Paths {
         })
     }
 
-    /// Returns all light.
     pub fn all(&self) -> Map {
         self.of(|_| true)
     }

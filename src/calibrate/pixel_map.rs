@@ -17,7 +17,6 @@ impl PixelMap {
         self.0.get(pixel).map_or(f64::NAN, |v| f64::from(*v))
     }
 
-    /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.0.len()
     }

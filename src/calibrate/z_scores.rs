@@ -14,8 +14,7 @@ const BAR: std::ops::Range<f64> = 0.8..1.25;
 /// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
 /// within [`BAR`].
 const ENOUGH: f64 = 1000.0;
-/// Accepted fluctuation for fewer values, in standard deviations. This fluctuation is exceeded in one of
-/// 100,000 tests.
+/// Accepted fluctuation for fewer values, in standard deviations. One of 100,000 tests exceeds it.
 const CHANCE: f64 = 4.4;
 
 /// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …): the environment variable

@@ -91,14 +91,13 @@ pub struct AnalogSettings {
     pub rate_hz: f64,
 }
 
-/// An analog output card.
 pub trait AnalogOutput: Instrument {
     fn limits(&self) -> AnalogLimits;
 
     /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (unsupported settings), refused (a buffer is playing), timeout or
+    /// Returns a [`Failure`] of kind limit (invalid settings), refused (a buffer is playing), timeout or
     /// disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 

@@ -4,7 +4,6 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a galvo scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GalvoLimits {
     /// Maximum absolute optical angle from the axis in x and y, in degrees.

@@ -4,7 +4,6 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserLimits {
     /// Wavelength, in nanometres.
@@ -27,7 +26,6 @@ impl LaserLimits {
     }
 }
 
-/// State of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserState {
     /// Whether light is emitted.

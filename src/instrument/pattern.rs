@@ -13,7 +13,6 @@ pub struct Pattern {
     pub pixels: Vec<u8>,
 }
 
-/// Limits of a pattern projector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorLimits {
     /// Width and height, in pixels.

@@ -5,7 +5,6 @@ use super::identity::Instrument;
 use ptu::record::RecordType;
 use std::time::Duration;
 
-/// Limits of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterLimits {
     /// Maximum number of bins in a histogram.
@@ -20,7 +19,6 @@ pub struct CounterLimits {
     pub tags: Option<RecordType>,
 }
 
-/// Settings of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterSettings {
     /// Number of bins, starting at the sync pulse.

@@ -59,7 +59,6 @@ pub struct Trial<'a> {
     pub seed: u64,
 }
 
-/// The estimator of the matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimateKind {
     /// Least squares, for schemes of rank 16.
@@ -139,8 +138,7 @@ impl Trial<'_> {
     /// Runs the trial for a scheme.
     ///
     /// # Errors
-    /// [`TrialError`] if `repeat` is 0, if the image is dark, or if the captures cannot be simulated or
-    /// reconstructed.
+    /// [`TrialError`] if `repeat` is 0, the image is dark, or captures cannot be simulated or reconstructed.
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;

@@ -1,5 +1,4 @@
-//! Clocks of a rig: the machine's clock, or a simulated clock whose time advances only while an instrument
-//! waits.
+//! Clocks of a rig: the machine's clock, or a simulated clock that advances only while an instrument waits.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};

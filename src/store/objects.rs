@@ -50,7 +50,6 @@ pub struct Version {
     pub version: Option<String>,
 }
 
-/// The condition of a conditional put.
 #[derive(Clone, Debug)]
 pub enum Condition {
     /// The object does not exist (`If-None-Match: *`).

@@ -111,8 +111,7 @@ impl ZarrSink {
         Ok(store)
     }
 
-    /// Creates the store, or resumes an existing store after checking that this store contains the same
-    /// render.
+    /// Creates the store, or resumes an existing store after checking that the render is the same.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target { path, resume, replace } = &self.target;
         if *resume && TensorStore::is_there(path)? {

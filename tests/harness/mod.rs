@@ -34,7 +34,6 @@ pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
     TensorStore::open(&target.path).expect("the store just written")
 }
 
-/// Returns a field of a slice.
 pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
     store.slice(slice).expect("the slice").read_all(field).expect("its values")
 }

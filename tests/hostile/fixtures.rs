@@ -133,7 +133,6 @@ impl Fixtures {
         self.folder.path()
     }
 
-    /// Returns an empty folder.
     pub fn empty(&self) -> tempfile::TempDir {
         folder()
     }

@@ -1,5 +1,4 @@
-//! Tests that `sunstone calibrate` calibrates devices from images, writes valid scene tables, and refuses
-//! invalid input.
+//! Tests that `sunstone calibrate` calibrates devices from images, writes scene tables, and refuses faults.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

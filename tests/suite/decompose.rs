@@ -91,8 +91,7 @@ fn arrays_are_decomposed_to_arrays() {
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// Tests that decomposing a stored image gives the same results and errors as decomposing its matrices one by
-/// one.
+/// Tests that a stored image and its matrices, decomposed one by one, have the same results and errors.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();

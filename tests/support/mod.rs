@@ -55,12 +55,10 @@ impl Rendered {
         self.store.slice(slice).unwrap().read_all(field).unwrap()
     }
 
-    /// Returns the mean of a slice.
     pub fn mean(&self, slice: &str) -> Tensor {
         self.field(slice, Field::Mean)
     }
 
-    /// Returns the standard error of a slice.
     pub fn std_error(&self, slice: &str) -> Tensor {
         self.field(slice, Field::StdError)
     }
@@ -77,7 +75,6 @@ pub fn scene_of(text: &str) -> Scene {
         .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
 }
 
-/// Renders a scene.
 pub fn render_scene(scene: &Scene) -> Rendered {
     let folder = tempfile::tempdir().unwrap();
     let target = Target { path: folder.path().join("store"), ..Target::default() };

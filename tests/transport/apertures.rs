@@ -34,8 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Returns the intensity and the linear Stokes elements of the light under unpolarized illumination, with
-/// standard errors.
+/// Returns intensity and linear Stokes elements under unpolarized illumination, with standard errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);

@@ -131,8 +131,7 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     assert_close(&(got / g), &(want / w), tolerance, what);
 }
 
-/// Tests that, at normal incidence, a slab with the axis in the face at 45° acts as a wave plate of 16.3
-/// waves.
+/// Tests that, at normal incidence, a slab with its axis in the face at 45° is a wave plate of 16.3 waves.
 #[test]
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -184,8 +183,7 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Tests that light with two inner reflections crosses the slab three times, each time as through another
-/// retarder.
+/// Tests two inner reflections, by which light crosses the slab three times, each time as another retarder.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);

@@ -20,8 +20,7 @@ fn sphere(material: &str, spp: u32, depth: u32) -> crate::support::Rendered {
     render_text(&text)
 }
 
-/// Tests that surfaces that return all light in one bounce are invisible in the white furnace, in every
-/// sample.
+/// Tests that surfaces that return all light in one bounce vanish in the white furnace, in every sample.
 #[test]
 fn lossless_opaque_spheres_vanish() {
     for material in ["diffuse.albedo = 1", "conductor = { n = 0.001, k = 100 }"] {

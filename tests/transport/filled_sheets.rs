@@ -14,7 +14,6 @@ struct Sheet {
     keys: &'static str,
     /// Transmittances of the first and of the second passage.
     passes: [f64; 2],
-    /// Reflectance.
     reflects: f64,
 }
 

@@ -1,5 +1,4 @@
-//! Compares media with a density grid with closed forms of transmission, with white furnaces, and with
-//! homogeneous media.
+//! Compares media with density grids with closed forms, with white furnaces, and with homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;

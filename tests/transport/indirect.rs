@@ -10,8 +10,7 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const BIN_PS: f64 = 50.0;
 const BINS: usize = 400;
 
-/// Compares the light of the floor z = 0 and the wall x = 0 with quadrature. The camera sees one point of the
-/// floor.
+/// Compares the light of one point of the floor z = 0, next to the wall x = 0, with quadrature.
 #[test]
 fn diffuse_corner() {
     const N: u32 = 2000;

@@ -181,8 +181,7 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     }
 }
 
-/// Returns the sum of the intensities of a slice, and the standard error of this sum for independent
-/// elements.
+/// Returns the sum of a slice's intensities, and the sum's standard error for independent elements.
 fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     let (mean, error) = (r.mean(slice), r.std_error(slice));
     let light = mean.data.iter().map(|v| f64::from(*v)).sum();

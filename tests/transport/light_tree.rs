@@ -111,8 +111,8 @@ fn every_light_that_reaches_a_point_can_be_chosen() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// Tests the noise of a distant large and a near small lamp that illuminate a plane equally, at a power ratio
-/// of 3200.
+/// Tests the noise of a distant large and a near small lamp with equal irradiance on a plane, at a power
+/// ratio of 3200.
 #[test]
 fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
@@ -184,8 +184,7 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// Tests the irradiance of 400 points and spots, of which each contributes I cosθ/d². Each sample selects one
-/// of them.
+/// Tests the irradiance of 400 points and spots, of which each contributes I cosθ/d² and one is sampled.
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

@@ -50,8 +50,7 @@ pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f6
     (radiance, ray.passed[1] / ray.passed[0], ray.optical, theta)
 }
 
-/// Compares a render of a point of the wall with the traced ray. The comparison is exact, because the render
-/// has no random variation.
+/// Compares a render of a wall point with the traced ray. The render has no random variation.
 fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(f64) -> Meridian) {
     let lamp_at = DVec3::new(0.0, 0.0, 1.0);
     let lamp = Device::look_at(lamp_at.to_array(), DVec3::new(0.3, 0.2, 0.0), [64, 48], 40.0);

@@ -125,8 +125,7 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
     [(sum / f64::from(n)).sqrt(), worst]
 }
 
-/// Tests that the error of linear interpolation is of second order: half the step gives a quarter of the
-/// error.
+/// Tests that linear interpolation has second-order errors: half the step gives a quarter of the error.
 #[test]
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);

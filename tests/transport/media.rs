@@ -71,8 +71,7 @@ fn make_cases() -> Vec<(&'static str, Media)> {
     ]
 }
 
-/// Samples one of the lanes uniformly. Returns the direction, and the matrix divided by the mean density of
-/// the lanes.
+/// Samples one lane uniformly. Returns the direction, and the matrix divided by the lanes' mean density.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
     let wi = media.sample_direction(0, wo, lane, stream);

@@ -341,8 +341,7 @@ fn rough_glass_returns_its_directional_albedo() {
     }
 }
 
-/// Tests that no material returns more light than is incident if this light is unpolarized, also with
-/// correlated masking.
+/// Tests that no material increases the power of unpolarized light, also with correlated masking.
 #[test]
 fn no_energy_is_created() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {

@@ -57,7 +57,6 @@ fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64
     (m * e, length)
 }
 
-/// Returns a Lambertian wall.
 fn wall() -> M {
     let mut m = M::zeros();
     m[(0, 0)] = ALBEDO / PI;

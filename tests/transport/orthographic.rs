@@ -95,8 +95,7 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// Tests that rays begin inside a sphere of fog where the image plane is inside the sphere, and outside
-/// elsewhere.
+/// Tests that rays begin in a sphere of fog where the image plane is inside the sphere, else in air.
 #[test]
 fn rays_begin_in_the_surrounding_medium() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\

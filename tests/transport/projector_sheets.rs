@@ -29,8 +29,7 @@ fn axis(lamp: &Device, deg: f64) -> DVec3 {
     lamp.right * c - lamp.down * s
 }
 
-/// Renders a point of a white wall at the origin, which is seen from above and lit from the side through
-/// `sheets`.
+/// Renders a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
 fn wall(lamp: &Device, materials: &str, sheets: &str, slices: &str) -> Rendered {
     let camera = Device::ray([0.1, 0.0, 2.0], DVec3::ZERO);
     let text = head(2, 6, 1)

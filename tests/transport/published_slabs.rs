@@ -9,7 +9,7 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// Compares I, Q and U of light that leaves the top of a Rayleigh slab with all digits of the tables of Coulson,
+/// Compares I, Q, U of light that leaves the top of a Rayleigh slab with all digits of the tables of Coulson,
 /// Dave & Sekera (1960), as recomputed by Natraj, Li & Yung (2009, ApJ 691, 1909). The slab has τ = 0.5 over
 /// a black ground, under a sun of flux π at cos θ0 = 0.2. Signs of Q and U are those of Sunstone's frames.
 #[test]
@@ -97,8 +97,9 @@ fn spheroids(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Compares I, Q and U of light that leaves the top of a slab of [`spheroids`] with Siewert's tables, for
-/// τ = 1 and ϖ = 0.973527, under a sun of flux π at cos θ0 = 0.6. All six different elements of the matrix contribute.
+/// Compares I, Q and U of light that leaves the top of a slab of [`spheroids`] with Siewert's tables, for τ =
+/// 1 and ϖ = 0.973527, under a sun of flux π at cos θ0 = 0.6. All six distinct elements of the matrix
+/// contribute.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_tables_of_siewert() {

@@ -75,8 +75,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// Tests that a boundary that does not refract is shifted, so that the table looks as it does without the
-/// boundary.
+/// Tests that a table looks the same with and without a non-refracting boundary, which is shifted.
 #[test]
 fn a_boundary_that_does_not_refract_is_shifted() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));

@@ -339,8 +339,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// Tests that the moments also give the projector pixel if the slice resolves the polarization of camera and
-/// projector.
+/// Tests that moments give the projector pixel also if the slice resolves both polarizations.
 #[test]
 fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

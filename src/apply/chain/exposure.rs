@@ -32,7 +32,6 @@ pub enum Meter {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exposure {
-    /// Metered value.
     pub meter: Meter,
     /// Number of electrons of a camera reading at the metered value.
     pub electrons: f64,

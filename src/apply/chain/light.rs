@@ -6,7 +6,6 @@ use polarimetry::capture::mueller_image::{DEFAULT_NM, MuellerImage};
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
-/// The light of a slice.
 #[derive(Clone, Debug)]
 pub struct Light {
     /// The matrices. Intensities are matrices with T00 only.

@@ -14,7 +14,6 @@ use polarimetry::reconstruct::predicted::of_counts;
 use polarimetry::reconstruct::second_moment::Moment;
 use tensor::array::Tensor;
 
-/// The readings of a slice.
 #[derive(Clone, Debug)]
 pub struct Readings<'a> {
     slice: &'a Slice,

@@ -14,7 +14,6 @@ use tensor::axes::AxisKind;
 pub(super) enum Probe {
     /// Epipolar light, multiplied by the inverse matrix of the plate.
     Epipolar,
-    /// Non-epipolar light.
     NonEpipolar,
     /// The brighter of epipolar and non-epipolar light in each pixel.
     Brighter,

@@ -31,7 +31,7 @@ pub(super) fn rms(bench: &Bench, found: &[f64], other: &[f64], of: &Of<'_>) -> f
     (squares / n / of.elements.len() as f64).sqrt() / (light / n)
 }
 
-/// Returns the mean T00 of an object relative to the mean T00 of all pixels; NaN if no pixel shows the
+/// Returns the mean T00 of an object relative to the mean T00 of all pixels; NaN without pixels of the
 /// object.
 pub(super) fn share(bench: &Bench, object: i64) -> f64 {
     let lit = bench.truth().chunks_exact(16).enumerate();

@@ -54,7 +54,6 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
 
 #[derive(Clone, Copy)]
 enum Kind {
-    /// A family of captures with its estimator.
     Captures(Family),
     /// The lower bound without a prior, for a sensor with a polarizer array (true) or without (false).
     Bound(bool),

@@ -42,8 +42,8 @@ impl Seen {
     }
 }
 
-/// A method that computes a score per pixel. A pixel of a real fruit should have a higher score than a pixel
-/// of a fake fruit.
+/// A method that computes a score per pixel. Pixels of real fruit should have higher scores than those of
+/// fakes.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }

@@ -140,9 +140,7 @@ pub struct Centred {
     pub xy: DVector<f64>,
     /// Mean squared standard errors of the features.
     pub noise: DVector<f64>,
-    /// Means of the features.
     pub mean: DVector<f64>,
-    /// Mean of y.
     pub y: f64,
 }
 

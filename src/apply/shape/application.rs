@@ -27,8 +27,7 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// All methods. The method of Baek & Heide (2021) is the first, and the pseudo truth of their paper is the
-/// last.
+/// All methods. The method of Baek & Heide (2021) is the first, and their pseudo truth is the last.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",

@@ -37,8 +37,7 @@ pub struct Surface {
 /// The result of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Least-squares depths, and normals that are the means of the surface's normals and the selected
-    /// candidates.
+    /// Least-squares depths, and the means of each surface normal and the selected candidate normal.
     pub surface: Surface,
     /// The selected candidate normal in each pixel, camera frame; three channels.
     pub chosen: Map,
@@ -46,7 +45,6 @@ pub struct Joint {
     pub index: f64,
 }
 
-/// Options of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Refractive index of the object; `None` to fit the index.

@@ -26,8 +26,8 @@ struct Differs {
 
 const AS_IN_NATURE: Differs = Differs { circular: true, linear: true, bright: 1.0, mixed: true };
 
-/// Returns the kind of light: 0 after an odd number of specular reflections, 1 after an even number, 2 for
-/// diffuse light.
+/// Returns the kind of light: 0 or 1 after an odd or even number of specular reflections, 2 for diffuse
+/// light.
 fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
     if mixed { (pixel + bin) % 3 } else { pixel % 3 }
 }

@@ -21,8 +21,7 @@ impl Board {
     /// Creates a board.
     ///
     /// # Errors
-    /// [`Fault::Board`] if the board has fewer than 3 × 3 corners, too many corners, or an invalid square
-    /// size.
+    /// [`Fault::Board`] if the board has fewer than 3 × 3 or too many corners, or an invalid square size.
     pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
         let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
         if sane && square.is_finite() && square > 0.0 {
@@ -32,7 +31,6 @@ impl Board {
         }
     }
 
-    /// Returns the number of corners.
     pub fn len(&self) -> usize {
         self.columns * self.rows
     }

@@ -62,7 +62,6 @@ pub struct Normal {
     own_right: Vec<Vector6<f64>>,
 }
 
-/// Residuals of one corner.
 type Residual = (Vector2<f64>, Option<Vector2<f64>>);
 
 impl State {

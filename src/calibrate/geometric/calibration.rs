@@ -110,8 +110,7 @@ impl DeviceTable {
         }
     }
 
-    /// Returns the device of this table, or `None` if the matrix or the coefficients are invalid or not
-    /// finite.
+    /// Returns the device of this table, or `None` if its matrix or its coefficients are invalid.
     pub fn device(&self) -> Option<Device> {
         let [[fx, skew, cx], [below, fy, cy], last] = self.opencv_matrix;
         let (model, coefficients) = match (&self.opencv, &self.fisheye) {

@@ -121,7 +121,7 @@ impl Device {
         Vector2::new(self.focal.x * d.x + self.centre.x, self.focal.y * d.y + self.centre.y)
     }
 
-    /// Projects like [`Self::project`], and also returns all derivatives. `lens` is the result of
+    /// Projects as [`Self::project`] does, and returns also all derivatives. `lens` is that of
     /// [`Self::lens`].
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {

@@ -166,8 +166,7 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     })
 }
 
-/// Returns the mean of several rigid motions. The rotation is the projection of the mean matrix onto
-/// rotations.
+/// Returns the mean of rigid motions. Its rotation is the projection of the mean matrix onto rotations.
 fn mean(all: &[Pose]) -> Pose {
     let n = all.len() as f64;
     let sum: Matrix3<f64> = all.iter().map(|p| p.rotation).sum();

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 /// The fundamental matrix F, with q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q, and norm 1.
 pub type Fundamental = Matrix3<f64>;
 
-/// Returns the pixel as seen by a device without distortion, or `None` if the lens cannot be inverted at this
+/// Returns the pixel as seen by a device without distortion, or `None` if the lens is not invertible at the
 /// pixel.
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)

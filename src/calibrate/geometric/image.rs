@@ -26,8 +26,7 @@ pub struct ImageError {
 const MOST: usize = 1 << 30;
 
 impl Image {
-    /// Creates an image from values row by row, or returns `None` if the number of values is not width ×
-    /// height.
+    /// Creates an image from values row by row, or returns `None` unless there are width × height values.
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
         (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
     }
@@ -75,8 +74,7 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads an image: a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one
-    /// more axis.
+    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
     ///
     /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and
     /// JPEG are rotated by their EXIF orientation.

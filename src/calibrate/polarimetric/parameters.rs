@@ -19,11 +19,9 @@ pub enum Parameter {
     /// Axis offset of one of the sensor's polarizers in degrees. The polarizer at 0° defines the
     /// frame and has no offset.
     SensorOffset(usize),
-    /// Diattenuation of an arm of the beamsplitter: the transmission arm if true, the reflection arm if
-    /// false.
+    /// Diattenuation of the beamsplitter's transmission arm (if true) or reflection arm (if false).
     Diattenuation(bool),
-    /// Retardance, in degrees, of an arm of the beamsplitter: the transmission arm if true, the reflection
-    /// arm if false.
+    /// Retardance, in degrees, of the beamsplitter's transmission arm (if true) or reflection arm (if false).
     ArmRetardance(bool),
     /// Refractive index of the galvo mirrors' metal.
     GalvoIndex,

@@ -71,7 +71,6 @@ impl Stack {
         Ok(())
     }
 
-    /// Returns the exposure in s.
     pub fn exposure_s(&self) -> f64 {
         self.exposure_s
     }

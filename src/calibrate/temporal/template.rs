@@ -23,8 +23,8 @@ impl Template {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
-    /// Returns the fraction of light in a bin whose center is delayed by `t` ps by Catmull–Rom interpolation;
-    /// 0 outside the grid.
+    /// Interpolates (Catmull–Rom) the fraction of light in a bin whose center is delayed by `t` ps; 0
+    /// outside.
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
         let at = |k: f64| {

@@ -68,8 +68,7 @@ pub struct Temporal {
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],
-    /// Time zero of each pixel in ps, which is the recorded time minus the true time. NaN if the time zero is
-    /// unknown.
+    /// Time zero of each pixel in ps, which is the recorded time minus the true time; NaN if unknown.
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,

@@ -106,8 +106,7 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Frames of the bench equal those of [`simulate`], for rays along the axis and for rays through a
-    /// pinhole.
+    /// Frames of the bench equal those of [`simulate`], for rays along the axis and through a pinhole.
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };

@@ -103,8 +103,7 @@ impl MuellerImage {
     /// is empty, all light has the wavelength [`DEFAULT_NM`].
     ///
     /// # Errors
-    /// [`ImageError`] if a wavelength is invalid, if lengths do not match `shape`, or if there are no
-    /// matrices.
+    /// [`ImageError`] if a wavelength is invalid, lengths do not match `shape`, or there are no matrices.
     pub fn of_array(
         matrices: Vec<f64>,
         shape: Vec<usize>,

@@ -60,7 +60,6 @@ pub enum Noise {
     Spad(Spad),
 }
 
-/// Readings of all captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Captured {
     /// Readings in the unit of the matrices: by measurement (as rows of the design matrix), then by pixel.

@@ -44,7 +44,6 @@ macro_rules! real {
 real!(f32, SINGLE);
 real!(f64, DOUBLE);
 
-/// The quantity of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.

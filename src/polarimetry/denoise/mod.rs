@@ -41,8 +41,7 @@ const PATCH: usize = 1;
 /// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Number of rows above and below a pixel that determine whether the pixel is an outlier, and the value that
-/// replaces it.
+/// Number of rows above and below a pixel that affect the detection and the replacement of an outlier.
 const SPOT: usize = 2;
 
 /// Number of rows above and below a pixel on which its denoised value and error can depend.

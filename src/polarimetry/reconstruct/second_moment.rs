@@ -90,7 +90,7 @@ const FIX: &str = "create a prior: sunstone pbrdf pca --prior prior.toml -o comp
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix if the matrix is not 16 × 16, symmetric and positive
+/// [`InputError`] with file, location and fix unless the matrix is 16 × 16, symmetric and positive
 /// semidefinite.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;

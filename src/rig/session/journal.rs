@@ -45,7 +45,6 @@ pub enum Event {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Frame number in the run.
     pub frame: u32,
     /// CRC-32C of the frame's values as little-endian 32-bit integers.
     pub crc: u32,

@@ -171,8 +171,7 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// Returns the geometry of a camera and a projector that are parallel and side by side. The epipolar
-    /// lines are rows.
+    /// Returns the geometry of parallel devices side by side, whose epipolar lines are rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),

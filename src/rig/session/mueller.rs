@@ -28,7 +28,6 @@ pub struct MuellerImage {
     pub tally: Tally,
 }
 
-/// Options of the reconstruction of a run.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     /// Options of the reconstruction of images. `saturation` is not used, because the run already marks

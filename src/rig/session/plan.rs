@@ -328,7 +328,6 @@ impl Plan {
         }
     }
 
-    /// Returns the number of frames of the run.
     pub fn frames(&self) -> u64 {
         self.run_shape().into_iter().fold(1, u64::saturating_mul)
     }

@@ -7,7 +7,6 @@ use std::time::Duration;
 /// The reason why a run ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An instrument failed permanently.
     #[error("{0}")]
     Instrument(#[from] Failure),
     #[error(transparent)]

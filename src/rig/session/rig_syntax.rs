@@ -12,7 +12,6 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The driver of an instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Driver {
@@ -36,7 +35,6 @@ pub enum Driver {
     Python,
 }
 
-/// A stage of a rig file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StageFile {
@@ -78,7 +76,6 @@ fn encoder() -> f64 {
 }
 
 impl StageFile {
-    /// Returns the limits of a simulated stage.
     pub fn limits(&self) -> StageLimits {
         StageLimits {
             range_deg: [-720.0, 720.0],
@@ -108,7 +105,6 @@ pub(super) struct ProjectorFile {
     pub(super) triggers: Triggers,
 }
 
-/// An LED of a projector.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Led {

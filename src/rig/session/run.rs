@@ -48,8 +48,7 @@ struct Session<'a> {
 /// Captures all missing frames.
 ///
 /// # Errors
-/// [`RunError`] if an instrument fails permanently or a file cannot be written. All journaled frames are on
-/// disk.
+/// [`RunError`] if an instrument or the disk fails permanently. All journaled frames are on disk.
 pub fn run(
     rig: &mut Rig,
     steps: &Steps,

@@ -54,8 +54,7 @@ impl SimulatedCard {
         recording
     }
 
-    /// Returns the time from the start of the buffer to the start of a sample, or to the end of the last
-    /// sample.
+    /// Returns the time from the buffer's start to the start of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)

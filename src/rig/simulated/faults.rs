@@ -41,8 +41,7 @@ pub enum Mishap {
 #[serde(deny_unknown_fields)]
 pub struct FaultAt {
     pub kind: Mishap,
-    /// Name of the instrument whose uses (moves, exposures, acquisitions, …) are counted, or `disk` for
-    /// writes to the disk.
+    /// Name of the instrument whose uses (moves, exposures, …) are counted, or `disk` for disk writes.
     pub instrument: String,
     /// Number of the use at which the fault occurs, from 1.
     pub at: u64,

@@ -62,8 +62,7 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows that are read together: the number of rows of a chunk if these rows fit into memory,
-    /// otherwise 1.
+    /// Number of rows that are read together: all rows of a chunk if they fit into memory, otherwise 1.
     together: usize,
 }
 

@@ -44,8 +44,7 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     from_file(path, text, &file)
 }
 
-/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` is as in
-/// [`from_text`].
+/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); see [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`], or an error if the variant does not exist. For varied values,
@@ -72,7 +71,7 @@ pub fn from_variant(
     Ok(scene)
 }
 
-/// Builds a scene from a parsed file whose locations refer to `text`; `path` is as in [`from_text`].
+/// Builds a scene from a parsed file whose locations refer to `text`; see [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`].

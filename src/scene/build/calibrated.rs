@@ -94,8 +94,7 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
 
-/// Checks the device of a calibration file, and returns an error located in this file if the device is
-/// invalid.
+/// Checks the device of a calibration file. The error of an invalid device is located in this file.
 fn sound(
     within: &Context,
     device: &PinholeFile,

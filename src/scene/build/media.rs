@@ -104,8 +104,7 @@ type Named = BTreeMap<String, Located<MediumFile>>;
 /// Largest accepted coefficient, 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
-/// The table of media, the index of each medium by name, and the bulk optical properties per medium and
-/// wavelength.
+/// The table of media, their indices by name, and the bulk optical properties per medium and wavelength.
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {

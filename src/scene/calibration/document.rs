@@ -1,5 +1,4 @@
-//! A calibration file, parsed to a tree that does not depend on the file's syntax, and errors located in this
-//! file.
+//! A calibration file as a tree that does not depend on the file's syntax, and errors located in the file.
 
 use super::{npz, yaml};
 use base::locate::InputError;

@@ -31,8 +31,7 @@ pub struct Import {
     /// The scene file. It has been built once as a check. Its values have locations in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files to write next to the scene file, by name. These files contain shapes that scene files cannot
-    /// express.
+    /// Files to write next to the scene file, by name. They hold shapes that scene files cannot express.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Notes about differences from the Mitsuba scene.
     pub notes: Vec<String>,

@@ -311,8 +311,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Returns the size in pixels of the image that a projector projects, and whether the image is uniformly
-/// white.
+/// Returns the size in pixels of a projector's image, and whether this image is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
     let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;

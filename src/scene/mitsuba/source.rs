@@ -55,8 +55,7 @@ impl Source {
         self.placed(InputError::new(file, text, Some(span.clone()), message, help))
     }
 
-    /// Converts the location of an error from an offset in the concatenation to a file and an offset in this
-    /// file.
+    /// Converts an error's location from an offset in the concatenation to a file and an offset in the file.
     pub fn placed(&self, e: InputError) -> InputError {
         let texts = self.texts.borrow();
         let Some(span) = e.span.clone() else {

@@ -59,7 +59,6 @@ pub enum FrameNumber {
 pub struct FrameLayout {
     /// The axes of the run, followed by the axes of a frame.
     pub axes: Vec<FrameAxis>,
-    /// Number of axes of the run.
     pub run_axes: usize,
     /// Whether a chunk contains all frames along the last of the run's axes.
     pub gathered: bool,
@@ -78,17 +77,14 @@ impl FrameLayout {
         self.shape().into_iter().enumerate().map(of).collect()
     }
 
-    /// Returns the number of frames of a run.
     pub fn frames(&self) -> usize {
         self.shape()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Returns the number of frames per chunk.
     pub fn frames_per_chunk(&self) -> usize {
         self.chunk()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Returns the number of elements of a frame.
     pub fn frame_len(&self) -> usize {
         self.shape()[self.run_axes..].iter().product::<u64>() as usize
     }

@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
-    /// The path is not a store.
     #[error(
         "{path} is not a Sunstone store, so it was not removed: pass the path of a store made by `sunstone render`"
     )]

@@ -119,8 +119,7 @@ fn unknown_items_are_noted_or_refused_everywhere() {
     assert!(tried > 500, "{tried}");
 }
 
-/// Tests that every known item whose value changes Mitsuba's image changes the scene, produces a note or is
-/// refused.
+/// Tests that each known item that affects Mitsuba's image changes the scene, produces a note or is refused.
 #[test]
 fn known_items_are_never_ignored_silently() {
     let folder = folder();

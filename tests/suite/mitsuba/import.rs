@@ -9,7 +9,6 @@ use sunstone::scene::mitsuba::import::Import;
 use sunstone::scene::syntax::values::TimeFile;
 use sunstone::transport::geometry::ray::Ray;
 
-/// A hand-written scene.
 const HAND: &str = r#"<scene version="3.0.0">
     <default name="fov" value="30"/>
     <integrator type="path"><integer name="max_depth" value="5"/></integrator>
@@ -58,8 +57,7 @@ fn a_handwritten_scene_is_read() {
     assert!(e.0[0].message.contains("`fow`"), "{e}");
 }
 
-/// For each fault: the passage of [`HAND`] and its replacement, the line of the fault, and words of the
-/// message.
+/// For each fault: a passage of [`HAND`], its replacement, the line of the fault, and words of the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
     ("</scene>", "", 1, "invalid XML"),

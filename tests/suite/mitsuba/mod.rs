@@ -149,7 +149,6 @@ fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(&folder.join("scene.xml"), xml, &folder.join("scene.toml"), &BTreeMap::new())
 }
 
-/// Returns an import and its scene.
 fn built(folder: &Path, xml: &str) -> (Import, Scene) {
     let import = imported(folder, xml).unwrap_or_else(|e| panic!("{e}"));
     let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml);

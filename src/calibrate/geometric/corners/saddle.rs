@@ -16,7 +16,7 @@ pub struct Saddle {
     pub contrast: f64,
 }
 
-/// Returns local maxima of saddle curvature, strongest first. `sigma` is the standard deviation of the blur,
+/// Returns local maxima of saddle curvature, strongest first. `sigma` is the standard deviation of the blur
 /// in pixels.
 pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     let smooth = image.blurred(sigma);

@@ -187,8 +187,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// Renders the image of a board that a device captures, with 64 sample points per pixel and a white
-    /// border.
+    /// Renders a device's image of a board, with 64 sample points per pixel and a white border.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();

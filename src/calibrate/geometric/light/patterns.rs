@@ -12,7 +12,6 @@ pub enum Axis {
     Row,
 }
 
-/// One pattern of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     /// A pattern with all pixels on.

@@ -77,7 +77,6 @@ impl Default for Cmos {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// The digital number (DN).
     pub dn: u32,
     /// True if the digital number is at least [`Cmos::saturation_dn`].
     pub saturated: bool,

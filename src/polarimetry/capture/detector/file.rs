@@ -242,8 +242,7 @@ mod tests {
         }
     }
 
-    /// For data with time bins, a calibration file yields the photon counter, for other data the camera. The
-    /// other tables of the file are ignored.
+    /// A calibration file yields the photon counter for data with time bins, and the camera for other data.
     #[test]
     fn calibrations_are_read() {
         let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\

@@ -37,8 +37,7 @@ impl Rate {
     const SATURATED: Self = Self { value: f64::NAN, variance: f64::INFINITY, saturated: true };
 }
 
-/// Applies Coates's correction to a synchronous diode's counts, one per bin of the period, in `pulses`
-/// periods.
+/// Applies Coates's correction to a synchronous diode's counts in `pulses` periods, one per bin.
 pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     let mut left = pulses as f64;
     let rate = |count: &u64| {

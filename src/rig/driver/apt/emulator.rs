@@ -20,7 +20,6 @@ impl Trouble {
     /// Noise precedes every reply.
     pub const NOISE: u8 = 3;
 
-    /// Sets the fault.
     pub fn set(&self, trouble: u8) {
         self.0.store(trouble, Ordering::SeqCst);
     }

@@ -35,8 +35,7 @@ pub mod bits {
 pub struct Status {
     /// Position, in encoder counts.
     pub position: i32,
-    /// Additional encoder counts. For DC controllers, this field holds the velocity (i16) and a reserved
-    /// word.
+    /// Additional encoder counts. For DC controllers, the velocity (i16) and a reserved word.
     pub extra: u32,
     /// Status bits, see [`bits`].
     pub bits: u32,

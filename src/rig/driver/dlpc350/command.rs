@@ -1,6 +1,5 @@
 //! Commands of pattern mode with their codes (the guide's CMD2 and CMD3 as one number) and data.
 
-/// Source of the patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// Patterns are bit planes of the video port.
@@ -103,8 +102,7 @@ pub enum Command {
     PatternMode(bool),
     /// Selects the source of the patterns.
     Source(Source),
-    /// Sets the trigger mode: 0 if video frames begin sequences, 1 if internal or external triggers begin
-    /// patterns.
+    /// Sets the trigger mode: 0 if video frames begin sequences, 1 if triggers begin patterns.
     TriggerMode(u8),
     /// Sets trigger output 1, which is active once per pattern. Edges are 0 to 213 steps of 107.2 ns from
     /// 20.05 µs before the pattern.

@@ -22,14 +22,12 @@ pub enum Trouble {
     Noise,
     /// The cable is disconnected.
     Out,
-    /// Sequences are aborted.
     Aborts,
 }
 
 /// The pattern that the mirrors display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Light {
-    /// Image number in flash.
     pub image: u8,
     pub entry: Entry,
 }

@@ -54,7 +54,6 @@ impl Wiring {
         std::array::from_fn(|i| volts[i] / self.volts_per_degree[i] * 2.0)
     }
 
-    /// Returns the settings of the card.
     pub fn settings(&self) -> AnalogSettings {
         AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }

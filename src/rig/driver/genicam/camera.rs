@@ -39,8 +39,7 @@ impl GenICamCamera {
     /// not report.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected, timeout or refused (camera in use, or a required feature is
-    /// missing).
+    /// [`Failure`] of kind disconnected, timeout or refused (camera in use or a feature missing).
     pub fn new(
         name: &str,
         control: Control,

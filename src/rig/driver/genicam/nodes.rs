@@ -65,7 +65,6 @@ impl Nodes {
         Err(self.failure(fault, what))
     }
 
-    /// Creates a failure of this camera.
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
@@ -109,7 +108,6 @@ impl Nodes {
         }
     }
 
-    /// Returns the value of an integer feature.
     pub fn integer(&mut self, feature: &str) -> Result<i64, Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
     }
@@ -117,8 +115,7 @@ impl Nodes {
     /// Sets an integer feature.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the value is outside the feature's present range, or an error of the
-    /// line.
+    /// [`Failure`] of kind limit if the value is out of the feature's range, or an error of the line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
     }
@@ -163,7 +160,6 @@ impl Nodes {
         })
     }
 
-    /// Returns the value of a string feature.
     pub fn text(&mut self, feature: &str) -> Result<String, Failure> {
         let text = self.with(feature, |n, p| n.as_string(p).map(|n| n.value(p)))?;
         Ok(text.trim_end_matches('\0').trim().to_owned())

@@ -13,7 +13,6 @@ const POLL: Duration = Duration::from_millis(1);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Region of the sensor.
     pub region: Region,
     /// Pixel format, or `None` if the format is not supported.
     pub format: Option<PixelFormat>,

@@ -15,11 +15,9 @@ pub enum Trouble {
     Silent,
     /// Replies are delayed by this time.
     Late(Duration),
-    /// Replies are noise.
     Noise,
     /// The laser closes the connection instead of replying.
     HangsUp,
-    /// The interlock is open.
     Interlock,
 }
 

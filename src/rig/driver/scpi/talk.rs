@@ -30,7 +30,6 @@ impl Talk {
         &self.name
     }
 
-    /// Creates a failure of this instrument.
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
@@ -75,8 +74,7 @@ impl Talk {
     /// Sends a query and returns the reply as text without the newline.
     ///
     /// # Errors
-    /// [`Failure`] of kind timeout (no reply within `within`) or disconnected (also if the reply is not
-    /// text).
+    /// [`Failure`] of kind timeout (no reply in time) or disconnected (also if the reply is not text).
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;

@@ -83,8 +83,7 @@ pub(super) trait Th260: Send {
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
     /// Returns the duration of the last measurement, in milliseconds.
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
-    /// Returns [`LONGEST_HISTOGRAM`] counts of an input. Only the counts up to the configured length are
-    /// valid.
+    /// Returns [`LONGEST_HISTOGRAM`] counts of an input, which are valid up to the configured length.
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
@@ -169,8 +168,7 @@ functions! {
 /// Loads the given library or, if none is given, the first of [`names`] that loads.
 ///
 /// # Errors
-/// If no library loads; the message lists the files tried, the reason why each failed, and the source of the
-/// library.
+/// If no library loads; the message lists the files tried, why each failed, and the library's source.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];

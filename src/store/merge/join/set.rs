@@ -58,7 +58,6 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> 
     Ok((part, store))
 }
 
-/// Returns the number of tiles of the render.
 fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
         return Err(AccessError::NoSamples { path: store.path().to_owned() }.into());
