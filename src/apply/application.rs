@@ -17,7 +17,7 @@ pub struct Application {
     /// A sentence on what the application shows.
     pub shows: &'static str,
     pub plan: Plan,
-    /// All methods. The first is compared with the others.
+    /// All methods. The first method is compared with all other methods.
     pub methods: Vec<Method>,
     /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
     pub drawn: Vec<&'static str>,
@@ -63,7 +63,7 @@ pub enum Truth {
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Index of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass and water
+    /// Index of the object, from 0, at each pixel's centre; NaN if there is no object. Smooth glass and water
     /// in front of the object are ignored.
     Object(&'static str),
     /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.

@@ -136,7 +136,8 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
 }
 
 /// Tests a slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) /
-/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. 5 standard errors.
+/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. The tolerance is 5
+/// standard errors.
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -258,7 +259,8 @@ fn parts_add_up_to_the_whole() {
 }
 
 /// Returns the largest deviation between two renders over labels, in standard errors, for elements whose
-/// errors are reliable in both. With `swapped`, two bits of the first render's labels are exchanged.
+/// errors are reliable in both. If `swapped` is set, these two bits of the first render's labels are
+/// exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {

@@ -213,7 +213,7 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
 /// returns the refractive index on a direction's side: for radiance, the BSDF over the squared index of the
 /// outgoing side is reciprocal (Veach 1997, eq. 5.14).
 ///
-/// Uses 700 directions from `pair`; returns the number of those with a value.
+/// Uses 700 pairs of directions from `pair`; returns the number of pairs for which the BSDF has a value.
 pub fn is_reciprocal(
     name: &str,
     materials: &Materials,

@@ -192,7 +192,7 @@ fn realizability_is_inherited() {
 }
 
 /// Tests that φ_d = -π and π are equal: tables that include both values and tables that do not are continuous
-/// there, and agree.
+/// at this boundary, and agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();

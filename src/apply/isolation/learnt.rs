@@ -51,7 +51,7 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Replaces `best` by a candidate if the candidate is better. With `either`, also tries the opposite sign.
+/// Replaces `best` by a candidate if the candidate is better. If `either`, tries both signs.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };

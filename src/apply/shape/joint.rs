@@ -7,7 +7,7 @@
 //! changes, at most ten times.
 //!
 //! Normals of the surface are fitted to windows and do not resolve curvature within a window, while
-//! polarization yields a normal for each pixel. Therefore the final normals are the means of both
+//! polarization yields a normal for each pixel. Therefore the final normals are the means of these two
 //! normals, weighted by inverse variances.
 //!
 //! The refractive index, which polarization alone does not determine, can also be fitted. The fitted index

@@ -70,7 +70,7 @@ const HOPELESS: f64 = 0.02;
 /// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
 /// camera to projector.
 ///
-/// With `robust`, outliers are detected by a fit with Huber's loss and excluded.
+/// If `robust` is true, outliers are detected by a fit with Huber's loss and excluded.
 ///
 /// # Errors
 /// [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.

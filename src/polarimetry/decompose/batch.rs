@@ -307,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Lanes that need the slow method or have no decomposition do not affect the others.
+    /// Lanes that need the slow method or have no decomposition do not affect other lanes.
     #[test]
     fn irregular_lanes_do_not_affect_others() {
         let good = samples(1, 3).next().expect("a sample").m;

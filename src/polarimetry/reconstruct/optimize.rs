@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
-    /// Returns value and gradient at a point. The value is infinite if the function is undefined there.
+    /// Returns value and gradient at a point. The value is infinite if the function is undefined at the
+    /// point.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
 
     /// Returns whether to stop the search.

@@ -39,7 +39,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Returns the sum of both tallies.
+    /// Returns the sum of this tally and another tally.
     pub fn with(self, other: Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,

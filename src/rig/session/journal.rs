@@ -56,7 +56,7 @@ pub struct FrameRecord {
     /// Laser pulses during the photon count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<u64>,
-    /// CRC-32C of the time tags, if kept.
+    /// CRC-32C of the time tags, if the run stores time tags.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tags_crc: Option<u32>,
     /// Temperatures of the instruments that have a sensor, in degrees Celsius. NaN values are omitted.

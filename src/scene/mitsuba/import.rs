@@ -56,7 +56,7 @@ impl Import {
     /// the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`] lists all unsupported elements, each with file, line, column and fix.
+    /// [`ImportError`] if the scene has unsupported elements; it lists each with file, line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),

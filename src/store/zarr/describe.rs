@@ -124,7 +124,7 @@ fn is_index(kind: AxisKind) -> bool {
     )
 }
 
-/// Writes the coordinates of an axis. With `tell`, the metadata also contains the coordinates.
+/// Writes the coordinates of an axis. If `tell` is true, the metadata also contains the coordinates.
 fn create_coordinates(
     storage: &Arc<AtomicDirectory>,
     slice: &str,

@@ -31,7 +31,7 @@ const CERTAIN: f64 = 4.0;
 pub struct Cmos {
     /// Exposure time, s.
     pub exposure_s: f64,
-    /// Factors on the exposure time, one per exposure of a bracket.
+    /// Factors by which the exposure time is multiplied, one per exposure of a bracket.
     pub bracket: Vec<f64>,
     /// Electrons per photon.
     pub quantum_efficiency: SpectralValue,

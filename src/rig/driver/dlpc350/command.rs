@@ -200,8 +200,8 @@ pub enum Question {
     Tag = 0x1AFF,
 }
 
-/// Returns messages for the bits of a validation result; the first two messages are errors, the others
-/// are warnings.
+/// Returns messages for the bits of a validation result; the first two messages are errors, all other
+/// messages are warnings.
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
         "exposure or period is out of range",
