@@ -1,5 +1,5 @@
-//! Tests that no text makes the program panic, hang or request excessive memory, and that every
-//! scene that builds renders to finite values.
+//! Tests that no input text makes the program panic, hang or request excessive memory, and that every scene
+//! that can be built renders to finite values.
 
 mod harness;
 #[path = "fuzz/pbsdf.rs"]
@@ -102,10 +102,10 @@ fn room() -> String {
     text
 }
 
-/// A scene with every feature of the syntax.
+/// A scene file with every feature of the syntax.
 const EVERYTHING: &str = include_str!("fuzz/everything.toml");
 
-/// Folder with the files that the scene refers to.
+/// Folder with the files to which the scene refers.
 static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let made = folder();
     scene_files(made.path(), &[("image.png", 2), ("mask.png", 8)]);
@@ -177,7 +177,7 @@ fn render_if_small(mut scene: Scene) -> bool {
     true
 }
 
-/// One change to a text. Positions are fractions of the number of all numbers, lines, words or characters.
+/// One change to a text. Positions are fractions of the number of numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
     /// Replaces a number by a text.
@@ -185,7 +185,7 @@ enum Change {
     /// Replaces a line or a word by another line or word.
     Line(f64, f64),
     Word(f64, f64),
-    /// Replaces a number of characters by one character or by none.
+    /// Replaces several characters by one character, or deletes these characters.
     Cut(f64, usize, Option<char>),
 }
 
@@ -392,7 +392,8 @@ fn mutated_figure_files_are_read_or_give_an_error() {
     });
 }
 
-/// Tests that sizes that are valid individually do not together request more memory than the machine has.
+/// Tests that sizes that are valid one by one do not together make the program request more memory than the
+/// machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();

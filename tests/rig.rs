@@ -64,7 +64,7 @@ bin_ps = 25
 laser_power = 0.9
 ";
 
-/// Returns the same scan, recorded as time tags instead of histograms.
+/// Returns a plan of the same scan, recorded as time tags instead of histograms.
 fn tagged() -> String {
     SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
 }
@@ -225,7 +225,8 @@ fn killed_runs_lose_no_frames() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// Fault, instrument, time of the fault, and a part of the message if the fault must end the session.
+/// For each fault: its name, the instrument, the time of the fault, and a part of the message if the fault
+/// must end the session.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -366,7 +367,7 @@ fn time_tags_give_the_same_histograms() {
     refused(&output, 2, "`time_tags` with 40000 bins");
 }
 
-/// Returns the shape and values of an array of unsigned 32-bit integers.
+/// Returns the shape and the values of a stored array of unsigned 32-bit integers.
 fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     let bytes = std::fs::read(path).expect("reads");
     let length = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -496,7 +497,7 @@ fn output_of(words: &[&str], paths: &[&Path]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Returns a value and its error from a printed line.
+/// Returns a value and its standard error from the line of a message that begins with `name`.
 fn stated(message: &str, name: &str) -> [f64; 2] {
     let line = message.lines().find(|l| l.starts_with(name)).unwrap_or_else(|| panic!("{name}: {message}"));
     let words: Vec<f64> = line[name.len()..].split([' ', ',']).filter_map(|w| w.parse().ok()).collect();
@@ -629,7 +630,8 @@ fn still_frames_calibrate_the_sensor() {
     one_file_for_all(&bench, &out);
 }
 
-/// Adds the elements to the file that has the sensor; tests that all readers of calibrations accept the file.
+/// Adds the calibration of the polarizing elements to the file with that of the sensor. Tests that all
+/// readers of calibrations accept this file.
 fn one_file_for_all(bench: &Bench, file: &Path) {
     let sensor = std::fs::read_to_string(file).expect("reads");
     let plan = CAMERA

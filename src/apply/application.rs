@@ -17,15 +17,15 @@ pub struct Application {
     /// A sentence on what the application shows.
     pub shows: &'static str,
     pub plan: Plan,
-    /// All methods. The first is compared with the others.
+    /// All methods. The first method is compared with all other methods.
     pub methods: Vec<Method>,
     /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
     pub drawn: Vec<&'static str>,
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Function that learns the task of the first method from training observations; `None` unless the method
-    /// computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
+    /// Function that learns the task of the first method from training observations; `None` unless this
+    /// method computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
     pub task: Option<Learn>,
 }
 
@@ -63,7 +63,7 @@ pub enum Truth {
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Index of the object, from 0, at each pixel's centre; NaN without an object. Smooth glass and water
+    /// Index of the object, from 0, at each pixel's centre; NaN if there is no object. Smooth glass and water
     /// in front of the object are ignored.
     Object(&'static str),
     /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
@@ -81,7 +81,7 @@ pub enum Truth {
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a variant; [`itself`] for the same variant.
+        /// Returns the variant to render for a given variant; [`itself`] returns the given variant.
         of: fn(u64) -> u64,
         /// Factor by which the number of samples exceeds that of the other renders.
         samples: u32,
@@ -103,7 +103,6 @@ pub struct Size {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Name in tables.
     pub name: &'static str,
     /// Publication of the method, or a note that the method is new.
     pub source: &'static str,
@@ -118,7 +117,6 @@ impl Method {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Metric {
-    /// Name in tables.
     pub name: &'static str,
     /// Unit of the metric; empty for a number without unit.
     pub unit: &'static str,

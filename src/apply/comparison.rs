@@ -1,5 +1,5 @@
-//! Tables of an application: the score of each method, and the difference between the score of the first
-//! method and this score.
+//! Tables of an application: the score of each method, and the difference between the scores of the first
+//! method and of each other method.
 
 use crate::application::{Application, Method, Metric, Score};
 use crate::metrics::paired::{Estimate, difference, estimate};
@@ -9,7 +9,7 @@ use crate::metrics::paired::{Estimate, difference, estimate};
 pub struct Row {
     pub method: Method,
     pub metric: Metric,
-    /// Mean over variants and seeds.
+    /// Mean score over variants and seeds.
     pub value: Estimate,
     /// Score of the first method minus the score of this method on the same renders; `None` for the
     /// first method.

@@ -33,7 +33,7 @@ impl Map {
     /// Returns the channels of a pixel.
     ///
     /// # Panics
-    /// If the pixel is outside.
+    /// If the pixel is outside the map.
     pub fn at(&self, x: usize, y: usize) -> &[f64] {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside");
         let first = (y * self.width + x) * self.channels;

@@ -50,7 +50,7 @@ impl Observation {
     /// Returns a slice.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`].
+    /// [`ApplyError::Missing`] if the observation does not contain the slice.
     pub fn slice(&self, name: &str) -> Result<&Slice, ApplyError> {
         self.slices.get(name).ok_or_else(|| self.missing("slice", name))
     }
@@ -58,7 +58,7 @@ impl Observation {
     /// Returns a ground-truth map.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`].
+    /// [`ApplyError::Missing`] if the observation does not contain the map.
     pub fn truth(&self, name: &str) -> Result<&Map, ApplyError> {
         self.truth.get(name).ok_or_else(|| self.missing("truth map", name))
     }
@@ -66,8 +66,9 @@ impl Observation {
     /// Returns a slice as pixels.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice has no camera rows and columns, or has no
-    /// matrices although `mueller` requires them; [`ApplyError::Sizes`] if its errors have another shape.
+    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice has no camera rows
+    /// and columns, or has no matrices although `mueller` requires them; [`ApplyError::Sizes`] if the
+    /// standard errors and the means have different shapes.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
         let axis = |axis| ApplyError::Axis { variant: self.variant, slice: name.to_owned(), axis };
@@ -134,7 +135,7 @@ impl Observation {
         ApplyError::Sizes { variant: self.variant, what: what.into() }
     }
 
-    /// Returns the error for a variant in which no pixel shows only `what`.
+    /// Returns the error for a variant in which no pixel shows only the material or object `what`.
     pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
         let variant = self.variant;
         let cause = format!("variant {variant} has no pixel that shows {what}");
@@ -203,14 +204,14 @@ pub(crate) mod tests {
     use crate::application::Run;
     use tensor::axes::Axis;
 
-    /// Returns zeros with axes of these lengths, counted from 0.
+    /// Returns a tensor of zeros with axes of these lengths. Coordinates are counted from 0.
     pub(crate) fn zeros(name: &str, axes: impl IntoIterator<Item = (AxisKind, usize)>) -> Tensor {
         let coords = |n: usize| (0..n).map(|i| i as f64).collect();
         let axes = axes.into_iter().map(|(kind, n)| Axis { kind, coords: coords(n), chunk: n as u64 });
         Tensor::zeros(name, axes.collect())
     }
 
-    /// Runs an application on an observation after `change`, and returns its error.
+    /// Runs an application on an observation that `change` has modified, and returns the error of the run.
     pub(crate) fn failed(run: Run, whole: &Observation, change: &dyn Fn(&mut Observation)) -> ApplyError {
         let mut o = whole.clone();
         change(&mut o);

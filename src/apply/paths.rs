@@ -11,7 +11,6 @@ use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
 
-/// The interactions of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
     /// The set of interactions, as bits of [`tensor::label`].
@@ -21,12 +20,12 @@ pub struct Path {
 }
 
 impl Path {
-    /// Returns whether the path is one reflection by a matte surface.
+    /// Returns whether the path has exactly one reflection, by a matte surface.
     pub fn single_diffuse(self) -> bool {
         self.label == DIFFUSE && self.bounces == 1
     }
 
-    /// Returns whether the path is two or more reflections, all by matte surfaces.
+    /// Returns whether the path has two or more reflections, all by matte surfaces.
     pub fn diffuse_interreflection(self) -> bool {
         self.label == DIFFUSE && self.bounces > 1
     }
@@ -36,23 +35,23 @@ impl Path {
         self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
     }
 
-    /// Returns whether the path is one reflection by a mirror or by microfacets.
+    /// Returns whether the path has exactly one reflection, by a mirror or by microfacets.
     pub fn single_specular(self) -> bool {
         self.all_specular() && self.bounces == 1
     }
 
-    /// Returns whether the path is two or more reflections, all by mirrors or microfacets.
+    /// Returns whether the path has two or more reflections, all by mirrors or microfacets.
     pub fn multi_specular(self) -> bool {
         self.all_specular() && self.bounces > 1
     }
 
-    /// Returns whether the path includes a smooth and a matte surface.
+    /// Returns whether the path includes reflections by a smooth and by a matte surface.
     pub fn mirror_and_diffuse(self) -> bool {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// Returns whether the path is one mirror and one matte surface, in any order: light from a
-    /// mirror on a wall, or light from a wall reflected by a mirror.
+    /// Returns whether the path has two reflections, one by a mirror and one by a matte surface, in any
+    /// order: light from a mirror on a wall, or light from a wall reflected by a mirror.
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }
@@ -72,7 +71,8 @@ impl<'a> Labelled<'a> {
     /// Returns the labelled slice of an observation.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
+    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice lacks rows and
+    /// columns, labels or bounces.
     pub fn of(o: &'a Observation, name: &str) -> Result<Self, ApplyError> {
         let tensor = &o.slice(name)?.mean;
         let of = |kind: AxisKind, axis: &'static str| {
@@ -116,10 +116,11 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Reads a slice of an observation.
+    /// Sums a slice of an observation by path.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
+    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice lacks rows and
+    /// columns, labels or bounces.
     pub fn read(o: &Observation, name: &str) -> Result<Self, ApplyError> {
         let slice = Labelled::of(o, name)?;
         let [width, height] = [AxisKind::X, AxisKind::Y].map(|kind| slice.tensor.extent(kind));
@@ -138,7 +139,6 @@ impl Paths {
         })
     }
 
-    /// Returns all light.
     pub fn all(&self) -> Map {
         self.of(|_| true)
     }

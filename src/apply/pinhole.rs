@@ -1,12 +1,12 @@
-//! Calibrations of camera and projector as pinhole devices without distortion. The caller removes
-//! distortion from images first.
+//! Calibrations of camera and projector as pinhole devices without distortion. The caller must remove
+//! distortion from images beforehand.
 //!
 //! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, metres. Its pixel is
 //! f·(q_x/q_z, q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A pinhole device with its pose.
+/// A pinhole camera or projector with its pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pinhole {
     /// Number of columns and rows.
@@ -22,7 +22,7 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// Returns a device. `axes` are image right, image down and forward in world coordinates.
+    /// Returns a pinhole device. `axes` are image right, image down and forward in world coordinates.
     pub fn new(
         resolution: [usize; 2],
         focal: [f64; 2],

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular value, relative to the largest, below which a direction is undetermined.
+/// Singular value, relative to the largest one, below which a direction in parameter space is undetermined.
 const NOTHING: f64 = 1e-6;
 /// Smallest component of an undetermined direction along a parameter for which the report names the
 /// parameter.
@@ -33,7 +33,7 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
-    /// Number of measurements minus determined parameters.
+    /// Number of measurements minus number of determined parameters.
     pub freedom: usize,
     /// Undetermined directions, as unit vectors in the space of parameters scaled by their sensitivity.
     pub undetermined: Vec<DVector<f64>>,
@@ -77,7 +77,7 @@ fn cost(r: &DVector<f64>) -> f64 {
 /// each parameter.
 ///
 /// # Errors
-/// [`FitError`].
+/// [`FitError`] if residuals are too few or not finite, or if the iteration does not converge.
 pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Fit, FitError> {
     let n = start.len();
     let mut x = DVector::from_column_slice(start);
@@ -141,7 +141,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
     })
 }
 
-/// The singular value decomposition of a scaled Jacobian.
+/// The singular values and vectors of a scaled Jacobian.
 struct Reported {
     scale: DVector<f64>,
     u: DMatrix<f64>,
@@ -175,7 +175,7 @@ impl Reported {
         Ok(Self { scale, u, s, v, rank })
     }
 
-    /// Returns singular vector `k` in the unscaled parameters.
+    /// Returns the right singular vector `k` in the unscaled parameters.
     fn direction(&self, k: usize) -> DVector<f64> {
         DVector::from_fn(self.scale.len(), |i, _| self.v[(i, k)] / self.scale[i])
     }

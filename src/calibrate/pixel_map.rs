@@ -7,17 +7,16 @@ use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// One number per pixel, rows from the top.
+/// A map with one number per pixel, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap(pub Vec<f32>);
 
 impl PixelMap {
-    /// Returns the number of a pixel, or NaN outside the map.
+    /// Returns the number of a pixel, or NaN if the pixel is outside the map.
     pub fn at(&self, pixel: usize) -> f64 {
         self.0.get(pixel).map_or(f64::NAN, |v| f64::from(*v))
     }
 
-    /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.0.len()
     }

@@ -14,7 +14,7 @@ const BAR: std::ops::Range<f64> = 0.8..1.25;
 /// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
 /// within [`BAR`].
 const ENOUGH: f64 = 1000.0;
-/// Accepted fluctuation for fewer values, in standard deviations. It is exceeded in one of 100,000 tests.
+/// Accepted fluctuation for fewer values, in standard deviations. One of 100,000 tests exceeds it.
 const CHANCE: f64 = 4.4;
 
 /// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …): the environment variable
@@ -23,7 +23,7 @@ pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
 
-/// Sums of squared z-scores by class of parameters.
+/// Sums of squared z-scores, by class of parameters.
 #[derive(Default)]
 pub struct ZScores(BTreeMap<String, Class>);
 
@@ -35,7 +35,7 @@ struct Class {
 }
 
 impl ZScores {
-    /// Adds an error that is independent of all other errors of the class.
+    /// Adds an error to a class. The error must be independent of all other errors of this class.
     pub fn add(&mut self, class: &str, error: f64, sigma: f64) {
         assert!(sigma > 0.0 && error.is_finite(), "{class}: {error} ± {sigma}");
         let class = self.0.entry(class.to_owned()).or_default();
@@ -89,7 +89,7 @@ impl ZScores {
     }
 }
 
-/// Returns by how many standard deviations the mean square of `n` standard normals differs from 1.
+/// Returns the number of standard deviations by which the mean square of `n` standard normals differs from 1.
 fn deviations(mean: f64, n: f64) -> f64 {
     (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
 }

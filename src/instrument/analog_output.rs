@@ -38,7 +38,7 @@ impl AnalogLimits {
     /// Checks that the card supports the settings.
     ///
     /// # Errors
-    /// Returns a message with the setting that is not supported.
+    /// Returns a message if a setting is not supported; the message names this setting.
     pub fn check(&self, settings: &AnalogSettings) -> Result<(), String> {
         let known = settings.channels.iter().all(|c| *c < self.channels);
         let once =
@@ -64,7 +64,7 @@ impl AnalogLimits {
     /// equal length.
     ///
     /// # Errors
-    /// Returns a message with the cause.
+    /// Returns a message with the cause if the card cannot output the buffer.
     pub fn check_buffer(&self, buffer: &[Vec<f64>], channels: usize) -> Result<(), String> {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
@@ -91,22 +91,22 @@ pub struct AnalogSettings {
     pub rate_hz: f64,
 }
 
-/// An analog output card.
 pub trait AnalogOutput: Instrument {
     fn limits(&self) -> AnalogLimits;
 
     /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit, refused (a buffer is playing), timeout or disconnected.
+    /// Returns a [`Failure`] of kind limit (invalid settings), refused (a buffer is playing), timeout or
+    /// disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
     /// Loads a buffer into the card's memory: one list of voltages (volts) per driven channel, all of equal
     /// length.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or
-    /// playing), disconnected.
+    /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or a
+    /// buffer is playing) or disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.
@@ -125,6 +125,6 @@ pub trait AnalogOutput: Instrument {
     /// Stops the output immediately at the current voltage. Has no effect if no buffer was started.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the card does not respond as expected within the time `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

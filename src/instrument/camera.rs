@@ -64,7 +64,6 @@ pub enum Trigger {
     Line,
 }
 
-/// Settings of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
     pub region: Region,
@@ -76,7 +75,6 @@ pub struct CameraSettings {
     pub trigger: Trigger,
 }
 
-/// Limits of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraLimits {
     /// Columns and rows of the sensor.
@@ -96,7 +94,7 @@ impl CameraLimits {
     /// Checks that the settings are within the camera's limits.
     ///
     /// # Errors
-    /// Returns a message with the setting that is out of range.
+    /// Returns a message that names the setting, if a setting is out of range.
     pub fn check(&self, settings: &CameraSettings) -> Result<(), String> {
         let r = settings.region;
         let [width, height] = self.size;
@@ -136,7 +134,6 @@ impl CameraLimits {
     }
 }
 
-/// One raw frame of the sensor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawFrame {
     /// Region of the sensor.

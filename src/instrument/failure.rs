@@ -54,7 +54,6 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Creates a failure of an instrument.
     pub fn new(fault: Fault, instrument: &str, what: impl Into<String>) -> Self {
         Self { fault, instrument: instrument.to_owned(), what: what.into() }
     }

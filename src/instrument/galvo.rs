@@ -4,7 +4,6 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a galvo scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GalvoLimits {
     /// Maximum absolute optical angle from the axis in x and y, in degrees.
@@ -19,7 +18,7 @@ impl GalvoLimits {
     /// Checks that the scanner can point the beam to optical angles, in degrees.
     ///
     /// # Errors
-    /// Returns a message with angles and range.
+    /// Returns a message with the angles and the range if an angle is out of range.
     pub fn check(&self, angles_deg: [f64; 2]) -> Result<(), String> {
         if angles_deg.iter().zip(self.range_deg).all(|(a, most)| a.abs() <= most) {
             return Ok(());
@@ -35,6 +34,6 @@ pub trait GalvoScanner: Instrument {
     /// returns the angles that the mirrors' sensors report.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit, timeout, stalled or disconnected.
+    /// Returns a [`Failure`] of kind limit (an angle is out of range), timeout, stalled or disconnected.
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure>;
 }

@@ -14,19 +14,19 @@ pub struct Identity {
 
 /// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another thread.
 pub trait Instrument: Send {
-    /// Returns the name in the rig file, which messages contain.
+    /// Returns the instrument's name in the rig file. Messages contain this name.
     fn name(&self) -> &str;
 
-    /// Queries the identity. A reply also proves that the connection works.
+    /// Queries the identity of the instrument. A reply also proves that the connection works.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the instrument does not respond as expected within the time `within`.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure>;
 
-    /// Reconnects after a disconnection; discards pending operations and settings.
+    /// Reconnects the instrument after a disconnection, and discards pending operations and settings.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the connection is not restored within the time `within`.
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Creates a failure of this instrument.
@@ -40,7 +40,7 @@ pub trait Instrument: Send {
     /// Returns an error with a failure of this instrument.
     ///
     /// # Errors
-    /// Always returns this [`Failure`].
+    /// Always returns a [`Failure`] of kind `fault`.
     fn fail<T>(&self, fault: Fault, what: impl Into<String>) -> Result<T, Failure>
     where
         Self: Sized,

@@ -4,7 +4,6 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserLimits {
     /// Wavelength, in nanometres.
@@ -14,10 +13,10 @@ pub struct LaserLimits {
 }
 
 impl LaserLimits {
-    /// Checks a pulse rate, in hertz.
+    /// Checks that a pulse rate, in hertz, is within the laser's limits.
     ///
     /// # Errors
-    /// Returns a message with rate and range.
+    /// Returns a message with the rate and the range if the rate is out of range.
     pub fn check(&self, hz: f64) -> Result<(), String> {
         let [least, most] = self.rate_hz;
         if hz >= least && hz <= most {
@@ -27,7 +26,6 @@ impl LaserLimits {
     }
 }
 
-/// State of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserState {
     /// Whether light is emitted.
@@ -41,15 +39,15 @@ pub struct LaserState {
 pub trait PulsedLaser: Instrument {
     fn limits(&self) -> LaserLimits;
 
-    /// Switches the emission on with a pulse rate in hertz, or off.
+    /// Switches the emission on with a pulse rate in hertz, or switches the emission off.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit, refused (interlock), timeout or disconnected.
+    /// Returns a [`Failure`] of kind limit (rate out of range), refused (interlock), timeout or disconnected.
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
     /// Queries the emission state, pulse rate and power.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the laser does not respond as expected within the time `within`.
     fn state(&mut self, within: Duration) -> Result<LaserState, Failure>;
 }

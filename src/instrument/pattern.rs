@@ -13,7 +13,6 @@ pub struct Pattern {
     pub pixels: Vec<u8>,
 }
 
-/// Limits of a pattern projector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorLimits {
     /// Width and height, in pixels.
@@ -30,7 +29,7 @@ impl ProjectorLimits {
     /// Checks that the projector's memory can hold a number of patterns.
     ///
     /// # Errors
-    /// Returns a message with number and limit.
+    /// Returns a message with the number and the limit if the memory is too small.
     pub fn check(&self, patterns: usize) -> Result<(), String> {
         if patterns <= self.patterns {
             return Ok(());
@@ -54,7 +53,7 @@ pub trait PatternProjector: Instrument {
     /// Loads patterns, numbered from 0, which replace all earlier patterns.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (number, size, or gray levels on a binary projector), timeout,
+    /// Returns a [`Failure`] of kind limit (number, size, or gray levels on a binary projector), timeout or
     /// disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
@@ -64,9 +63,9 @@ pub trait PatternProjector: Instrument {
     /// Returns a [`Failure`] of kind limit (no such pattern), timeout, disconnected or refused.
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
-    /// Turns off the light.
+    /// Turns off the light of the projector.
     ///
     /// # Errors
-    /// Returns a [`Failure`] after at most `within`.
+    /// Returns a [`Failure`] if the projector does not respond as expected within the time `within`.
     fn dark(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -5,7 +5,6 @@ use super::identity::Instrument;
 use ptu::record::RecordType;
 use std::time::Duration;
 
-/// Limits of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterLimits {
     /// Maximum number of bins in a histogram.
@@ -20,12 +19,11 @@ pub struct CounterLimits {
     pub tags: Option<RecordType>,
 }
 
-/// Settings of a photon counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterSettings {
     /// Number of bins, starting at the sync pulse.
     pub bins: usize,
-    /// Width of a bin, in picoseconds.
+    /// Width of each bin, in picoseconds.
     pub bin_ps: f64,
     /// Acquisition time.
     pub dwell: Duration,
@@ -58,7 +56,7 @@ pub trait PhotonCounter: Instrument {
     /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit, timeout or disconnected.
+    /// Returns a [`Failure`] of kind limit (unsupported settings), timeout or disconnected.
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.

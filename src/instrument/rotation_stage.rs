@@ -19,10 +19,10 @@ pub struct StageLimits {
 }
 
 impl StageLimits {
-    /// Checks an angle, in degrees.
+    /// Checks that an angle, in degrees, is within the stage's range.
     ///
     /// # Errors
-    /// Returns a message with angle and range.
+    /// Returns a message with the angle and the range if the angle is out of range.
     pub fn check(&self, angle_deg: f64) -> Result<(), String> {
         let [least, most] = self.range_deg;
         if angle_deg.is_finite() && angle_deg >= least && angle_deg <= most {
@@ -55,7 +55,7 @@ pub struct StageReading {
 pub trait RotationStage: Instrument {
     fn limits(&self) -> StageLimits;
 
-    /// Homes the stage and waits for the end of homing.
+    /// Homes the stage, and waits until the stage is homed.
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind timeout, stalled or disconnected.

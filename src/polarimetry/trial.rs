@@ -59,7 +59,6 @@ pub struct Trial<'a> {
     pub seed: u64,
 }
 
-/// The estimator of the matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimateKind {
     /// Least squares, for schemes of rank 16.
@@ -89,9 +88,9 @@ pub struct SchemeResult {
     /// Condition number, the largest of all wavelengths; infinite below rank 16.
     pub condition: f64,
     pub estimate: EstimateKind,
-    /// RMSE over mean T00 by the closed form σ √(tr (AᵀA)⁻¹ / 16), for normal noise and rank 16.
+    /// RMSE divided by the mean T00, from the closed form σ √(tr (AᵀA)⁻¹ / 16), for normal noise and rank 16.
     pub predicted: Option<f64>,
-    /// Root mean square error of all elements over the mean T00, averaged over all trials.
+    /// Root mean square error of all elements, divided by the mean T00 and averaged over all trials.
     pub rmse: f64,
     /// Standard error of `rmse`; NaN for a single trial.
     pub rmse_error: f64,
@@ -117,7 +116,7 @@ pub struct ErrorImage {
 pub struct Errors {
     /// Mean T00 of the truth over pixels with a finite truth.
     pub mean: f64,
-    /// Root mean square error of all 16 elements over `mean`, for finite results.
+    /// Root mean square error of all 16 elements, divided by `mean`, over pixels with finite results.
     pub rmse: f64,
     /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over pixels brighter than a
     /// tenth of `mean`.
@@ -129,7 +128,7 @@ pub struct Errors {
 /// Returns the mean T00 of an image, to which errors are relative.
 ///
 /// # Errors
-/// [`TrialError::Dark`] if it is not positive.
+/// [`TrialError::Dark`] if the mean T00 is not positive.
 pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
     let mean = image.mean();
     if mean > 0.0 && mean.is_finite() { Ok(mean) } else { Err(TrialError::Dark) }
@@ -139,7 +138,7 @@ impl Trial<'_> {
     /// Runs the trial for a scheme.
     ///
     /// # Errors
-    /// [`TrialError`].
+    /// [`TrialError`] if `repeat` is 0, the image is dark, or captures cannot be simulated or reconstructed.
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;

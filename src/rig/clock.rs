@@ -1,4 +1,4 @@
-//! Clocks: the machine's clock and a simulated clock that advances only by waiting.
+//! Clocks of a rig: the machine's clock, or a simulated clock that advances only while an instrument waits.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -12,7 +12,7 @@ pub enum Clock {
     Simulated(Arc<Mutex<Simulated>>),
 }
 
-/// State of a simulated clock.
+/// The state of a simulated clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Simulated {
     now: Duration,

@@ -59,7 +59,7 @@ impl Report {
         self.0.push(Check { name, fault: found.err().map(|d| d.into().0) });
     }
 
-    /// Adds a check of several steps.
+    /// Adds a check that consists of several steps.
     fn steps(&mut self, name: &'static str, steps: impl FnOnce() -> Result<(), Deviation>) {
         self.check(name, steps());
     }
@@ -95,7 +95,6 @@ fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), Deviation> {
     }
 }
 
-/// Checks a rotation stage.
 pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     let mut report = Report::common(stage);
     let limits = stage.limits();
@@ -152,7 +151,6 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     report
 }
 
-/// Checks a pattern projector.
 pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     let mut report = Report::common(projector);
     let limits = projector.limits();
@@ -187,7 +185,6 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     report
 }
 
-/// Checks an area camera.
 pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let mut report = Report::common(camera);
     let limits = camera.limits();
@@ -257,7 +254,6 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     report
 }
 
-/// Checks a galvo scanner.
 pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     let mut report = Report::common(galvo);
     let limits = galvo.limits();
@@ -276,7 +272,6 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     report
 }
 
-/// Checks a pulsed laser.
 pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     let mut report = Report::common(laser);
     let limits = laser.limits();

@@ -168,7 +168,7 @@ impl SceneBuilder {
         &self.memory
     }
 
-    /// Sets the folder to which relative paths refer. Default: the current folder.
+    /// Sets the folder to which relative paths refer. The default is the current folder.
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.folder = folder.into();
         self
@@ -199,7 +199,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Replaces all render settings.
+    /// Replaces all settings in the table `[render]` of the scene.
     pub fn render(mut self, render: RenderFile) -> Self {
         self.file.render = render;
         self
@@ -232,7 +232,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Builds the scene.
+    /// Builds the scene from all values that were set.
     ///
     /// # Errors
     /// Returns [`InputError`] as for a scene file. The field `file` of the error names the argument instead

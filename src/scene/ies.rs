@@ -21,7 +21,7 @@ const MOST: usize = 4096;
 /// Parses an IES file.
 ///
 /// # Errors
-/// Returns a message with the line number of the error.
+/// Returns a message with the line number if the file is invalid.
 pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
@@ -91,7 +91,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     whole(Ies { vertical, horizontal, values })
 }
 
-/// Converts a profile with horizontal angles 90°..270° to 0°..360°. Other ranges already start at 0°.
+/// Converts a profile with horizontal angles 90°..270° to 0°..360°. All other valid ranges start at 0°.
 fn whole(ies: Ies) -> Result<Ies, String> {
     let (first, last) = (ies.horizontal[0], ies.horizontal[ies.horizontal.len() - 1]);
     if first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) {

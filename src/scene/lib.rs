@@ -3,7 +3,7 @@
 //! The steps are `syntax` (values of a file or of a [`SceneBuilder`]), `build` (semantic checks,
 //! errors with locations) and [`transport::scene::Scene`].
 
-/// Returns an error with the location `$at` from the calling function; a literal message is a format string.
+/// Makes the calling function return an error with the location `$at`; a literal message is a format string.
 macro_rules! bail {
     ($at:expr, $span:expr, $message:literal, $help:expr) => {
         bail!($at, $span, format_args!($message).to_string(), $help)

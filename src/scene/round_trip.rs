@@ -63,8 +63,8 @@ fn defaults_are_not_written() {
     assert_eq!(scene.to_toml().expect("a text"), text);
 }
 
-/// Source of random choices, from numbers that proptest can shrink. After the last number, the simplest
-/// choice is made.
+/// A source of random choices, which are determined by numbers that proptest can shrink. After the last
+/// number, the simplest choice is made.
 struct Choices<'a> {
     words: std::slice::Iter<'a, u64>,
     /// Schemas to which `$ref` refers, by name.

@@ -14,7 +14,7 @@ pub const ATTRIBUTE: &str = "denoised";
 #[error("{path} is denoised, and denoised values are only for figures; use the original render{of}")]
 pub struct Denoised {
     pub path: PathBuf,
-    /// The sources of the denoised store, as text.
+    /// The sources from which the denoised store was computed, as text.
     of: String,
 }
 

@@ -1,12 +1,12 @@
 //! Writes slices as OpenEXR images.
 //!
-//! `stokes.S0.R … stokes.S3.B` are the Stokes vector under unpolarized light, that is, column 0 of the
-//! Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the complete matrix, if
-//! requested. With three wavelengths, R is the longest and B the shortest wavelength. With any other number
-//! of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels are f32. Stokes
-//! frames are those of the stored tensor: the projector frame for incoming light, the camera frame for
-//! outgoing light. Mitsuba's `stokes` integrator uses another frame in each pixel (see CONVENTIONS.md), so
-//! the channels do not have Mitsuba's names `S0.R … S3.B`.
+//! `stokes.S0.R … stokes.S3.B` are the Stokes vector of the light received under unpolarized illumination,
+//! that is, column 0 of the Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the
+//! complete matrix, if requested. With three wavelengths, R is the longest and B the shortest wavelength.
+//! With any other number of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels
+//! are f32. Stokes frames are those of the stored tensor: the projector frame for incoming light, the camera
+//! frame for outgoing light. Mitsuba's `stokes` integrator uses another frame in each pixel (see
+//! CONVENTIONS.md), so the channels do not have Mitsuba's names `S0.R … S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -15,7 +15,8 @@ impl MatchingStores {
     /// Opens the stores. A single store needs slices, but not the attributes that merging requires.
     ///
     /// # Errors
-    /// Returns the errors of [`merge::merge`] for inputs, and [`MergeError::Denoised`].
+    /// Returns the errors of [`merge::merge`] for invalid inputs, and [`MergeError::Denoised`] if a store is
+    /// denoised.
     pub fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
         if let [only] = paths {
             let store = TensorStore::open(only)?;

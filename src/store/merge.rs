@@ -71,7 +71,7 @@ impl Input {
 /// First and last pixel of every entry of an axis.
 type Ranges = Vec<(u32, u32)>;
 
-/// One slice of one input.
+/// One slice of one input store.
 struct Part<'a> {
     slice: StoredSlice,
     input: &'a Input,
@@ -80,7 +80,7 @@ struct Part<'a> {
     pixels: Option<[Ranges; 2]>,
 }
 
-/// One slice of all inputs.
+/// One slice of all input stores.
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
     /// Whether each element belongs to one camera pixel, so that its samples are identically distributed.
@@ -112,7 +112,8 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
 /// about 100 MB.
 const THREADS: usize = 8;
 
-/// Runs `work` (a merge). If a store is at an address, uses more threads, to saturate the bandwidth.
+/// Runs `work`, which is a merge. If an input or the output is at an address, uses more threads to saturate
+/// the bandwidth.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;

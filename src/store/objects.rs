@@ -23,7 +23,7 @@ use std::sync::{Arc, OnceLock};
 pub enum Ask {
     /// All bytes of the object.
     Whole,
-    /// The bytes in a range of offsets.
+    /// The bytes in a range of byte offsets.
     Bytes(Range<u64>),
     /// The given number of bytes at the end, and the size of the object if known.
     End(u64, Option<u64>),
@@ -50,7 +50,6 @@ pub struct Version {
     pub version: Option<String>,
 }
 
-/// The condition of a conditional put.
 #[derive(Clone, Debug)]
 pub enum Condition {
     /// The object does not exist (`If-None-Match: *`).
@@ -69,23 +68,23 @@ pub enum Put {
     Other,
 }
 
-/// The client of an object store, for the objects below one address. Keys are relative to the address.
-/// Calls block until the response.
+/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls
+/// block until the response arrives.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Reads parts of objects. Returns the bytes and the size of each object, in the order of the requests,
     /// or `None` for an object that does not exist.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal>;
 
     /// Lists the keys and sizes of all objects, sorted by key.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
 
-    /// Returns an error if the store is read-only.
+    /// Checks that the store can be written.
     ///
     /// # Errors
     /// Returns an error if the store is read-only.
@@ -94,25 +93,25 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Writes objects, and replaces existing objects. Each object is written atomically.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal>;
 
     /// Writes an object if `condition` holds.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
-    /// Reads an object and its version; returns `None` if there is no object.
+    /// Reads an object and its version; returns `None` if the object does not exist.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal>;
 
     /// Removes objects. Objects that do not exist are ignored.
     ///
     /// # Errors
-    /// Returns an error if the store refuses or cannot be reached.
+    /// Returns an error if the store refuses the request or cannot be reached.
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
 }
 

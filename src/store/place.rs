@@ -32,7 +32,7 @@ pub(crate) enum Place {
 }
 
 impl Place {
-    /// Returns the location for a path or an address, without accessing it.
+    /// Returns the location for a path or an address, without accessing the location.
     pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
         match scheme(path) {
             None => Ok(Self::Folder(path.to_owned())),
@@ -40,7 +40,7 @@ impl Place {
         }
     }
 
-    /// Reads a local file; `None` if it does not exist.
+    /// Reads a local file; `None` if the file does not exist.
     pub(crate) fn read_file(path: &Path) -> io::Result<Option<Bytes>> {
         match base::input::read(path) {
             Ok(bytes) => Ok(Some(bytes.into())),

@@ -12,7 +12,7 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// The destination of a render, and how an existing store there is treated.
+/// The destination of a render, and the treatment of an existing store at this destination.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     pub path: PathBuf,
@@ -79,7 +79,7 @@ pub struct ZarrSink {
 struct Open {
     store: TensorStore,
     slices: Vec<StoredSlice>,
-    /// Journal of tiles; `None` if the render was already complete.
+    /// Journal of tiles; `None` if the store already contained the complete render.
     journal: Option<Progress>,
 }
 
@@ -103,7 +103,7 @@ impl ZarrSink {
         move |cause| SinkError::Journal { path: path.clone(), cause }
     }
 
-    /// Opens the store to resume, after checking that it contains the same render.
+    /// Opens the store to resume, after checking that this store contains the same render.
     fn go_on(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let store = TensorStore::open_for_write(&self.target.path)?;
         denoised::refuse(&store)?;
@@ -111,7 +111,7 @@ impl ZarrSink {
         Ok(store)
     }
 
-    /// Creates the store, or resumes an existing store after checking that it contains the same render.
+    /// Creates the store, or resumes an existing store after checking that the render is the same.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target { path, resume, replace } = &self.target;
         if *resume && TensorStore::is_there(path)? {

@@ -1,5 +1,5 @@
-//! Tests files of measured materials: the writer follows the documented layout, faults are
-//! reported, and no bytes make the reader panic or request more memory than the file needs.
+//! Tests that files of measured materials follow the documented layout, that faults in them are reported, and
+//! that no bytes make the reader panic or request more memory than the file needs.
 
 use crate::LARGEST_OF_THREAD;
 use crate::harness::folder;
@@ -17,7 +17,7 @@ use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// A field of a file: name, type code, shape, data.
+/// A field of a file: its name, type code, shape and data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
 /// Writes the container from its description alone, independently of the crate. Returns the file and
@@ -150,7 +150,7 @@ fn other_layouts_of_the_same_table_read_equally() {
     }
 }
 
-/// Changes the fields or the bytes of a valid file, and tests that the message names each fault.
+/// Tests that, after each change to the fields or the bytes of a valid file, the message names the fault.
 #[test]
 fn errors_name_the_fault_and_fix() {
     type Fields = Vec<FieldOf>;
@@ -263,8 +263,9 @@ fn empty_axes_can_be_evenly_spaced() {
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
 }
 
-/// Tests a table in a materials file: errors have location, path, fault and fix, and the hash depends on the
-/// data. A file that another program truncates while the file is open still gives the same values.
+/// Tests that errors of a table in a materials file have location, path, fault and fix, and that the hash
+/// depends on the data. A file that another program truncates while the file is open still gives the same
+/// values.
 #[test]
 fn a_small_table_is_independent_of_its_file() {
     let folder = folder();
@@ -282,7 +283,7 @@ fn a_small_table_is_independent_of_its_file() {
     assert_eq!(table.file_len(), file.len());
 }
 
-/// Tests that a large file is memory-mapped: a table after 65 MiB of zeros loads and gives its entries.
+/// Tests that a large file is memory-mapped, and that a table after 65 MiB of zeros gives correct entries.
 #[test]
 fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -395,7 +396,8 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     }
 }
 
-/// Tests 10,000 mutations of valid files: truncation, flipped bits, replaced header numbers, random bytes.
+/// Tests that 10,000 mutated valid files load or give an error. Mutations are truncation, flipped bits,
+/// replaced header numbers and random bytes.
 #[test]
 fn mutated_files_load_or_give_an_error() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];

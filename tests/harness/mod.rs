@@ -16,7 +16,7 @@ use sunstone::transport::scene::Scene;
 #[allow(unused_imports)]
 pub use support::{MIRROR_ROOM, edit, mirror_room, shipped};
 
-/// Returns a folder in memory if the system has one: many small files are slow on disks.
+/// Returns a folder in memory if the system has such a folder, because many small files are slow on disks.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
@@ -34,7 +34,6 @@ pub fn rendered(scene: &Scene, path: PathBuf) -> TensorStore {
     TensorStore::open(&target.path).expect("the store just written")
 }
 
-/// Returns a field of a slice.
 pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
     store.slice(slice).expect("the slice").read_all(field).expect("its values")
 }
@@ -164,7 +163,7 @@ fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
 }
 
 /// Applies a case to the valid file `text`, writes it as `name` into an empty folder, and runs the program,
-/// which must refuse it. Returns the fault of its message, if any.
+/// which must refuse it. Returns the fault in the program's message, if any.
 pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&str]) -> Option<String> {
     let &(what, from, to, mark, expected) = case;
     let text = edit(text, from, to);

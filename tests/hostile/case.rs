@@ -23,7 +23,7 @@ pub enum Put {
     Copy(&'static str),
     /// The first half of a file of the fixtures.
     Half(&'static str),
-    /// No file; an earlier entry, if any, is removed.
+    /// No file. A file that an earlier entry created is removed.
     Gone,
     Folder,
     Fifo,
@@ -57,9 +57,9 @@ pub struct Case {
     pub limit: Option<u32>,
     /// Store that must not be reported as finished after the call.
     pub verify: Option<&'static str>,
-    /// Mode of the created files. If the user is root, the user `nobody` runs the program.
+    /// Permission mode of the created files. If the user is root, the user `nobody` runs the program.
     pub mode: Option<u32>,
-    /// Outputs that can exist after a failure, because they were finished before it.
+    /// Outputs that can exist after a failure, because they were finished before the failure.
     pub may_leave: &'static [&'static str],
 }
 
@@ -229,7 +229,8 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Returns everything below a folder: bytes of files (lengths of large ones), kinds of all other entries.
+/// Returns everything below a folder: the bytes of files (only the lengths of large files), and the kinds of
+/// all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in fs::read_dir(at).expect("a folder") {

@@ -1,5 +1,5 @@
-//! Tests full disks: exit code 1, a message with the file and the reason, and no output that can be read as
-//! finished.
+//! Tests that on a full disk the program exits with code 1, prints the file and the reason, and leaves no
+//! output that can be read as finished.
 
 use super::case::{Case, Expect, Put};
 use super::fixtures::SMALL;

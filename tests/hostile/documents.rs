@@ -1,5 +1,6 @@
-//! Tests documents other than scenes (schemes, detectors, priors, media, materials, calibrations)
-//! with every key, and invalid arrays. Every value is replaced by invalid values, one at a time.
+//! Tests documents other than scenes (schemes, detectors, priors, media, materials, calibrations) with every
+//! key, and arrays. Every value is replaced by invalid values, one at a time, and the program must refuse the
+//! result.
 
 use super::case::{Case, Expect, Put};
 use super::scenes::spoil;

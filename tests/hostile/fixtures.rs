@@ -67,7 +67,7 @@ pub struct Fixtures {
 }
 
 impl Fixtures {
-    /// Makes all files.
+    /// Creates all fixture files.
     pub fn make() -> Self {
         let fixtures = Self { folder: folder() };
         let at = fixtures.path();
@@ -133,12 +133,11 @@ impl Fixtures {
         self.folder.path()
     }
 
-    /// Returns an empty folder.
     pub fn empty(&self) -> tempfile::TempDir {
         folder()
     }
 
-    /// Returns the contents of all fixture files.
+    /// Returns the current contents of all fixture files.
     pub fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         contents(self.path())
     }

@@ -19,7 +19,7 @@ use case::{Case, run_all};
 use fixtures::Fixtures;
 use std::time::Instant;
 
-/// Number N such that one of N cases runs by default.
+/// By default, one of this number of cases runs.
 const PART: usize = 16;
 
 #[test]

@@ -1,4 +1,4 @@
-//! Tests every option of every command with invalid values, one at a time.
+//! Tests that every option of every command refuses invalid values, one at a time.
 
 use super::case::{Case, Expect};
 

@@ -3,8 +3,8 @@
 
 use super::case::{Case, Expect, Put};
 
-/// Commands with `{o}` in place of the output; the output's extension, or `/` for a folder and `zarr` for a
-/// store; the argument that is an input which could be overwritten.
+/// For each writer: the command with `{o}` in place of the output; the output's extension, `/` for a folder
+/// or `zarr` for a store; and the argument that names an input which could be overwritten.
 #[rustfmt::skip]
 pub const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
@@ -64,7 +64,7 @@ pub const WRITERS: &[(&str, &str, &str)] = &[
     ("phase eval {i} -o {o}", "csv", "media.toml"),
 ];
 
-/// Two outputs with the same path.
+/// Commands with two outputs at the same path.
 #[rustfmt::skip]
 const TWICE: &[&str] = &[
     "reconstruct {f}/I.npy --scheme {f}/drr36.toml -o out.npy --errors ./out.npy",

@@ -1,12 +1,12 @@
-//! Tests files and folders without read or write permission. If the user is root, the user `nobody`
-//! runs the program, if possible.
+//! Tests that files and folders without read or write permission are reported. If the user is root, the user
+//! `nobody` runs the program, if possible.
 
 use super::case::{Case, Expect, Put, is_root};
 use super::inputs::READERS;
 use super::outputs::{WRITERS, named};
 use std::process::{Command, Stdio};
 
-/// Returns whether the program can run as a user without root's rights.
+/// Returns whether the program can run as a user without the permissions of root.
 fn possible() -> bool {
     let nobody = || {
         Command::new("setpriv")

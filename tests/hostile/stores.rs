@@ -1,4 +1,4 @@
-//! Tests stores with one damaged file. No command may return a result with missing data.
+//! Tests that no command returns a result with missing data if one file of a store is damaged.
 
 use super::case::{Case, Expect, Put};
 

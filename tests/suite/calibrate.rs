@@ -1,4 +1,4 @@
-//! Tests `sunstone calibrate`: calibrations from images, the resulting scene tables, and refusals.
+//! Tests that `sunstone calibrate` calibrates devices from images, writes scene tables, and refuses faults.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Tests the capture chain of applications: the rig of a seed, its calibration from known samples, and
-//! refusals.
+//! Tests the capture chain of applications: the rig of a seed, the calibration of this rig from known
+//! samples, and refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -19,8 +19,8 @@ fn chain(more: &str) -> Chain {
     from_toml(Path::new("chain.toml"), &text).expect("a chain")
 }
 
-/// Tests the calibration of axes, retardances and extinctions of 8 rigs from noisy captures of air, a mirror
-/// and a polarizer. Calibration errors are far smaller than the imperfections.
+/// Tests that axes, retardances and extinctions of 8 rigs are calibrated from noisy captures of air, a mirror
+/// and a polarizer, with errors that are far smaller than the imperfections.
 #[test]
 fn rigs_are_calibrated_by_known_samples() {
     let chain = chain("[cmos]\nbracket = [1, 0.1]\n");

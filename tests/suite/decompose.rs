@@ -31,7 +31,7 @@ fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
         .collect()
 }
 
-/// Saves numbers as `NAME.npy`.
+/// Saves numbers as a NumPy array in the file `NAME.npy`.
 pub fn save(folder: &Path, name: &str, shape: &[usize], values: &[f64]) {
     let file = File::create(folder.join(format!("{name}.npy"))).expect("a file");
     numpy::write(file, shape, values.iter().copied()).expect("space");
@@ -44,7 +44,8 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
     }
 }
 
-/// Tests an array of 3 × 1 matrices: a quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
+/// Tests that an array of 3 × 1 matrices (a quarter-wave retarder, an ideal depolarizer and an unphysical
+/// matrix) is decomposed to arrays of the same shape.
 #[test]
 fn arrays_are_decomposed_to_arrays() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -90,7 +91,7 @@ fn arrays_are_decomposed_to_arrays() {
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// Tests that a stored image gives the same results and errors as its matrices given one by one.
+/// Tests that a stored image and its matrices, decomposed one by one, have the same results and errors.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();

@@ -46,7 +46,7 @@ struct Judged {
     /// Mean squared error before denoising divided by that after denoising, over all values. The noise of the
     /// converged render is subtracted.
     gain: f64,
-    /// The same ratio without the 5 % of the pixels with the largest errors in the converged render.
+    /// The ratio `gain`, excluding the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,
     half: f64,
     /// Root mean square, over all values, of the deviation divided by the stated error.
@@ -115,9 +115,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     }
 }
 
-/// Compares 64 × 64 pixels with 16 samples and with 1024 samples. A few tens of pixels on the glossy
-/// knot have most of the squared error and no similar pixels for averaging. The reduction of the mean
-/// squared error over all pixels is therefore far smaller than that without the noisiest 5 %.
+/// Compares renders of 64 × 64 pixels with 16 samples and with 1024 samples per pixel. A few tens of pixels
+/// on the glossy knot have most of the squared error and no similar pixels for averaging. The reduction of
+/// the mean squared error over all pixels is therefore far smaller than that without the noisiest 5 %.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn denoising_reduces_the_error_and_states_it_correctly() {

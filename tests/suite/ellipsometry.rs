@@ -9,7 +9,7 @@ use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::store::numpy::NumpyArray;
 
-/// Returns the elements of pixel `p`.
+/// Returns the elements of the true Mueller matrix at pixel `p`.
 fn truth(p: usize) -> [f64; 16] {
     std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.3 })
 }

@@ -1,4 +1,4 @@
-//! Tests invalid input: exit code 2, a message with location and fix, and no output.
+//! Tests that invalid input gives exit code 2, a message with location and fix, and no output.
 
 use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 

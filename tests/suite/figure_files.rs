@@ -1,5 +1,5 @@
-//! Tests figure files: faults are reported with their location, equal files give equal bytes, and
-//! existing renders are reused.
+//! Tests that faults of figure files are reported with their location, that equal files give equal bytes, and
+//! that existing renders are reused.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;
@@ -185,7 +185,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     assert!(read("all/f.png").len() > 1000);
 }
 
-/// Tests the caption of a black image: it states that no value is positive instead of a white value.
+/// Tests that the caption of a black image states that no value is positive, instead of a white value.
 #[test]
 fn captions_state_that_no_value_is_positive() {
     let (_scenes, text) = sound();
@@ -225,7 +225,7 @@ fn inputs_are_not_overwritten() {
     assert_eq!(out.status.code(), Some(2));
 }
 
-/// A watch that stops a render after a given number of tiles.
+/// An observer that stops a render after a given number of tiles.
 struct Impatient(AtomicUsize);
 
 impl Watch for Impatient {

@@ -124,7 +124,7 @@ struct Render {
     store: TensorStore,
 }
 
-/// Returns the drive of a projector pixel, 0..255: some pixels are dark, some have full brightness.
+/// Returns the drive of a projector pixel, 0..255. Some pixels are dark, and some have full brightness.
 fn drive(u: u32, v: u32) -> u8 {
     [0, 255, 51, 200, 127, 9][((u * 7 + v * 5) % 6) as usize]
 }
@@ -407,8 +407,8 @@ fn a_finished_render_has_no_discarded_samples() {
     assert!(samples.iter().all(|n| *n == 64));
 }
 
-/// Tests that every stored Mueller matrix is realizable. The matrix is a mean of the realizable matrices of
-/// paths, so only f32 rounding can make an eigenvalue of Cloude's H negative.
+/// Tests that every stored Mueller matrix is realizable. A stored matrix is a mean of the realizable matrices
+/// of paths, so only f32 rounding can make an eigenvalue of Cloude's H negative.
 ///
 /// The looser statistical bound is also checked: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗
 /// σ_j*, and eigenvalues by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij² (Weyl; the products of Pauli matrices are

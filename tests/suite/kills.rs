@@ -35,7 +35,7 @@ struct Outcomes {
     finished: u32,
 }
 
-/// Starts some processes in parallel and kills each at a random time of at most `longest`.
+/// Starts some processes in parallel, and kills each of them at a random time of at most `longest`.
 fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Duration) {
     let mut children: Vec<Child> = commands
         .iter()
@@ -157,7 +157,8 @@ fn killed_merges_exports_and_shards_leave_no_partial_output() {
     assert_eq!(killed(at, shard, ["s.zarr", "sharded.zarr"], true).unfinished, 0);
 }
 
-/// Tests that only one of several processes at one path writes, and that the others name that process.
+/// Tests that only one of several processes writes to a path, and that the messages of the other processes
+/// name the writing process.
 #[test]
 fn only_one_process_writes() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -27,7 +27,7 @@ material = "glass"
 name = "image"
 "#;
 
-/// The bytes of a member of an archive.
+/// Returns the bytes of a member of a zip archive.
 fn member(zip: &Path, name: &str) -> Vec<u8> {
     let file = std::fs::File::open(zip).expect("the file");
     let mut archive = zip::ZipArchive::new(file).expect("an archive");

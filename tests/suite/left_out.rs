@@ -10,7 +10,7 @@ use sunstone::rig::ptu::tag::{Tag, Value};
 use sunstone::rig::ptu::writer::{self, Description};
 use sunstone::store::numpy::{NumpyArray, Values};
 
-/// Photons as (time, dtime, channel) and markers as (time, bits).
+/// A record to write: a photon as (time, dtime, channel) or a marker as (time, bits).
 enum Put {
     Photon(u64, u16, u8),
     Marker(u64, u8),
@@ -39,8 +39,8 @@ fn counts(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, npy.into_vec().expect("counts"))
 }
 
-/// Tests photons at the end of the laser period and after it. With a resolution of 97 ps and a period of 100
-/// ns, the period ends inside bin 1030.
+/// Tests that photons at the end of the laser period and after its end are counted. With a resolution of 97
+/// ps and a period of 100 ns, the period ends inside bin 1030.
 #[test]
 fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -60,7 +60,7 @@ fn whole(scene: &Scene, path: &Path) {
     assert!(render(scene, &target, &Unwatched).expect("a render").complete);
 }
 
-/// Returns all tiles in `of` shares, or in random ranges.
+/// Divides all tiles into `of` parts, either as equal shares or as random ranges, and returns the parts.
 fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     let mut upto = |n: u32| (stream.uniform() * n as f32) as u32;
     if upto(2) == 0 {
@@ -77,7 +77,8 @@ fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     cuts
 }
 
-/// Divides a scene at random `times` times, merges the parts in another order, and compares with the whole.
+/// Divides a scene at random `times` times, merges the parts in another order, and compares the result with
+/// the whole render.
 fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -306,7 +307,7 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
-/// Tests more parts than tiles: some parts are empty but valid.
+/// Tests that more parts than tiles merge to the whole render. Some of these parts are empty but valid.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn more_parts_than_tiles_merge_to_the_whole() {
@@ -322,7 +323,7 @@ fn more_parts_than_tiles_merge_to_the_whole() {
     assert_same_store(&at("whole"), &at("joined"));
 }
 
-/// Tests that a killed part can be resumed, but not as another part.
+/// Tests that the render of a killed part can be resumed, but not as another part.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_killed_part_resumes_to_the_same_bytes() {

@@ -1,4 +1,4 @@
-//! Tests `sunstone pbrdf`: evaluate a material, write tables, inspect, slice and draw them.
+//! Tests that `sunstone pbrdf` evaluates materials, and writes, inspects, slices and draws tables.
 
 use crate::harness::{files, refusals, run, stderr};
 use serde_json::Value;

@@ -1,8 +1,8 @@
-//! Tests `sunstone phase`, and invalid files of media.
+//! Tests `sunstone phase`, and that invalid files of media are refused.
 
 use crate::harness::{Case, fault, refusals, run};
 
-/// A valid file. Each test below makes one item invalid.
+/// A valid file of media. Each test below makes one item invalid.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
 
 [media.air.homogeneous]

@@ -56,7 +56,7 @@ fn small() -> Scene {
     scene(&text.replacen("[render]", "[render]\nintegrator = \"bidirectional\"", 1))
 }
 
-/// A watch that stops a render after a given number of tiles.
+/// An observer that stops a render after a given number of tiles.
 pub struct Impatient {
     pub tiles: u32,
     pub done: AtomicU32,

@@ -157,7 +157,7 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
     }
 }
 
-/// Totals and their errors for each pixel.
+/// The total of each pixel and the standard error of the total.
 #[derive(Clone)]
 struct Image {
     means: Vec<f64>,

@@ -12,7 +12,8 @@ use sunstone::transport::material::Material;
 use sunstone::transport::scene::Scene;
 use toml::{Table, Value};
 
-/// A scene, its twin, and spheres (centre, radius in metres) around objects that both devices must see.
+/// A scene, the twin of the scene, and spheres (centre, radius in metres) around objects that both devices
+/// must see.
 struct Shipped {
     folder: &'static str,
     twin: &'static str,
@@ -98,7 +99,7 @@ fn every_scene_folder_is_listed() {
 }
 
 /// Checks that the sphere is in the device's image, at least `pixels` wide, and visible: the first opaque
-/// surface on the way to its centre, or the first surface of the object itself, is in the sphere.
+/// surface on the way to the sphere's centre, or the first surface of the object itself, is in the sphere.
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();

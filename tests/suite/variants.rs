@@ -231,8 +231,8 @@ fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
-/// Tests a wall behind a pane of glass, with a sphere between pane and wall: coverage, object numbers and
-/// texture coordinates in closed form.
+/// Tests coverage, object numbers and texture coordinates against closed forms, for a wall behind a pane of
+/// glass with a sphere between pane and wall.
 #[test]
 fn truth_maps_see_through_glass() {
     let text = r#"

@@ -43,7 +43,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     text + slices
 }
 
-/// A finished render. Dropping it deletes its files.
+/// A finished render. Dropping this value deletes the files of the render.
 pub struct Rendered {
     pub store: TensorStore,
     _folder: TempDir,
@@ -55,29 +55,26 @@ impl Rendered {
         self.store.slice(slice).unwrap().read_all(field).unwrap()
     }
 
-    /// Returns the mean of a slice.
     pub fn mean(&self, slice: &str) -> Tensor {
         self.field(slice, Field::Mean)
     }
 
-    /// Returns the standard error of a slice.
     pub fn std_error(&self, slice: &str) -> Tensor {
         self.field(slice, Field::StdError)
     }
 }
 
-/// Renders a scene from text; panics with the text if it is refused.
+/// Renders a scene from text; panics with the text if the scene is refused.
 pub fn render_text(text: &str) -> Rendered {
     render_scene(&scene_of(text))
 }
 
-/// Parses a scene; panics with its text if it is refused.
+/// Parses a scene; panics with the text if the scene is refused.
 pub fn scene_of(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text)
         .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))
 }
 
-/// Renders a scene.
 pub fn render_scene(scene: &Scene) -> Rendered {
     let folder = tempfile::tempdir().unwrap();
     let target = Target { path: folder.path().join("store"), ..Target::default() };

@@ -1,6 +1,6 @@
-//! Tests a tank of cloudy water behind glass, without connections. Camera paths hit an emitter of
-//! finite size at random. As the emitter shrinks, its light approaches that of the point light that manifold
-//! connections and bidirectional paths connect to.
+//! Compares emitters of finite size with a point light in a tank of cloudy water behind glass. Camera paths
+//! hit the emitter at random. As the emitter shrinks, its light approaches that of the point light, to which
+//! manifold connections and bidirectional paths connect.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -34,7 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Returns the intensity and the linear Stokes elements under unpolarized light, with standard errors.
+/// Returns intensity and linear Stokes elements under unpolarized illumination, with standard errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);

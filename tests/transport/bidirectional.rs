@@ -118,7 +118,8 @@ fn each_strategy_alone_gives_the_light_of_its_paths() {
     }
 }
 
-/// Tests metal, plastic, rough glass, polarizing sheets, a smooth-shaded mesh, a point emitter.
+/// Compares both kinds of paths in a scene with metal, plastic, rough glass, polarizing sheets, a
+/// smooth-shaded mesh and a point emitter.
 #[test]
 fn surfaces_of_all_kinds() {
     let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/knot.glb");
@@ -136,7 +137,8 @@ fn surfaces_of_all_kinds() {
     compare(&text, 0.05, 40);
 }
 
-/// Tests transmission of rough glass from both sides, with the squared refractive indices.
+/// Compares both kinds of paths for light that rough glass transmits, from both sides. The radiance includes
+/// the squared refractive indices.
 #[test]
 fn rough_glass() {
     let text = devices(256, 4, 4)
@@ -152,13 +154,13 @@ pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
 /// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees, as if the light
-/// came from the projector's mirror image. Camera paths never sample this light.
+/// came from the projector's mirror image. Camera paths cannot sample this light.
 #[test]
 fn mirror_reflects_light_onto_a_wall() {
     reflected_onto_a_wall(60.0, 120_000, "");
 }
 
-/// Tests the mirror's light for a pixel so narrow that no light subpath hits the visible surface.
+/// Tests the light of the mirror in a pixel that is so narrow that no light subpath hits the visible surface.
 #[test]
 fn mirror_reflects_light_into_a_narrow_pixel() {
     for focal_px in [60.0, 600.0, 6000.0] {
@@ -166,7 +168,8 @@ fn mirror_reflects_light_into_a_narrow_pixel() {
     }
 }
 
-/// The wall seen through one pixel of a camera with this focal length.
+/// Compares the light that a mirror reflects onto a wall with quadrature, in one pixel of a camera with this
+/// focal length.
 fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
     // The projector's image behind the mirror in the plane x = 0.
@@ -259,7 +262,7 @@ fn redirected_light_and_plain_paths_add_up_to_all_light() {
     assert!(seen.is_err());
 }
 
-/// Tests lenses of finite aperture, out of focus, on camera and projector.
+/// Compares both kinds of paths for camera and projector lenses of finite aperture that are out of focus.
 #[test]
 fn lenses() {
     let lens = |focus: f64| format!("aperture = {{ radius = 0.2, focus = {focus} }}\n");

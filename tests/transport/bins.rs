@@ -1,6 +1,5 @@
-//! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a
-//! medium, through glass, over a mirror) is compared with f64 quadrature, multiple scattering with
-//! camera paths.
+//! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a medium,
+//! through glass, over a mirror) is compared with f64 quadrature, multiple scattering with camera paths.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -32,7 +31,7 @@ struct Bins {
     error: Vec<f64>,
 }
 
-/// Returns the time bins, and projector pixels, of light with a number of interactions, or of all light.
+/// Returns the light per time bin and per projector pixel, for a number of interactions or for all light.
 fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -68,7 +67,7 @@ struct Share {
     time_ps: f64,
     /// Position on the projector's image at which the contribution starts, in pixels.
     at: [f64; 2],
-    /// Value of a sample that hits the contribution.
+    /// Value of a sample that hits this contribution.
     hit: f64,
 }
 
@@ -138,8 +137,8 @@ impl Found {
         }
     }
 
-    /// Returns whether no bin deviates by 5 sigma, and the bins with many hits together do not either: z² has
-    /// a mean of 1 and, because errors are estimated from as few as [`MANY`] hits, a variance of 3.
+    /// Returns whether no bin, and no sum over the bins with many hits, deviates by 5 sigma: z² has a mean of
+    /// 1 and, because errors are estimated from as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
         self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
@@ -149,7 +148,8 @@ impl Found {
 /// Number of hits at which the standard error is accurate to 15 %.
 const MANY: f64 = 25.0;
 
-/// Compares renders with quadrature. The result for half as many points gives the quadrature's own error.
+/// Compares renders with quadrature. The error of the quadrature is estimated from a second result with half
+/// as many points.
 fn against(
     of: &[Bins; 2],
     spp: u32,
@@ -390,8 +390,9 @@ fn paths_agree_in_a_medium() {
     agree("medium", &of(3), &of(4));
 }
 
-/// Tests a pane in front of the camera, which camera paths pass, and a mirror outside its view. The projector
-/// illuminates neither directly: only bidirectional paths would find the light that they reflect onto walls.
+/// Compares both kinds of paths for a pane in front of the camera, which camera paths pass, and a mirror
+/// outside the camera's view. The projector illuminates neither directly: only bidirectional paths would find
+/// the light that they reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";

@@ -1,4 +1,4 @@
-//! Tests bump maps in closed form: Lambert's cosine for normals tilted by heights.
+//! Compares bump maps with a closed form: Lambert's cosine for normals that the heights tilt.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -9,7 +9,7 @@ use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, X, Y};
 
 const LIGHT: DVec3 = DVec3::new(-0.3, 0.4, -1.0);
 
-/// Writes heights a u + b v to an image of 64 × 64 pixels, away from its edges.
+/// Writes the heights `a`·u + `b`·v to an image of 64 × 64 pixels, away from its edges.
 fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     let file = folder.join("ramp.exr");
     let mid = |i: u32| (f64::from(i) + 0.5) / 64.0;
@@ -47,9 +47,9 @@ fn check(found: f64, normal: DVec3, what: &str) {
     assert!((found - want).abs() < 2e-3 * want, "{what}: {found}, closed form {want}");
 }
 
-/// Tests bump maps on a rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v)
-/// have the slopes 0.25 a and b there. Images rotated and scaled by `uv` follow the chain rule.
-/// Copies of a group stretch their base, not the heights.
+/// Tests bump maps on a rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v) have the
+/// slopes 0.25 a and b on this rectangle. Images rotated and scaled by `uv` follow the chain rule. Copies of
+/// a group stretch their base, not the heights.
 #[test]
 fn ramps_tilt_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Tests materials composed of other materials, and materials with images.
+//! Tests the values of materials that are composed of other materials, and of materials with images.
 
 use crate::optics::surface_at;
 use crate::support::render_text;
@@ -84,8 +84,8 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Tests the delta lobes of a mixture: each lobe has its fraction, both in the list of lobes and among
-/// samples (40,000, 5 sigma).
+/// Tests that each delta lobe of a mixture has its fraction, both in the list of lobes and among 40,000
+/// samples (within 5 sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
     let set = set(FILE);
@@ -186,7 +186,7 @@ name = "image"
     }
 }
 
-/// Tests a render of a material that is white in front and black behind.
+/// Tests that a render shows the back of a material that is white in front and black behind as black.
 #[test]
 fn a_black_back_is_black() {
     for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {

@@ -1,4 +1,4 @@
-//! Tests uniaxial crystals: slabs are wave plates between Fresnel faces, in all 16 elements.
+//! Tests that slabs of uniaxial crystals act as wave plates between Fresnel faces, in all 16 elements.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at,
@@ -19,7 +19,8 @@ use sunstone::transport::material::{Filling, Lanes, Lobe};
 /// Refractive indices n_o and n_e of quartz at 550 nm (Ghosh 1999).
 pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
-/// Fresnel transmission of power into index `eta` relative to the index on the incident side, in the s-frame.
+/// Returns the matrix of the Fresnel transmission of power into index `eta` relative to the index on the
+/// incident side, in the s-frame.
 fn transmission(cos_i: f64, eta: f64) -> M {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
     let (ts, tp) = (2.0 * cos_i / (cos_i + eta * cos_t), 2.0 * cos_i / (eta * cos_i + cos_t));
@@ -130,7 +131,7 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     assert_close(&(got / g), &(want / w), tolerance, what);
 }
 
-/// Tests a slab with the axis in the face at 45° and normal incidence: a wave plate of 16.3 waves.
+/// Tests that, at normal incidence, a slab with its axis in the face at 45° is a wave plate of 16.3 waves.
 #[test]
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -142,7 +143,7 @@ fn a_quartz_slab_is_a_wave_plate() {
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// Tests a crystal given by name at three wavelengths, which have separate directions and retardances.
+/// Tests that a crystal given by name has a separate direction and retardance at each of three wavelengths.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
@@ -161,7 +162,7 @@ fn every_wavelength_has_its_own_retardance() {
     );
 }
 
-/// Tests oblique rays with arbitrary axes.
+/// Tests the matrices of oblique rays in crystals with arbitrary optic axes.
 #[test]
 fn oblique_rays_and_axes() {
     for (d, axis) in [
@@ -182,7 +183,7 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Tests two inner reflections: light crosses the slab three times, each time as through another retarder.
+/// Tests two inner reflections, by which light crosses the slab three times, each time as another retarder.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -219,8 +220,8 @@ fn inner_reflections_cross_again() {
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "three ways");
 }
 
-/// Tests rough gold and a projector inside a crystal with a plane face: the crystal also retards the
-/// light of the connection to the projector.
+/// Tests that a crystal that contains rough gold and a projector also retards the light of the connection to
+/// the projector.
 #[test]
 fn connections_inside_a_crystal() {
     let (n_o, n_e) = (1.5, 1.500_001);
@@ -298,7 +299,7 @@ fn paths_are_realizable_and_reciprocal() {
     assert!(set.materials.propagate(clear, Vec3A::Z, 1.0).is_none());
 }
 
-/// Tests a broad spectral line: the matrix is the mean of the plate's matrices over a Gaussian
+/// Tests that, for a broad spectral line, the matrix is the mean of the plate's matrices over a Gaussian
 /// spectrum, by quadrature, at constant n_e - n_o.
 #[test]
 fn a_broad_line_is_depolarized_by_a_thick_plate() {

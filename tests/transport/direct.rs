@@ -1,4 +1,4 @@
-//! Tests one bounce off a Lambertian plane: radiance, s' and travel time follow from geometry.
+//! Tests that radiance, s' and travel time of one bounce off a Lambertian plane follow from geometry.
 
 use crate::optics::{C, Device, head};
 use crate::support::{Rendered, render_text};
@@ -95,7 +95,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
     single
 }
 
-/// Tests a plane at distance d, frontal and tilted, with coaxial camera and projector: all 256 pixels.
+/// Tests all 256 pixels of a coaxial camera and projector, for frontal and tilted planes at distance d.
 #[test]
 fn coaxial_lambert_plane() {
     let d = 0.5;
@@ -140,8 +140,8 @@ fn coaxial_plane_is_one_bin() {
     }
 }
 
-/// Tests a tilted plane with an offset projector of 6 × 5 pixels, 768 camera pixels, both with distorting
-/// lenses.
+/// Tests that light from a tilted plane is assigned to the projector pixel from which it came, for an offset
+/// projector of 6 × 5 pixels and 768 camera pixels. Both devices have distorting lenses.
 #[test]
 fn offset_projector_finds_its_pixel() {
     let mut camera = Device::look_at([-0.2, 0.1, 1.0], DVec3::ZERO, [32, 24], 150.0);

@@ -1,4 +1,4 @@
-//! Tests birefringent crystals: two images with orthogonal polarizations, at the positions that wave
+//! Tests that birefringent crystals show two images with orthogonal polarizations, at the positions that wave
 //! theory gives for the two rays.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
@@ -73,9 +73,9 @@ fn faces(n: f64, c: f64, p: bool) -> f64 {
     (1.0 - r * r).powi(2)
 }
 
-/// Tests normal incidence with the axis at 45° in the plane of x and z: the ordinary image is not shifted,
-/// and the extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°,
-/// calcite's walk-off).
+/// Tests that, at normal incidence with the axis at 45° in the plane of x and z, the ordinary image is not
+/// shifted, and the extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness
+/// (6.28°, calcite's walk-off).
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();

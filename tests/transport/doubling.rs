@@ -60,7 +60,7 @@ impl Square {
         Self { n, v }
     }
 
-    /// Solves (1 - self) X = right by Gaussian elimination with pivoting.
+    /// Returns the solution X of (1 - self) X = right, by Gaussian elimination with pivoting.
     fn solve_one_minus(&self, mut right: Self) -> Self {
         let n = self.n;
         let mut a = Self::from_fn(n, |i, j| f64::from(u8::from(i == j)) - self.at(i, j));

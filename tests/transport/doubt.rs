@@ -42,8 +42,8 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .collect()
 }
 
-/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this
-/// mean. z is the deviation from the mean of the other seeds, divided by the error of both.
+/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this mean. z is the
+/// deviation from the mean of the other seeds, divided by the standard error of the difference.
 fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     let others = (seeds.len() - 1) as f64;
     let each: Vec<f64> = seeds

@@ -20,7 +20,7 @@ fn sphere(material: &str, spp: u32, depth: u32) -> crate::support::Rendered {
     render_text(&text)
 }
 
-/// Tests that surfaces that return all light in one bounce are invisible in the furnace, in every sample.
+/// Tests that surfaces that return all light in one bounce vanish in the white furnace, in every sample.
 #[test]
 fn lossless_opaque_spheres_vanish() {
     for material in ["diffuse.albedo = 1", "conductor = { n = 0.001, k = 100 }"] {
@@ -89,7 +89,8 @@ fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) ->
     sum
 }
 
-/// Tests rough gold and a lossless rough conductor at three angles and three roughnesses.
+/// Tests that rough gold and a lossless rough conductor return their directional albedo, at three angles and
+/// for three roughnesses.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn rough_conductor_returns_its_directional_albedo() {
@@ -125,8 +126,8 @@ fn rough_conductor_returns_its_directional_albedo() {
     }
 }
 
-/// Tests spheres whose loss or gain of light is small, whatever the number of inner reflections. Rough faces
-/// lose light that is reflected between facets, and faces of split crystals are approximate to
+/// Tests that spheres with a small loss or gain of light nearly vanish, for any number of inner reflections.
+/// Rough faces lose light that is reflected between facets, and faces of split crystals are approximate to
 /// (n_e - n_o)².
 #[test]
 fn spheres_nearly_vanish() {

@@ -1,4 +1,4 @@
-//! Tests objects filled with a medium whose surface transmits light without refraction.
+//! Tests the light of objects that are filled with a medium and whose surface does not refract.
 
 use crate::optics::{Device, M, head, mueller, samples_factor};
 use crate::support::render_text;
@@ -14,7 +14,6 @@ struct Sheet {
     keys: &'static str,
     /// Transmittances of the first and of the second passage.
     passes: [f64; 2],
-    /// Reflectance.
     reflects: f64,
 }
 
@@ -79,8 +78,8 @@ fn check([mean, error]: [M; 2], want: f64, what: &str) {
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
 
-/// Tests absorbing media under uniform illumination, from outside along the diameter and from the
-/// centre, with multiple reflections.
+/// Tests the transmission of absorbing media behind every kind of sheet under uniform illumination, seen from
+/// outside along the diameter and from the centre. Multiple reflections are included.
 #[test]
 fn absorbing_media_behind_every_kind_of_sheet() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -103,8 +102,8 @@ fn absorbing_media_behind_every_kind_of_sheet() {
     }
 }
 
-/// Tests a wall seen directly, lit by a point light at the sphere's centre, or by a point light on the far
-/// side of the sphere.
+/// Tests the radiance of a wall that is seen directly and lit by a point light at the sphere's centre, or by
+/// a point light on the far side of the sphere.
 #[test]
 fn connections_to_points_of_light_through_filled_sheets() {
     for (seed, sheet) in SHEETS.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Tests the frames of camera and emitters: rolls act as rotation matrices, and a point emitter
+//! Tests the frames of camera and emitters: rolls of devices act as rotation matrices, and a point emitter
 //! equals a projector without a lens.
 
 use crate::optics::{Device, GOLD_KEYS, M, assert_close, head, mueller, plate, rotation};

@@ -1,4 +1,4 @@
-//! Tests a glass slab in front of a lit plane: power, polarization, optical path, dispersion.
+//! Tests the power, polarization, optical path and dispersion of light from a lit plane behind a glass slab.
 
 use crate::optics::{C, Device, M, head, mueller, plate};
 use crate::support::{Rendered, render_text};
@@ -35,14 +35,14 @@ fn wall(x: f64) -> (f64, f64) {
     (0.001 / PI * lamp.project(point).1 * to.normalize().z, to.length())
 }
 
-/// Returns the mean and standard error of element [i][0] after `bounces` interactions.
+/// Returns the mean and the standard error of element `[i][0]` of the light with `bounces` interactions.
 fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     let at = [(Bounces, bounces), (StokesOut, i), (StokesIn, 0)];
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
-/// Tests normal incidence with index 3: R = 1/4. Every order of inter-reflection has the closed form T²R²ᵏ
-/// and its own delay. The sum of the orders is T²/(1 - R²).
+/// Tests a slab of index 3 at normal incidence, where R = 1/4. Every order of inter-reflection has the closed
+/// form T²R²ᵏ and its own delay. The sum of the orders is T²/(1 - R²).
 #[test]
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
@@ -81,7 +81,7 @@ fn slab_at_normal_incidence() {
     assert!(5.0 * sigma < 0.2 * (want - radiance * pass), "too few samples to see inter-reflections");
 }
 
-/// Tests a slab of index 1.5 rotated to Brewster's angle: p light is transmitted completely, s light with its
+/// Tests that a slab of index 1.5 at Brewster's angle transmits p light completely, and s light with its
 /// squared transmittance. The ray is shifted sideways, and the path inside is longer by 1/cosθ_t.
 #[test]
 fn slab_at_brewster_angle() {
@@ -119,8 +119,8 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Tests a wall and a projector inside a medium with a plane face: the radiance of light that leaves the
-/// medium decreases by n², and travel times inside are n times longer.
+/// Tests light of a wall and a projector inside a medium with a plane face. The radiance of light that leaves
+/// the medium decreases by the factor n², and travel times inside are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;

@@ -1,4 +1,4 @@
-//! Tests media with a density grid: closed forms of transmission, white furnaces, and homogeneous media.
+//! Compares media with density grids with closed forms, with white furnaces, and with homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;
@@ -28,8 +28,9 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     )
 }
 
-/// Tests the transmittance exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same
-/// ramp in a box of half the cube, and rotated away from the ray; with nearest-neighbour lookup.
+/// Tests that the transmittance is exp(-∫ extinction), for these densities: a ramp along z from 1 to 3,
+/// constant for a quarter at both ends; the same ramp in a box of half the cube, and rotated away from the
+/// ray; with nearest-neighbour lookup.
 #[test]
 fn transmittance_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -71,8 +72,8 @@ fn uneven_lossless_clouds_vanish_in_the_furnace() {
     }
 }
 
-/// Tests that a grid of equal values is a homogeneous medium, up to rounding along the same paths;
-/// the scattering albedo may also be a grid.
+/// Tests that a grid of equal values acts as a homogeneous medium, up to rounding along the same paths; the
+/// scattering albedo may also be a grid.
 #[test]
 fn equal_values_give_a_homogeneous_medium() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -52,7 +52,7 @@ fn gltf(material: &str) -> [f64; 3] {
     object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
-/// Returns an imported BSDF of Mitsuba on a rectangle.
+/// Returns the radiance, at 450, 550 and 660 nm, of a rectangle with an imported BSDF of Mitsuba.
 fn mitsuba(bsdf: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let xml = format!(

@@ -1,5 +1,5 @@
-//! Tests more than one bounce: a diffuse corner against quadrature, integrating spheres and boxes,
-//! Russian roulette.
+//! Tests light of more than one bounce: in a diffuse corner against quadrature, in integrating spheres and
+//! boxes, and with Russian roulette.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{Rendered, render_text};
@@ -10,7 +10,7 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const BIN_PS: f64 = 50.0;
 const BINS: usize = 400;
 
-/// Tests the floor z = 0 and the wall x = 0 against quadrature; the camera sees one point of the floor.
+/// Compares the light of one point of the floor z = 0, next to the wall x = 0, with quadrature.
 #[test]
 fn diffuse_corner() {
     const N: u32 = 2000;
@@ -126,8 +126,8 @@ fn integrating_sphere() {
     }
 }
 
-/// Tests a closed box with a rough gold lid: results with and without Russian roulette are equal in every
-/// bounce and Stokes element.
+/// Tests that, in a closed box with a rough gold lid, results with and without Russian roulette are equal for
+/// every number of bounces and every Stokes element.
 #[test]
 fn roulette_is_unbiased_in_a_box() {
     let render = |roulette: &str, seed| {

@@ -1,5 +1,5 @@
-//! Tests that scenes with instances equal scenes with copies: meshes with smooth normals and
-//! textures, metal, filled glass; rotated, mirrored and stretched, with both integrators.
+//! Tests that scenes with instances equal scenes with copies, with both integrators. The copied objects are
+//! meshes with smooth normals and textures, metal and filled glass. They are rotated, mirrored and stretched.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;
@@ -131,7 +131,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 /// Compares all elements of all pixels within five standard errors. Also compares the sum of differences,
-/// relative to the sum of values, because the random numbers and most paths are the same.
+/// relative to the sum of values, because both renders use the same random numbers and mostly the same paths.
 fn compare(a: &Rendered, b: &Rendered, equal: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));

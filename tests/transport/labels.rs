@@ -28,8 +28,8 @@ fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
 const MUELLER: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nlabels = true\n\
                        [[slices]]\nname = \"all\"\npolarization = \"mueller\"\n";
 
-/// Returns the scene-file text of the camera's ray, a point light and a plate at the origin that faces +z.
-/// `material` contains the lines of the table `[materials]`.
+/// Returns the scene-file text of a camera of one ray, a point light, and a plate at the origin that faces
+/// +z. `material` contains the lines of the table `[materials]`.
 fn plate_under_a_point(material: &str, integrator: &str) -> String {
     let camera = Device::ray([0.8, 0.3, 2.0], DVec3::ZERO);
     head(1, 2, 1)
@@ -102,7 +102,8 @@ fn lobes_of_plastic_are_separated_exactly() {
     }
 }
 
-/// Tests light over a gold mirror to a Lambertian wall: specular and diffuse labels, and the mirror's matrix.
+/// Tests that light from a gold mirror to a Lambertian wall has the specular and the diffuse label, and the
+/// matrix of the mirror.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));
@@ -135,7 +136,8 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
 }
 
 /// Tests a slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) /
-/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. 5 standard errors.
+/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. The tolerance is 5
+/// standard errors.
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -180,7 +182,7 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     }
 }
 
-/// Returns all light of a slice of intensities, and its error as if elements were independent.
+/// Returns the sum of a slice's intensities, and the sum's standard error for independent elements.
 fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     let (mean, error) = (r.mean(slice), r.std_error(slice));
     let light = mean.data.iter().map(|v| f64::from(*v)).sum();
@@ -257,7 +259,8 @@ fn parts_add_up_to_the_whole() {
 }
 
 /// Returns the largest deviation between two renders over labels, in standard errors, for elements whose
-/// errors are reliable in both. With `swapped`, two bits of the first render's labels are exchanged.
+/// errors are reliable in both. If `swapped` is set, these two bits of the first render's labels are
+/// exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {
@@ -317,7 +320,7 @@ fn integrators_agree_label_by_label() {
     }
 }
 
-/// Tests a sky that is seen directly, through glass and in a mirror.
+/// Tests the labels of light from a sky that is seen directly, through glass and in a mirror.
 #[test]
 fn directly_seen_light_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);

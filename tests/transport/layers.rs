@@ -64,7 +64,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
     (got - want).abs().max_element() < by
 }
 
-/// Tests a sphere without a background: all layers, including those at the rim of the sphere.
+/// Tests all layers of a sphere without a background, also at the rim of the sphere.
 #[test]
 fn a_ball_has_correct_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
@@ -119,7 +119,7 @@ fn a_ball_has_correct_depth_normals_and_rim() {
     assert!(inside > 30 && rim > 8 && outside > 100, "{inside} {rim} {outside}");
 }
 
-/// Tests a tilted metal rectangle in front of a wall: edges are not mixed, metal has no albedo,
+/// Tests that, for a tilted metal rectangle in front of a wall, edges are not mixed, metal has no albedo, and
 /// normals face the camera on both sides.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
@@ -169,7 +169,8 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
     assert!(edges > 20, "{edges}");
 }
 
-/// Tests an image whose texels are camera pixels, and a map that tilts all normals equally.
+/// Tests that layers show an image whose texels are camera pixels, and the effect of a map that tilts all
+/// normals equally.
 #[test]
 fn images_and_normal_maps_appear_in_layers() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -208,7 +209,7 @@ fn images_and_normal_maps_appear_in_layers() {
     }
 }
 
-/// Tests a triangle with normals at its corners.
+/// Tests that the layers interpolate the normals at the corners of a triangle.
 #[test]
 fn normals_of_a_mesh_are_interpolated() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -288,8 +289,8 @@ fn copies_are_distinguished() {
     assert_eq!(objects.expect("names"), ["wall", "pearls/objects[0]", "pearls/clasp"]);
 }
 
-/// Tests a tilted pane of glass. The pane is the first visible object; rays through the pane hit
-/// the wall behind at the position given by Snell's law.
+/// Tests the layers of a scene with a tilted pane of glass. The pane is the first visible object; rays
+/// through the pane hit the wall behind at the position given by Snell's law.
 #[test]
 fn layers_see_through_glass() {
     let (n, thick, turn) = (1.5, 0.4, 0.5_f64);
@@ -327,7 +328,8 @@ fn layers_see_through_glass() {
     }
 }
 
-/// Tests a card in water: a single refraction, and a boundary of a medium that does not affect light.
+/// Tests that a card in water is found by a single refraction, and that the boundary of a medium without
+/// effect on light is ignored.
 #[test]
 fn objects_in_water_are_found_by_one_refraction() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\

@@ -111,7 +111,8 @@ fn every_light_that_reaches_a_point_can_be_chosen() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// Tests a distant large and a near small lamp that illuminate a plane equally, at a power ratio of 3200.
+/// Tests the noise of a distant large and a near small lamp with equal irradiance on a plane, at a power
+/// ratio of 3200.
 #[test]
 fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
@@ -138,7 +139,7 @@ fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
     }
 }
 
-/// Tests a ceiling of 300 spheres: the irradiance of each is π L (r/d)² cosθ.
+/// Tests the irradiance of a ceiling of 300 spheres, of which each contributes π L (r/d)² cosθ.
 #[test]
 fn many_spheres_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);
@@ -155,7 +156,8 @@ fn many_spheres_light_a_plane() {
     }
 }
 
-/// Tests that a rectangle as a mesh of 800 triangles illuminates like the rectangle, near one of its corners.
+/// Tests that an emitting mesh of 800 triangles illuminates a plane as the equivalent rectangle does, near a
+/// corner of the rectangle.
 #[test]
 fn a_lamp_of_many_triangles_lights_a_plane() {
     const N: i32 = 20;
@@ -182,7 +184,7 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// Tests 400 points and spots, of which one is sampled: the irradiance of each is I cosθ/d².
+/// Tests the irradiance of 400 points and spots, of which each contributes I cosθ/d² and one is sampled.
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

@@ -46,7 +46,8 @@ pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
 
-/// Tests a disk parallel to the plane, off its axis (Siegel & Howell, configuration B-14).
+/// Tests the irradiance of a disk that is parallel to the plane, off the disk's axis (Siegel & Howell,
+/// configuration B-14).
 #[test]
 fn disks_light_a_plane() {
     let (h, r) = (1.5, 0.8);
@@ -64,7 +65,8 @@ fn disks_light_a_plane() {
     }
 }
 
-/// Tests a sphere: irradiance π L (r/d)² cosθ above the horizon, exact up to rounding if its cone is sampled.
+/// Tests that the irradiance of a sphere above the horizon is π L (r/d)² cosθ. The render is exact up to
+/// rounding if the sphere's cone is sampled.
 #[test]
 fn spheres_light_a_plane() {
     let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
@@ -96,7 +98,7 @@ pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64
     (0..N * N).map(one).sum::<f64>() / f64::from(N * N)
 }
 
-/// Tests a tilted rectangle, which is a mesh, with an image of four squares.
+/// Tests the irradiance of a tilted rectangular mesh that emits an image of four squares.
 #[test]
 fn rectangles_with_images_light_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -128,7 +130,7 @@ fn rectangles_with_images_light_a_plane() {
     }
 }
 
-/// Tests a non-spherical ellipsoid, and a tube that is not round. Points on both are sampled non-uniformly.
+/// Tests the irradiance of an ellipsoid and of an elliptic tube. Points on both are sampled non-uniformly.
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
@@ -170,8 +172,8 @@ fn ellipsoids_and_tubes_light_a_plane() {
     }
 }
 
-/// Tests emitters that are seen directly: radiance, travel time, one-sided or two-sided emission, and
-/// polarization.
+/// Tests the radiance, travel time, one-sided or two-sided emission, and polarization of emitters that are
+/// seen directly.
 #[test]
 fn directly_seen_lights_are_correct() {
     let seen = |more: &str, from: f64, integrator: &str| {
@@ -297,8 +299,8 @@ fn lossless_objects_vanish_inside_an_emitting_sphere() {
     }
 }
 
-/// Tests an image of the sky of radiance a + b·y, rotated or not, over planes that face up, obliquely and
-/// down: the irradiance is π a + 2π/3 b n·y.
+/// Tests that an image of the sky of radiance a + b·y, rotated or not, illuminates planes that face up,
+/// obliquely and down. The irradiance is π a + 2π/3 b n·y.
 #[test]
 fn skies_light_planes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -352,7 +354,7 @@ fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
 }
 
-/// Tests directional and point lights: irradiances at single points are exact up to rounding.
+/// Tests that the irradiances of directional and point lights at single points are exact up to rounding.
 #[test]
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -462,8 +464,8 @@ fn spots_luminaires_directional_light_and_beams() {
     }
 }
 
-/// Tests that all power of a beam reaches a plane: the irradiance over the plane, from the camera's
-/// grid of rays from far above.
+/// Tests that all power of a beam reaches a plane: the irradiance is integrated over the plane with the rays
+/// of a camera far above.
 #[test]
 fn a_beam_loses_no_power() {
     for more in

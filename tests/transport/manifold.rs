@@ -1,5 +1,5 @@
-//! Tests light that smooth interfaces refract and that manifold connections sample: against rays traced in
-//! f64, and against light subpaths.
+//! Compares light that smooth interfaces refract and that manifold connections sample with rays traced in
+//! f64, and with light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -50,7 +50,7 @@ pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f6
     (radiance, ray.passed[1] / ray.passed[0], ray.optical, theta)
 }
 
-/// Compares a render of the wall's point with the ray, exactly: the render has no random variation.
+/// Compares a render of a wall point with the traced ray. The render has no random variation.
 fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(f64) -> Meridian) {
     let lamp_at = DVec3::new(0.0, 0.0, 1.0);
     let lamp = Device::look_at(lamp_at.to_array(), DVec3::new(0.3, 0.2, 0.0), [64, 48], 40.0);
@@ -93,7 +93,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     assert!((bin as f64 + 0.5 - time / BIN_PS).abs() < 0.52, "{bin} {}", time / BIN_PS);
 }
 
-/// Tests a plane-parallel slab between light and wall, at several angles.
+/// Tests that a plane-parallel slab between light and wall refracts light by Snell's law, at several angles.
 #[test]
 fn refraction_by_a_flat_slab_obeys_snell() {
     for rho in [0.05, 0.5, 1.1] {
@@ -192,8 +192,8 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     Meridian { rho: if t > 0.0 { p[0] + t * d[0] } else { f64::NAN }, optical: optical + t, passed }
 }
 
-/// Tests a glass sphere on the axis between light and wall. The sphere refracts so weakly that there is only
-/// one path.
+/// Compares light through a glass sphere on the axis between light and wall with traced rays. The sphere
+/// refracts so weakly that there is only one path.
 #[test]
 fn refraction_by_a_ball_matches_traced_rays() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
@@ -263,7 +263,8 @@ fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Tests an object and a light behind the same water: light subpaths cannot connect both ways through it.
+/// Tests light from an object and a light source behind the same glass, through which light subpaths cannot
+/// connect both ways.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
     // Camera and lamp above the slab; for comparison, the same wall without glass.

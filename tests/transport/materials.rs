@@ -1,5 +1,5 @@
-//! Tests single materials: samplers follow their densities, weights are values over densities, and
-//! light is reversible.
+//! Tests single materials: samplers follow their densities, weights are values divided by densities, and
+//! light paths are reversible.
 
 use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
@@ -213,7 +213,7 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
 /// returns the refractive index on a direction's side: for radiance, the BSDF over the squared index of the
 /// outgoing side is reciprocal (Veach 1997, eq. 5.14).
 ///
-/// Uses 700 directions from `pair`; returns the number of those with a value.
+/// Uses 700 pairs of directions from `pair`; returns the number of pairs for which the BSDF has a value.
 pub fn is_reciprocal(
     name: &str,
     materials: &Materials,
@@ -227,7 +227,7 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// Tests reciprocity for matrices between axes, from `value`. Also returns the largest effect of the sign
+/// Tests reciprocity for matrices between axes, from `value`. Returns also the largest effect of the sign
 /// change in Δ, divided by M00.
 pub fn reciprocal(
     name: &str,

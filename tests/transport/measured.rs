@@ -40,7 +40,7 @@ fn metal(alpha: f32) -> Materials {
     }
 }
 
-/// Tables in a temporary folder, which exists while the tables are made and opened.
+/// A temporary folder for tables, which exists while the tables are made and opened.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -104,8 +104,8 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Returns the root mean square and largest difference of any element between a table and its
-/// source, over M00, for pairs within 60° of the normal (cells that touch the horizon have holes).
+/// Returns the root mean square and largest difference of any element between a table and its source, divided
+/// by M00, for pairs of directions within 60° of the normal (cells that touch the horizon have holes).
 fn error(counts: [usize; 3]) -> [f64; 2] {
     let (bench, source) = (Bench::new(), metal(0.5));
     let table = bench.of_metal(0.5, counts);
@@ -125,7 +125,7 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
     [(sum / f64::from(n)).sqrt(), worst]
 }
 
-/// Tests that the error of linear interpolation is of second order: half the step, a quarter of the error.
+/// Tests that linear interpolation has second-order errors: half the step gives a quarter of the error.
 #[test]
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
@@ -192,7 +192,7 @@ fn realizability_is_inherited() {
 }
 
 /// Tests that φ_d = -π and π are equal: tables that include both values and tables that do not are continuous
-/// there, and agree.
+/// at this boundary, and agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -305,8 +305,8 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
     }
 }
 
-/// Tests the gain of sampling with the table over cosine sampling: the second moment of the weight's M00. The
-/// mean of M00 (the reflected fraction of light) must be equal for both.
+/// Tests that sampling with the table has a smaller second moment of the weight's M00 than cosine sampling.
+/// The mean of M00 (the reflected fraction of light) must be equal for both.
 #[test]
 fn importance_tables_reduce_variance() {
     let bench = Bench::new();

@@ -71,7 +71,7 @@ fn make_cases() -> Vec<(&'static str, Media)> {
     ]
 }
 
-/// Samples one of the lanes uniformly. Returns the direction, and the matrix over the lanes' mean density.
+/// Samples one lane uniformly. Returns the direction, and the matrix divided by the lanes' mean density.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
     let wi = media.sample_direction(0, wo, lane, stream);
@@ -128,8 +128,8 @@ fn matrices_are_normalized() {
     assert!((f64::from(value.m00().to_array()[0]) - 0.25 / PI).abs() < 1e-7);
 }
 
-/// Tests that the mean cosine of tables equals that of the series; for Henyey & Greenstein it is their
-/// parameter.
+/// Tests that the mean cosine of tables equals that of the series; for Henyey & Greenstein, the mean cosine
+/// is the parameter g.
 #[test]
 fn mean_cosines_are_known() {
     let check = |name: &str, media: &Media, want: [f64; 4]| {
@@ -194,8 +194,8 @@ fn matrices_are_physical() {
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
-/// Tests dipole scattering at 90°, forward and backward. The ratio of parallel to perpendicular light at 90°
-/// is the depolarization factor.
+/// Tests dipole scattering at 90°, forward and backward against closed forms. The ratio of parallel to
+/// perpendicular light at 90° is the depolarization factor.
 #[test]
 fn rayleigh_has_its_closed_form() {
     let unit = 3.0 / (16.0 * PI);
@@ -256,7 +256,8 @@ fn forward_and_backward_matrices_do_not_depend_on_the_plane() {
     }
 }
 
-/// Tests Pearson's chi² of 10⁵ samples in 64 rings of equal probability times 8 sectors.
+/// Tests that samples follow their density, by Pearson's chi² of 10⁵ samples in 64 rings of equal probability
+/// times 8 sectors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
@@ -366,9 +367,9 @@ fn media_are_reciprocal() {
     }
 }
 
-/// Tests that tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to
-/// forward peaks half a degree wide, and exceptions are counted: large transparent spheres of one
-/// size have deeper minima between their fringes.
+/// Tests that tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to forward peaks
+/// half a degree wide. Exceptions are counted: large transparent spheres of one size have deeper minima
+/// between their fringes.
 #[test]
 fn tables_match_the_theory() {
     for (radius, n, k, bound) in [
@@ -405,8 +406,8 @@ fn tables_match_the_theory() {
     }
 }
 
-/// Tests the bulk properties N = f/V and μ_s = N C_sca; amounts by volume, number and mass agree;
-/// mixtures add; a list of sizes is a mixture.
+/// Tests the bulk properties N = f/V and μ_s = N C_sca. Amounts by volume, number and mass agree, the
+/// properties of mixtures add up, and a list of sizes is a mixture.
 #[test]
 fn bulk_properties_add_up() {
     let (radius, f) = (3e-7, 0.02);

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use sunstone::scene::from_text;
 
-/// Counts the memory of each thread.
+/// An allocator that counts the memory of each thread.
 struct Counted;
 
 thread_local! {

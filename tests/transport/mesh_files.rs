@@ -236,8 +236,9 @@ fn overlapping_filled_objects_need_a_priority() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Tests light that enters a filled object through one surface and leaves it through another: the end and the
-/// side of a tube, and parts of a mesh with different materials. Expects exp(-2 · length) of the path inside.
+/// Tests light that enters a filled object through one surface and leaves the object through another: the end
+/// and the side of a tube, and parts of a mesh with different materials. Expects exp(-2 · length) of the path
+/// inside.
 #[test]
 fn parts_of_a_filled_object_count_as_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -341,7 +341,7 @@ fn rough_glass_returns_its_directional_albedo() {
     }
 }
 
-/// Tests that no material returns more unpolarized light than is incident, also with correlated masking.
+/// Tests that no material increases the power of unpolarized light, also with correlated masking.
 #[test]
 fn no_energy_is_created() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {
@@ -428,7 +428,8 @@ fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, et
     turn(d_out, axis, x_out) * block * turn(d_in, x_in, axis)
 }
 
-/// Tests a projector inside rough glass seen from outside, and vice versa: Walter's closed form, travel time.
+/// Tests light of a projector inside rough glass that is seen from outside, and vice versa, against Walter's
+/// closed form, and its travel time.
 #[test]
 fn a_projector_shines_through_rough_glass() {
     let (alpha, n) = (0.4, f64::from(IOR));

@@ -1,4 +1,5 @@
-//! Tests walls that are lit over mirrors and seen in a mirror: against mirror images, and rays traced in f64.
+//! Compares the light of walls that are lit via mirrors and seen in a mirror with mirror images, and with
+//! rays traced in f64.
 
 use crate::manifold::{ALBEDO, Meridian, expected, transmission};
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, assert_close, head, mirror, mueller, plate, project};
@@ -36,8 +37,8 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// Returns the irradiance matrix of light from the lamp over mirrors, in their order, at a point of a wall
-/// with normal `n`, in a frame at the wall, and the path length.
+/// Returns the irradiance matrix of light from the lamp via mirrors, in the order of the list, at a point of
+/// a wall with normal `n`, in a frame at the wall, and the path length.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
@@ -56,7 +57,6 @@ fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64
     (m * e, length)
 }
 
-/// Returns a Lambertian wall.
 fn wall() -> M {
     let mut m = M::zeros();
     m[(0, 0)] = ALBEDO / PI;
@@ -94,7 +94,8 @@ pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     assert!(seen.iter().all(|s| *s), "{times_ps:?}");
 }
 
-/// Tests one mirror on both sides, all sixteen elements, exactly: the render has no random variation.
+/// Tests all sixteen elements of light via one mirror, on both sides. The comparison is exact, because the
+/// render has no random variation.
 #[test]
 fn one_mirror_is_an_image() {
     let plane = (-DVec3::X, -1.5);
@@ -225,7 +226,7 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
 
-/// Tests a pane of glass between lamp and mirror, which refracts the light.
+/// Tests light via a mirror behind a pane of glass, which refracts the light between lamp and mirror.
 #[test]
 fn mirror_behind_glass() {
     let plane = (-DVec3::X, -1.5);
@@ -278,7 +279,8 @@ pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     (Meridian { rho, optical: t + s, passed }, cos, up)
 }
 
-/// Tests mirror spheres, with a random search for paths: one against rays in f64, two against each one alone.
+/// Tests light via mirror spheres, whose paths are found by a random search. One sphere is compared with rays
+/// in f64, and two spheres are compared with each sphere alone.
 #[test]
 fn light_over_mirror_balls_matches_traced_rays() {
     let plane = (-DVec3::X, -1.5);

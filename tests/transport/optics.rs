@@ -239,7 +239,7 @@ pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     assert!(error <= tolerance, "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}");
 }
 
-/// Tests that the helper functions reproduce the pinned numbers that fix every sign.
+/// Tests that the helper functions reproduce the numbers in the conventions that fix every sign.
 #[test]
 fn reflection_has_the_pinned_signs() {
     let gold = reflection(0.5, GOLD);

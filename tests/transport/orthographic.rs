@@ -30,7 +30,7 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
     [Field::Mean, Field::StdError].map(|f| f64::from(r.field("m", f).at(&at)))
 }
 
-/// Tests a point light above the plane: each pixel shows the mean irradiance of its own
+/// Tests that, under a point light above the plane, each pixel shows the mean irradiance of its own
 /// parallelogram. All parallelograms are at the same distance.
 #[test]
 fn each_pixel_sees_its_own_area() {
@@ -95,7 +95,7 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// Tests a sphere of fog that the image plane intersects: rays begin inside or outside the sphere.
+/// Tests that rays begin in a sphere of fog where the image plane is inside the sphere, else in air.
 #[test]
 fn rays_begin_in_the_surrounding_medium() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\

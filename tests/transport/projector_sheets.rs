@@ -16,7 +16,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Integrator;
 
-/// Sheets across the projector's axis, `metres` in front of the projector: u is image right, v image up.
+/// Returns the scene-file text of a sheet across the projector's axis, `metres` in front of the projector: u
+/// is image right, v image up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
     let at = lamp.origin + lamp.forward * metres;
     sheet(at, lamp.right, -lamp.down, material)
@@ -28,7 +29,7 @@ fn axis(lamp: &Device, deg: f64) -> DVec3 {
     lamp.right * c - lamp.down * s
 }
 
-/// Returns a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
+/// Renders a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
 fn wall(lamp: &Device, materials: &str, sheets: &str, slices: &str) -> Rendered {
     let camera = Device::ray([0.1, 0.0, 2.0], DVec3::ZERO);
     let text = head(2, 6, 1)
@@ -74,8 +75,9 @@ fn malus_between_projector_and_wall() {
     }
 }
 
-/// Tests a circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it produce light
-/// of one handedness. A second such filter in front of the camera distinguishes the two.
+/// Tests that a circular filter, which is a polarizer at 0° and a quarter-wave sheet at ±45° behind the
+/// polarizer, produces light of one handedness. A second such filter in front of the camera distinguishes the
+/// two.
 #[test]
 fn circular_filters_distinguish_handedness() {
     // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
@@ -147,7 +149,7 @@ fn tilted_sheets_between_projector_and_metal() {
     assert!(lit > 0.0 && bins.data.iter().sum::<f32>() == lit, "sheets take no time");
 }
 
-/// Returns a corner of two walls, a projector with or without `sheets`, one camera.
+/// Renders a corner of two walls with one camera, lit by a projector behind `sheets`.
 fn corner(max_depth: u32, sheets: &str) -> Rendered {
     let camera = Device::look_at([0.5, 0.6, 1.4], DVec3::new(-0.3, 0.0, -0.2), [12, 9], 14.0);
     let text = head(4, max_depth, 3)

@@ -9,9 +9,9 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground, under a sun of
-/// flux π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by
-/// Natraj, Li & Yung (2009, ApJ 691, 1909). The signs of Q and U are those of Sunstone's frames.
+/// Compares I, Q, U of light that leaves the top of a Rayleigh slab with all digits of the tables of Coulson,
+/// Dave & Sekera (1960), as recomputed by Natraj, Li & Yung (2009, ApJ 691, 1909). The slab has τ = 0.5 over
+/// a black ground, under a sun of flux π at cos θ0 = 0.2. Signs of Q and U are those of Sunstone's frames.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_table_of_coulson() {
@@ -34,7 +34,8 @@ fn doubling_matches_the_table_of_coulson() {
     }
 }
 
-/// Generalized spherical functions d^l_mn for l = 2 … 11, n = ±2 (Hovenier, van der Mee & Domke 2004, app. B).
+/// Returns the generalized spherical functions d^l_mn for l = 2 … 11 and n = ±2 (Hovenier, van der Mee &
+/// Domke 2004, app. B).
 fn wigner(m: f64, n: f64, first: f64, mu: f64) -> Vec<f64> {
     let (mut before, mut d) = (0.0, first);
     let mut out = vec![];
@@ -49,8 +50,8 @@ fn wigner(m: f64, n: f64, first: f64, mu: f64) -> Vec<f64> {
     out
 }
 
-/// Siewert's (2000, JQSRT 64, 227) problem IIA: randomly oriented oblate spheroids, from the expansion
-/// coefficients printed there (α1, β1, α2, α3, α4, β2 for l = 0 … 11).
+/// Returns the scattering matrix of Siewert's (2000, JQSRT 64, 227) problem IIA, randomly oriented oblate
+/// spheroids, from his expansion coefficients (α1, β1, α2, α3, α4, β2 for l = 0 … 11).
 fn spheroids(mu: f64) -> Elements<f64> {
     const A1: [f64; 12] = [
         1.0, 2.104_031, 2.095_158, 1.414_939, 0.703_593, 0.235_001, 0.064_039, 0.012_837, 0.002_010,
@@ -96,8 +97,9 @@ fn spheroids(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, under a sun of flux
-/// π at cos θ0 = 0.6. All six different elements of the matrix contribute.
+/// Compares I, Q and U of light that leaves the top of a slab of [`spheroids`] with Siewert's tables, for τ =
+/// 1 and ϖ = 0.973527, under a sun of flux π at cos θ0 = 0.6. All six distinct elements of the matrix
+/// contribute.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_tables_of_siewert() {
@@ -152,7 +154,8 @@ fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     }
 }
 
-/// Tests doubling: the closed form of single scattering, and reciprocity and energy of multiple scattering.
+/// Tests doubling with the closed form of single scattering, and with the reciprocity and energy conservation
+/// of multiple scattering.
 #[test]
 fn doubling_keeps_its_invariants() {
     let (mu, mu0, phi) = (0.7, 0.3, 1.1);

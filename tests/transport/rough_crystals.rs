@@ -130,8 +130,8 @@ fn nearly_smooth_faces_are_smooth() {
     assert!(off(&rough) > 3, "{got}{rough}");
 }
 
-/// Tests a projector inside a crystal, seen through a rough face: glass of the mean index, followed by the
-/// retarder of the path.
+/// Tests light of a projector inside a crystal that is seen through a rough face. The face acts as glass of
+/// the mean index, followed by the retarder of the path.
 #[test]
 fn a_connection_through_a_rough_face_includes_the_path_inside() {
     let (n_o, n_e) = (1.5, 1.500_001);

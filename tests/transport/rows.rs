@@ -1,5 +1,5 @@
-//! Tests light over several mirrors in a row, or through curved glass, to a wall that is seen in a mirror:
-//! against rays traced in f64, and against light subpaths to the same wall seen directly.
+//! Tests light via several mirrors in sequence, or through curved glass, to a wall that is seen in a mirror.
+//! The references are rays traced in f64, and light subpaths to the same wall seen directly.
 
 use crate::manifold::{ALBEDO, Meridian, through_ball};
 use crate::mirrors::{Plane, comes_at, image, off_ball, to_camera};
@@ -41,7 +41,7 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// Returns M00 for a number of bounces, and its standard error.
+/// Returns M00 of the light with a number of bounces, and the standard error of M00.
 fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     let of = |t| mueller(&t, &[(Bounces, bounces)])[(0, 0)];
     (of(r.mean("m")), of(r.std_error("m")))
@@ -179,7 +179,7 @@ fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     assert!(5.0 * sigma < share * a, "{a} ± {sigma} is too little known");
 }
 
-/// Tests light over two mirror spheres, one after the other.
+/// Tests light that is reflected by two mirror spheres, one after the other.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn two_balls_in_a_row() {

@@ -102,8 +102,8 @@ fn gaps_of_a_micrometre_work_or_are_refused() {
     assert!(works >= 4, "{works}");
 }
 
-/// Tests a rectangle of 200 m under a lamp: radiance is accurate to 1e-6 and times to 0.01 ps at all
-/// positions.
+/// Tests that, for a rectangle of 200 m under a lamp, radiance is accurate to 1e-6 and times to 0.01 ps at
+/// all positions.
 #[test]
 fn two_hundred_metres_are_exact() {
     let lamp = DVec3::new(8.0, -6.0, 48.0);

@@ -61,7 +61,7 @@ fn cube(min: [f64; 3], max: [f64; 3]) -> Shape {
     Shape::Cube { min, max }
 }
 
-/// A single cloud with its scattering properties.
+/// A single cloud of a scattering medium, with its scattering properties.
 struct Cloud<'a> {
     shape: Shape,
     scattering: f64,
@@ -139,8 +139,9 @@ fn henyey_greenstein(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Tests a camera outside or inside, light from a projector or a point, and optionally another object of the
-/// same medium inside: all 16 elements and the time bins.
+/// Tests all 16 elements and the time bins of single scattering against quadrature. The camera is outside or
+/// inside the medium, the light is a projector or a point, and another object of the same medium may be
+/// inside.
 #[test]
 fn single_scattering_is_a_quadrature() {
     const SPP: u32 = 100_000;
@@ -227,7 +228,7 @@ fn single_scattering_is_a_quadrature() {
     }
 }
 
-/// Returns a rough gold plate below the origin, lit and seen through any object in front of it.
+/// Renders a rough gold plate below the origin, which is lit and seen through the object `before`.
 fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     let text = head(64, 6, 5)
         + &camera.keys("camera")
@@ -316,7 +317,8 @@ fn refractive_boundaries_are_those_of_glass() {
 }
 
 /// Tests that in a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays
-/// so: in every sample if nothing polarizes and wavelengths do not share paths, otherwise on average.
+/// unpolarized: in every sample if nothing polarizes and wavelengths do not share paths, otherwise on
+/// average.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);
@@ -368,8 +370,8 @@ fn lossless_media_vanish_in_the_furnace() {
     }
 }
 
-/// Tests overlapping objects: along every ray, the medium of highest priority absorbs. The camera is outside,
-/// or inside two of the objects.
+/// Tests that, where objects overlap, the medium of highest priority absorbs along every ray. The camera is
+/// outside, or inside two of the objects.
 #[test]
 fn the_highest_priority_absorbs() {
     let shapes = [ball([-0.2, 0.0, 0.0], 0.6), ball([0.3, 0.1, 0.0], 0.5), ball([0.25, 0.05, 0.1], 0.2)];

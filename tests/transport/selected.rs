@@ -98,7 +98,8 @@ fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     }
 }
 
-/// Largest relative standard error of an intensity from random paths. With fewer hits, errors are unreliable.
+/// Largest relative standard error of an intensity from random paths. A larger value means few hits, for
+/// which errors are unreliable.
 const KNOWN: f64 = 0.15;
 
 /// Smallest standard error of an element, relative to that of the intensity.
@@ -165,7 +166,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
     [worst, ratio / count]
 }
 
-/// Compares both methods with 512 samples of each of 256 pixels. The negative control counts paths twice.
+/// Compares both methods with 512 samples for each of 256 pixels. The negative control counts paths twice.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn drawn_projector_pixels_agree_with_the_full_slice() {

@@ -54,8 +54,8 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Tests Malus's law: two sheets transmit ½cos² of the angle between them, and the light is polarized along
-/// the sheet near the camera.
+/// Tests Malus's law for two sheets, which transmit ½cos² of the angle between them, and the light is
+/// polarized along the sheet near the camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
@@ -67,8 +67,8 @@ fn malus_by_two_sheets() {
     }
 }
 
-/// Tests transmittance T and extinction ε: crossed sheets transmit T²ε of unpolarized light, and a single
-/// sheet transmits T(1 + ε)/2.
+/// Tests the transmittance T and the extinction ε of polarizers: crossed sheets transmit T²ε of unpolarized
+/// light, and a single sheet transmits T(1 + ε)/2.
 #[test]
 fn a_polarizer_leaks() {
     let leaky = "transmittance = 0.8, extinction = 0.01 }\n";
@@ -117,7 +117,7 @@ pub fn retarder(delta: f64) -> M {
     M::new(1., 0., 0., 0., 0., 1., 0., 0., 0., 0., c, s, 0., 0., -s, c)
 }
 
-/// Tests all 16 elements of tilted sheets in front of rough gold: polarizer and retarder, from both sides.
+/// Tests all 16 elements of a tilted polarizer and a tilted retarder in front of rough gold, from both sides.
 #[test]
 fn tilted_sheets_in_front_of_metal() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.3, -0.5, 1.9));
@@ -159,8 +159,8 @@ fn tilted_sheets_in_front_of_metal() {
     assert_close(&got, &want, 1e-4, "two tilted sheets");
 }
 
-/// Tests a mirror of silver under SiO, at 60° incidence, in front of rough gold: all 16 elements,
-/// films by Airy's sum in f64.
+/// Tests all 16 elements of a silver mirror under SiO, at 60° incidence, in front of rough gold. The
+/// reference is Airy's sum for films in f64.
 #[test]
 fn a_coated_mirror_in_front_of_metal() {
     let (n_film, d_film, silver) = (1.978, 85.0, Complex::new(0.0596, 3.5974));
@@ -278,8 +278,8 @@ fn sheets_are_realizable_and_reciprocal() {
     assert!(strongest > 0.1, "no case in which the sign flip matters");
 }
 
-/// Tests a tilted wave plate against the exact phases of the two plane waves in a uniaxial plate of tiny
-/// birefringence (both obey Snell's law with their own normal component of the wave vector).
+/// Compares the retardance of a tilted wave plate with the exact phases of the two plane waves in a uniaxial
+/// plate of tiny birefringence (both obey Snell's law with their own normal component of the wave vector).
 #[test]
 fn a_tilted_plate_has_the_exact_retardance() {
     let (n_o, n_e) = (1.55 - 5e-5, 1.55 + 5e-5);

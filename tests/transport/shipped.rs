@@ -94,9 +94,9 @@ fn fruits() {
     compare("fruits/scene.toml", [256, 64], 0.5, 1.5);
 }
 
-/// Tests light that leaves rough stone toward the projector's pinhole. Few bidirectional samples contribute,
-/// and errors are too small until such samples occur. (Camera paths connect to the pinhole:
-/// `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
+/// Compares both integrators for light that leaves rough stone toward the projector's pinhole. Few
+/// bidirectional samples contribute, and errors are too small until such samples occur. (Camera paths connect
+/// to the pinhole: `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
 #[test]
 fn statue() {
     compare("sss_statue/scene.toml", [256, 64], 0.1, 3.0);

@@ -65,7 +65,7 @@ fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samp
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
 
-/// Does the same with an object over the slab, through which connections are made.
+/// Returns the values of [`both`] for a slab below an object, through which connections are made.
 fn both_under(
     over: &str,
     phase: &str,
@@ -120,7 +120,7 @@ fn check(what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp:
     check_to(0.04, what, phase, slab, albedo, views, spp);
 }
 
-/// Does the same with a given limit `most` of the relative error.
+/// Compares views of a slab with doubling, with a given limit `most` of the relative error.
 fn check_to(most: f64, what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     let (mut gain, mut weights) = (0.0, 0.0);
     for (seed, view) in views.iter().enumerate() {
@@ -151,7 +151,8 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
     View { mu_in, phi_in, mu, phi }
 }
 
-/// Tests oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
+/// Compares Rayleigh slabs under oblique light with doubling. The slabs are lossless or absorbing, and are
+/// seen from both sides.
 #[test]
 fn rayleigh_slabs_match_doubling() {
     let light = [0.6, 25.0];
@@ -166,8 +167,8 @@ fn rayleigh_slabs_match_doubling() {
     }
 }
 
-/// Tests spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered
-/// forward.
+/// Compares slabs of spheres of 1 and 2 µm with doubling. Circular polarization is created and preserved, and
+/// most light is scattered forward.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_match_doubling() {
@@ -186,9 +187,9 @@ fn mie_slabs_match_doubling() {
     }
 }
 
-/// Tests lossless Rayleigh slabs from thin to thick, including Coulson's case (τ = 0.5, a sun at cosine 0.2;
-/// [`crate::published_slabs`] compares doubling with Coulson's table). The variable `SAMPLES` multiplies the
-/// numbers of samples.
+/// Compares lossless Rayleigh slabs from thin to thick with doubling, including Coulson's case (τ = 0.5, a
+/// sun at cosine 0.2; [`crate::published_slabs`] compares doubling with Coulson's table). The variable
+/// `SAMPLES` multiplies the numbers of samples.
 #[test]
 fn rayleigh_slabs_of_all_depths() {
     let factor = samples_factor();
@@ -204,8 +205,8 @@ fn rayleigh_slabs_of_all_depths() {
     }
 }
 
-/// Tests lossless slabs of spheres, thin and thick, under light along the normal, with small spheres
-/// (asymmetry 0.82) and large ones, seen from both sides at several angles: all 16 elements. Doubling is the
+/// Tests all 16 elements of lossless slabs of small spheres (asymmetry 0.82) and large spheres. The slabs are
+/// thin or thick, are lit along the normal, and are seen from both sides at several angles. Doubling is the
 /// reference; [`crate::published_slabs`] compares it with Ramella-Roman's table of spheres, and here doubling
 /// must lose no light. The negative control is light scattered by the other spheres. The variable `SAMPLES`
 /// multiplies the numbers of samples.
@@ -218,8 +219,8 @@ fn mie_slabs_to_depth_8() {
     ]);
 }
 
-/// Tests that subpaths are not biased toward the light all the way. Otherwise, the result would be 14 % too
-/// dark at 9000 samples, because the tails of the distribution would not be sampled.
+/// Tests that subpaths are not biased toward the light all the way. With such a bias, the result would be 14
+/// % too dark at 9000 samples, because the tails of the distribution would not be sampled.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_of_depth_32() {
@@ -273,8 +274,8 @@ fn pane(mu: f64) -> [M; 2] {
     [matrix(all(once, once)), matrix(all([0.0; 3], [1.0; 3]))]
 }
 
-/// Tests a Rayleigh slab under a pane, through which light enters, leaves and is reflected: adding and
-/// doubling against manifold connections through the pane and bidirectional paths.
+/// Compares a Rayleigh slab under a pane, through which light enters and leaves, with adding and doubling.
+/// The tracer uses manifold connections through the pane and bidirectional paths.
 #[test]
 fn slabs_under_glass_match_adding() {
     let over = format!(

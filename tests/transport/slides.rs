@@ -1,11 +1,11 @@
-//! Tests images that spots and projectors project onto a plane, in closed form, with both integrators.
+//! Compares images that spots and projectors project onto a plane with closed forms, with both integrators.
 
 use crate::lights::{check, m00, text};
 use crate::support::render_text;
 use glam::{DVec2, DVec3};
 
-/// Tests images of four squares, projected by a spot and by a projector; a projector's irradiance
-/// is constant on a plane perpendicular to its axis.
+/// Tests that a spot and a projector project an image of four squares. The irradiance of a projector is
+/// constant on a plane perpendicular to its axis.
 #[test]
 fn images_are_projected() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Tests chains of mirrors in front of a lit surface: all 16 elements, and Malus's law.
+//! Tests all 16 elements of light from a lit surface via chains of mirrors, and Malus's law.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate,
@@ -55,7 +55,7 @@ fn p(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Tests one silver mirror at exactly 60° incidence in front of rough gold.
+/// Tests light from rough gold via one silver mirror at exactly 60° incidence.
 #[test]
 fn a_mirror_at_60_degrees() {
     let (s, c) = 60.0_f64.to_radians().sin_cos();
@@ -65,7 +65,7 @@ fn a_mirror_at_60_degrees() {
     check_chain(&points, p(-0.1, 0.06, 0.03), "askew");
 }
 
-/// Tests two and three mirrors with different planes of incidence.
+/// Tests light via two and three mirrors with different planes of incidence.
 #[test]
 fn mirrors_with_turned_planes_of_incidence() {
     let two = [p(-0.6, 0.1, 0.8), p(0.0, 0.0, 0.0), p(0.5, 0.4, 0.7), p(0.9, -0.5, 0.3), p(0.1, -0.9, 0.9)];
@@ -81,8 +81,9 @@ fn mirrors_with_turned_planes_of_incidence() {
     check_chain(&three, p(0.0, 0.07, 0.05), "three mirrors");
 }
 
-/// Tests two dielectric plates at Brewster's angle in series, the second rotated by φ about the ray between
-/// them, in front of a diffuse screen: light at the camera is linearly polarized and proportional to cos²φ.
+/// Tests Malus's law for two dielectric plates at Brewster's angle in series, in front of a diffuse screen.
+/// The second plate is rotated by φ about the ray between the plates. Light at the camera is linearly
+/// polarized and proportional to cos²φ.
 #[test]
 fn malus_by_two_brewster_reflections() {
     const N: f64 = 3.0;

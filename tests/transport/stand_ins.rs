@@ -1,5 +1,5 @@
-//! Tests the 25 built-in stand-ins for measured materials: realizable Mueller matrices and energy
-//! conservation.
+//! Tests that the 25 built-in stand-ins for measured materials have realizable Mueller matrices and conserve
+//! energy.
 
 use crate::optics::surface_at;
 use glam::Vec3A;
@@ -38,7 +38,8 @@ fn direction(theta_deg: f32, phi_deg: f32) -> Vec3A {
     Vec3A::new(s * cp, s * sp, c)
 }
 
-/// Tests realizability by Cloude's criterion on 12 × 12 × 24 directions: no eigenvalue below -1e-5 times M00.
+/// Tests realizability by Cloude's criterion on 12 × 12 × 24 directions: each eigenvalue is at least -1e-5
+/// M00.
 #[test]
 fn stand_ins_are_realizable() {
     let set = stand_ins();
@@ -61,7 +62,7 @@ fn stand_ins_are_realizable() {
     }
 }
 
-/// Tests the directional albedo by sampling, 4000 samples per direction: at most 1, within 5 standard errors.
+/// Tests that the directional albedo is at most 1 within 5 standard errors, with 4000 samples per direction.
 #[test]
 fn stand_ins_create_no_light() {
     let set = stand_ins();

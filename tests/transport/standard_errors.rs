@@ -66,7 +66,8 @@ fn deviations_of_drawn_s_primes_are_as_stated() {
     honest("drawn s'", &mut scene, 1.0);
 }
 
-/// Most elements of this slice are hit at random, so the number of excluded elements is irrelevant.
+/// Tests the standard errors in a room. Most elements of this slice are hit at random, so the number of
+/// excluded elements is irrelevant.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     scene.change_settings(|s| s.replicates = replicates);
@@ -74,7 +75,7 @@ fn room(integrator: Integrator, replicates: u32) {
     honest(&format!("mirror room, {integrator:?}, {replicates}"), &mut scene, 1.0);
 }
 
-/// If all elements receive light, as here, almost no element may be excluded.
+/// Largest fraction of excluded elements if all elements receive light.
 const LEFT_OUT: f64 = 0.01;
 
 /// Returns the scene-file text of the camera and projector in front of a box of 2 m, and slices that resolve
@@ -143,7 +144,8 @@ fn deviations_of_manifolds_are_as_stated() {
     honest("manifold", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// At most a fraction `left_out` of the lit elements may have too few hits.
+/// Tests that deviations over seeds agree with the stated errors. At most a fraction `left_out` of the lit
+/// elements may have too few hits.
 fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];

@@ -1,5 +1,5 @@
-//! Tests disabled sampling strategies: light that several strategies sample stays the same, and is less noisy
-//! if all strategies are enabled.
+//! Tests that disabling a sampling strategy does not change light that other strategies also sample, and that
+//! this light is less noisy if all strategies are enabled.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -8,7 +8,7 @@ use sunstone::transport::render::strategies::strategies;
 use sunstone::transport::scene::Integrator;
 use sunstone::transport::strategy::{Strategies, Strategy};
 
-/// Returns a render without some strategies that it would use.
+/// Returns a render in which the strategies of `list` are disabled.
 fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     let mut scene = scene_of(text);
     let manifold = scene.settings.manifold;
@@ -65,7 +65,7 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
 }
 
 /// Returns the largest deviation, in standard errors, of elements with errors below 1/20 in both renders, and
-/// their number. Errors of other elements, which have few random samples, are unreliable.
+/// the number of these elements. Errors of other elements, which have few random samples, are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {
@@ -81,10 +81,10 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     (most, count)
 }
 
-/// Tests light that leaves a stone through its rough surface: next-event estimation through the surface and
-/// random paths agree in every element, number of bounces, projector pixel and time bin. Their light equals
-/// that of bidirectional paths, and differs if the medium absorbs 50 % more. For equal numbers of samples,
-/// next-event estimation has at most a tenth of the variance.
+/// Tests that, for light that leaves a stone through its rough surface, next-event estimation through the
+/// surface and random paths agree in every element, number of bounces, projector pixel and time bin. Their
+/// light equals that of bidirectional paths, and differs if the medium absorbs 50 % more. For equal numbers
+/// of samples, next-event estimation has at most a tenth of the variance.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn strategies_agree_on_light_that_leaves_rough_stones() {
@@ -110,8 +110,8 @@ fn strategies_agree_on_light_that_leaves_rough_stones() {
     }
 }
 
-/// Tests bidirectional paths without one strategy whose paths other strategies also sample: the weights still
-/// sum to one.
+/// Tests that, without one strategy of bidirectional paths whose paths other strategies also sample, the
+/// weights still sum to one.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_strategies_replace_a_missing_one() {

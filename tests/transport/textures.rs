@@ -1,5 +1,5 @@
-//! Tests albedo images: orientation, sRGB decoding, channel per wavelength, bilinear filtering with
-//! repetition.
+//! Tests the orientation of albedo images, sRGB decoding, the channel per wavelength, and bilinear filtering
+//! with repetition.
 
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;

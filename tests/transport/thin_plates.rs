@@ -163,8 +163,8 @@ fn lobes_are_sampled_by_their_power() {
     assert!(off < 5.0 * (n * p * (1.0 - p)).sqrt(), "{taken:?}, p = {p}");
 }
 
-/// Tests a window pane in front of the camera, and another pane in front of the projector: each pane acts
-/// once, as in the closed form.
+/// Tests that a window pane in front of the camera and another pane in front of the projector each act once,
+/// as in the closed form.
 #[test]
 fn panes_in_front_of_both_devices_act_once() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.4, -0.3, 1.6));
@@ -196,7 +196,7 @@ fn panes_in_front_of_both_devices_act_once() {
     assert!(want[(1, 0)].abs() > 0.05 * want[(0, 0)] && want[(0, 1)].abs() > 0.05 * want[(0, 0)]);
 }
 
-/// Tests rough glass in a render: light from a facet has Fresnel's matrix, all 16 elements, almost
+/// Tests that, in a render of rough glass, light from a facet has Fresnel's matrix, all 16 elements, almost
 /// completely s-polarized at Brewster's angle.
 #[test]
 fn rough_glass_is_polarized() {

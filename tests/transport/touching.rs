@@ -1,4 +1,4 @@
-//! Tests stacked objects whose surfaces touch within rounding.
+//! Tests the light of stacked objects whose surfaces touch within rounding.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -75,7 +75,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// Tests a boundary that does not refract and can be shifted: the table looks as without the boundary.
+/// Tests that a table looks the same with and without a non-refracting boundary, which is shifted.
 #[test]
 fn a_boundary_that_does_not_refract_is_shifted() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));
@@ -83,8 +83,8 @@ fn a_boundary_that_does_not_refract_is_shifted() {
     assert!(notes.len() == 1 && notes[0].contains("away from the other object"), "{notes:?}");
 }
 
-/// Tests glass on glass. With air between, it differs from a single piece of glass: the scene is refused, or
-/// rendered with a note.
+/// Tests glass on glass. With air in between, two pieces of glass differ from a single piece: the scene is
+/// refused, or rendered with a note.
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {
     let both = block("upper", "glass", 1.0, 2.0) + &block("lower", "water", 0.0, 1.0);

@@ -174,7 +174,7 @@ fn every_wavelength_has_its_own_matrix() {
     }
 }
 
-/// Returns a box with many materials, lit by a projector, at one sample per pixel.
+/// Renders a box with many materials, lit by a projector, with one sample per pixel.
 fn menagerie(seed: u32) -> Rendered {
     let names = [
         "rough_conductor = { metal = \"Au\", alpha = 0.1 }",
@@ -245,7 +245,7 @@ fn no_light_is_negative() {
     assert!(lit > 20_000 && full > 200, "{lit} lit, {full} of them fully polarizing");
 }
 
-/// Returns a wall with a raised plate in front of it. Slices separate direct and indirect light.
+/// Renders a wall with a raised plate in front of the wall. Slices separate direct and indirect light.
 fn relief(camera: &Device, lamp: &Device) -> Rendered {
     let text = head(32, 3, 2)
         + &camera.keys("camera")
@@ -339,7 +339,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// Tests the same for a Stokes image: the slice also resolves the polarization of camera and projector.
+/// Tests that moments give the projector pixel also if the slice resolves both polarizations.
 #[test]
 fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

@@ -1,5 +1,5 @@
-//! Images of scanlines for named elements (Fig. 3 c and d): camera column against projector column, and
-//! camera column against travel time.
+//! Images of scanlines for named elements (Fig. 3 c and d): one set shows camera column against projector
+//! column, the other camera column against travel time.
 
 use crate::application::Picture;
 use crate::error::ApplyError;
@@ -30,7 +30,7 @@ pub(super) fn elements() -> impl Iterator<Item = &'static str> {
     SHOWN.iter().map(|(name, ..)| *name)
 }
 
-/// Draws an element of a camera row: columns from left to right, the axis `up` from bottom to top.
+/// Draws an element of a camera row. Columns run from left to right, the axis `up` from bottom to top.
 fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64) -> Map {
     let height = t.extent(up);
     Map::from_fn(t.extent(AxisKind::X), height, t.extent(AxisKind::Wavelength), |x, y, out| {
@@ -65,7 +65,7 @@ fn clipped(mut map: Map, bright: f64) -> Map {
 /// Draws all scanlines of a variant.
 ///
 /// # Errors
-/// [`ApplyError::Missing`]; [`ApplyError::Axis`].
+/// [`ApplyError::Missing`] if a slice is missing; [`ApplyError::Axis`] if a slice lacks an axis.
 pub(super) fn pictures(o: &Observation) -> Result<Vec<Picture>, ApplyError> {
     let mut out = vec![];
     for (slice, name, up, axis) in [

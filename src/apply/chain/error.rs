@@ -7,7 +7,7 @@ use polarimetry::capture::mueller_image::ImageError;
 /// The reason why a slice cannot be captured.
 #[derive(Debug, thiserror::Error)]
 pub enum ChainError {
-    /// The axes of the slice are not those of an image.
+    /// The slice has axes that an image does not have.
     #[error(
         "slice `{slice}` has {what}, which a camera cannot capture; use a slice with rows, columns and complete Mueller matrices or \
          intensities"

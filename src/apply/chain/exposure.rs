@@ -32,7 +32,6 @@ pub enum Meter {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exposure {
-    /// Metered value.
     pub meter: Meter,
     /// Number of electrons of a camera reading at the metered value.
     pub electrons: f64,
@@ -70,10 +69,10 @@ pub struct Detectors {
 }
 
 impl Exposure {
-    /// Checks the values.
+    /// Checks the values of the exposure.
     ///
     /// # Errors
-    /// An error that names the first invalid number.
+    /// If a value is invalid; the error names the first invalid value.
     pub fn check(&self) -> Result<(), ChainError> {
         let demand = |field, value: f64, holds, need| {
             let bad = DetectorError::Field { field, value, need };

@@ -1,9 +1,9 @@
 //! Schemes with few captures whose angles are optimized for a method's task.
 //!
 //! If a method uses only a few linear functionals w·t of a pixel's matrix, the relevant error is tr M C,
-//! where C is the error covariance of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16,
-//! the estimator is the linear estimator of least expected squared error for the second moment of the
-//! training variants' matrices. It is optimal for every functional.
+//! where C is the error covariance of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16, the
+//! estimator is the linear estimator of least expected squared error for the second moment of the training
+//! variants' matrices. This estimator is optimal for every functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -72,14 +72,14 @@ impl Expected {
     }
 }
 
-/// The criterion by which the angles are chosen.
+/// The criterion by which the angles of a scheme are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// Optimized for the task's functionals.
+    /// Angles optimized for the task's functionals.
     Task,
-    /// Optimized for the error of all elements.
+    /// Angles optimized for the error of all elements.
     All,
-    /// Dual rotating retarders.
+    /// Angles of dual rotating retarders.
     Dual,
 }
 
@@ -96,7 +96,7 @@ impl Choice {
     }
 }
 
-/// Returns settings of the search for the angles that suffice for a few captures.
+/// Returns search settings that are sufficient to optimize the angles of a few captures.
 fn search(seed: u64) -> Search {
     Search { starts: 8, iterations: 120, adam_steps: 0, seed }
 }

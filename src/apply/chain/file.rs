@@ -78,7 +78,7 @@ pub struct Chain {
     pub nominal: Scheme,
     /// True elements, and detectors.
     pub laboratory: Laboratory,
-    /// The sets of assumed elements, each with a table in the report.
+    /// The assumed sets of elements; the report has one table for each set.
     pub beliefs: Vec<Belief>,
     pub samples: Vec<Sample>,
     /// Seed of rigs and noise, in addition to the seed of the render.
@@ -143,7 +143,7 @@ const MOST_CAPTURES: usize = 1000;
 /// Reads a chain file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix.
+/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid chain.
 pub fn load(path: &Path) -> Result<Chain, InputError> {
     let text = document::read(path, "chain", "see the examples in rigs/chains")?;
     from_toml(path, &text)

@@ -6,7 +6,6 @@ use polarimetry::capture::mueller_image::{DEFAULT_NM, MuellerImage};
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
-/// The light of a slice.
 #[derive(Clone, Debug)]
 pub struct Light {
     /// The matrices. Intensities are matrices with T00 only.
@@ -49,7 +48,7 @@ impl Light {
         Ok(Self { image, polarized })
     }
 
-    /// Converts matrices in the order of the image to a tensor with the axes of `like`.
+    /// Converts matrices in the pixel order of the image to a tensor with the axes of `like`.
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
         let lanes = like.extent(AxisKind::Wavelength);

@@ -30,8 +30,8 @@ pub enum Optics {
 }
 
 impl Optics {
-    /// Returns a scheme with these elements and the nominal settings. The same rig number `rig`
-    /// gives the same elements for all settings.
+    /// Returns a scheme with these elements and the settings of `nominal`. The same rig number `rig` gives
+    /// the same elements for all settings.
     pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
         match self {
             Self::Known(optics) => with_elements(nominal, optics),

@@ -14,7 +14,6 @@ use polarimetry::reconstruct::predicted::of_counts;
 use polarimetry::reconstruct::second_moment::Moment;
 use tensor::array::Tensor;
 
-/// The readings of a slice.
 #[derive(Clone, Debug)]
 pub struct Readings<'a> {
     slice: &'a Slice,
@@ -45,7 +44,7 @@ impl<'a> Readings<'a> {
     /// standard errors are kept.
     ///
     /// # Errors
-    /// [`ChainError`].
+    /// [`ChainError`] if the detector refuses its settings or the light.
     pub fn of(slice: &'a Slice, real: &Scheme, detectors: &Detectors, seed: u64) -> Result<Self, ChainError> {
         let light = Light::of(slice)?;
         let noise = detectors.noise(&light)?;

@@ -30,7 +30,7 @@ pub struct Decomposed {
 }
 
 impl Measured {
-    /// Returns the standard errors of the elements without the contribution that is common to all elements.
+    /// Returns the standard errors of the elements, excluding the error that is common to all elements.
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
         self.error.zip_map(&self.mean, |s, m| (s * s - (m * common).powi(2)).max(0.0).sqrt())

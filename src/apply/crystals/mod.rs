@@ -117,7 +117,7 @@ fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     (0..seen.pixels.len()).flat_map(of).collect()
 }
 
-/// Returns the error floor, radians, for which half of all errors are within [`HALF`] stated errors.
+/// Returns the error floor, radians, for which half of all errors are below [`HALF`] times the stated error.
 fn floor(train: &[Seen], probe: Probe) -> f64 {
     let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
     let within = |floor: f64| {

@@ -9,12 +9,11 @@ use nalgebra::{Matrix4, Vector3};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 
-/// The light to decompose, and the matrix M₀ whose inverse is applied first.
+/// The light whose matrix is decomposed, and the matrix M₀ by whose inverse it is first multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Probe {
     /// Epipolar light, multiplied by the inverse matrix of the plate.
     Epipolar,
-    /// Non-epipolar light.
     NonEpipolar,
     /// The brighter of epipolar and non-epipolar light in each pixel.
     Brighter,
@@ -39,7 +38,7 @@ pub(super) struct Seen {
     epipolar: Found,
     nonepipolar: Found,
     all: [Found; 3],
-    /// Whether epipolar light is brighter than non-epipolar light, per pixel.
+    /// For each pixel, whether epipolar light is brighter than non-epipolar light.
     along: Vec<bool>,
 }
 

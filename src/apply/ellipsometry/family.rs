@@ -59,8 +59,8 @@ impl Family {
     }
 }
 
-/// Returns a lower bound of the root mean square error of an element, divided by the standard deviation
-/// of an intensity. The bound holds without a prior for all schemes with this sensor and number of
+/// Returns a lower bound of the root mean square error of an element, divided by the standard deviation of an
+/// intensity's noise. The bound holds without a prior for all schemes with this sensor and number of
 /// captures. Returns `None` if too few captures are given to determine a matrix.
 pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     let scheme = Scheme::quad(captures, array).ok()?;

@@ -54,7 +54,6 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
 
 #[derive(Clone, Copy)]
 enum Kind {
-    /// A family of captures with its estimator.
     Captures(Family),
     /// The lower bound without a prior, for a sensor with a polarizer array (true) or without (false).
     Bound(bool),
@@ -137,7 +136,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// The metrics of a method on a variant, and the matrices of 15 captures.
+/// The metrics of a method on a variant, and the matrices that the method estimates from 15 captures.
 struct Judged {
     values: [f64; METRICS.len()],
     found: Option<Vec<f64>>,
@@ -174,8 +173,8 @@ fn judge_bound(bench: &Bench, array: bool) -> Judged {
     Judged { values, found: None }
 }
 
-/// Draws -(2,3) and the magnitude of all errors, relative to the mean T00 of all pixels; one channel per
-/// wavelength.
+/// Draws -(2,3) and the error magnitude of all elements, relative to the mean T00 of all pixels, with one
+/// channel per wavelength.
 fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] {
     let mean = bench.brightness();
     let map = |value: &dyn Fn(&[f64], &[f64]) -> f64| {

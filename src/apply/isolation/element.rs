@@ -3,15 +3,15 @@
 
 use std::fmt;
 
-/// Light by origin: from all projector pixels, from those near the epipolar line of each camera pixel, or
-/// from all others.
+/// Light by origin: from all projector pixels, from the projector pixels near the epipolar line of each
+/// camera pixel, or from all other projector pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
     /// Light from all projector pixels.
     All,
     /// Light from projector pixels near the epipolar line.
     Epipolar,
-    /// Light from all other projector pixels.
+    /// Light from projector pixels that are not near the epipolar line.
     NonEpipolar,
 }
 

@@ -12,15 +12,15 @@ pub(super) struct Learnt {
     detector: Shown,
     /// Threshold of the detector: values of at least `threshold` are classified as positive.
     pub threshold: f64,
-    /// Element for the image of the component's share of the light.
+    /// Element for the image of the light component's share of the light.
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
-    /// Area under the ROC curve and cosine that the method reached on the training variants.
+    /// Area under the ROC curve of the detector, and cosine of the image, on the training variants.
     reached: [f64; 2],
 }
 
-/// An element, optionally divided by the photograph.
+/// The image of an element, optionally divided by the photograph.
 #[derive(Clone, Copy)]
 struct Shown {
     element: Element,
@@ -51,8 +51,7 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Keeps a candidate if it is better than the best previous candidate. With `either`, also tries the
-/// opposite sign.
+/// Replaces `best` by a candidate if the candidate is better. If `either`, tries both signs.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -72,7 +71,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// Learns the best candidates for a task; of equal candidates, the first. Returns `None` if no
+    /// Learns the best candidates for a task; of equally good candidates, the first. Returns `None` if no
     /// variant contains the task's light, or if no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
@@ -113,7 +112,7 @@ impl Learnt {
         self.detector.values(seen).unwrap_or_default()
     }
 
-    /// Returns the image of the component's share of the light, before multiplication by the gain.
+    /// Returns the image of the light component's share of the light, before multiplication by the gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
         self.image.values(seen).unwrap_or_default()
     }

@@ -48,7 +48,7 @@ pub struct Truth {
 /// Returns the pixels whose value in a truth map passes a test.
 ///
 /// # Errors
-/// [`ApplyError::Missing`].
+/// [`ApplyError::Missing`] if the observation does not contain the map.
 pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Result<Vec<bool>, ApplyError> {
     let map = o.truth(map)?;
     Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
@@ -150,7 +150,7 @@ impl Seen {
     /// Reads a variant: its slices and the ground truth of the tasks.
     ///
     /// # Errors
-    /// [`ApplyError`].
+    /// [`ApplyError`] if a slice or truth map is missing or does not have the required axes or size.
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
         let (parts, [width, height]) = match sight {
             Sight::Space => in_space(o, false)?,

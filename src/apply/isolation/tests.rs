@@ -18,7 +18,7 @@ pub(crate) struct Kind {
     /// Elements 4 i + j relative to (0,0), without (0,0).
     pub shares: &'static [(usize, f64)],
     pub epipolar: bool,
-    /// Bins after the first light.
+    /// Number of bins between the pixel's first light and this light.
     pub delay: usize,
 }
 
@@ -109,7 +109,7 @@ const METHODS: [Isolation; 8] = [
     Isolation::new("azimuth", "", Family::NamedAnyAzimuth),
 ];
 
-/// Returns the area of each method for a plain kind of light and `kind`.
+/// Returns the area under the ROC curve of each method, for a scene with a plain kind of light and `kind`.
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");

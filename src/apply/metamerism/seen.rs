@@ -42,7 +42,8 @@ impl Seen {
     }
 }
 
-/// A method that computes a score per pixel. Real fruit should have higher scores.
+/// A method that computes a score per pixel. Pixels of real fruit should have higher scores than those of
+/// fakes.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }

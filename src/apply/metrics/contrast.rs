@@ -1,13 +1,13 @@
 //! Contrast of marks as a function of depth: the Michelson contrast (bright - dark) / (bright + dark).
 //!
-//! The ground truth selects bright and dark pixels. If the image itself selected them, noise would count
-//! as contrast.
+//! The ground truth selects bright and dark pixels. If the evaluated image selected these pixels, noise would
+//! count as contrast.
 
 use crate::map::Map;
 
-/// Returns the contrast of `image` at the bright and dark pixels of `truth`, in `bins` equal
-/// intervals of `depth` from the minimum to the maximum within the mask. An interval is NaN if the
-/// truth's contrast is below `least`, or if it has fewer than four bright or four dark pixels.
+/// Returns the contrast of `image` at the bright and dark pixels of `truth`, in `bins` equal intervals of
+/// `depth` from the minimum to the maximum within the mask. The contrast of an interval is NaN if the truth's
+/// contrast is below `least`, or if it has fewer than four bright or four dark pixels.
 pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: usize, least: f64) -> Vec<f64> {
     let mean = |m: &Map, i: usize| {
         let pixel = &m.data[i * m.channels..(i + 1) * m.channels];

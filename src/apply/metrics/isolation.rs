@@ -75,7 +75,8 @@ pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
-/// Returns Pearson's correlation of image and light; 0 for a constant image, NaN for constant light.
+/// Returns Pearson's correlation coefficient of image and light; 0 if the image is constant, NaN if the light
+/// is.
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
@@ -94,7 +95,7 @@ pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
 }
 
-/// Returns the least-squares gain of images to the light over all pixels, at least 0.
+/// Returns the gain, at least 0, that minimizes the sum of squares of gain · image - light over all pixels.
 pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 {
     let (mut both, mut own) = (0.0, 0.0);
     for (image, light) in pairs {
@@ -104,7 +105,7 @@ pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 
     if both > 0.0 { both / own } else { 0.0 }
 }
 
-/// Returns ‖gain · image - light‖ / ‖light‖: 0 for the light itself, 1 for a black image, NaN without light.
+/// Returns ‖gain · image - light‖ / ‖light‖: 0 for the light itself, 1 for a black image, NaN for zero light.
 pub fn error(image: &[f64], light: &[f64], gain: f64) -> f64 {
     let left: f64 = image.iter().zip(light).map(|(i, l)| (gain * i - l).powi(2)).sum();
     let whole: f64 = light.iter().map(|l| l * l).sum();

@@ -16,8 +16,8 @@ pub struct Estimate {
     pub counts: [usize; 2],
 }
 
-/// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite
-/// value are ignored; the result is NaN without rows.
+/// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite value are
+/// ignored; the result is NaN if no row is left.
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
     let rows: Vec<&[f64]> =

@@ -1,6 +1,6 @@
 //! Precision and recall of binary decisions per pixel.
 
-/// Counts of decisions against the ground truth.
+/// Numbers of correct and wrong decisions, by comparison with the ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     pub true_positive: u64,

@@ -60,7 +60,7 @@ fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (of_positive, of_negative)
 }
 
-/// Scores of one group, such as an object or a scene.
+/// Scores of the pixels of one group, such as an object or a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Group {
     pub positive: Vec<f64>,

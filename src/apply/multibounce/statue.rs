@@ -15,7 +15,7 @@ use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
 use crate::paths::Path;
 use tensor::label::SPECULAR;
 
-/// Returns whether a path leads to the statue and back via the mirror.
+/// Returns whether a path leads via the mirror to the statue and via the mirror back.
 fn in_the_mirror(p: Path) -> bool {
     p.bounces == 3 && p.label & SPECULAR != 0
 }

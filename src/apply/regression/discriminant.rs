@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Fraction of the diagonal that is added to the covariance.
+/// Fraction of the diagonal of the within-class covariance that is added to this covariance.
 const RIDGE: f64 = 1e-6;
 
 /// Ratio of variance to squared mean below which a variance is due to rounding errors.

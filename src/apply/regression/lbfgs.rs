@@ -1,9 +1,9 @@
 //! Weights and biases of the descattering equation of Baek & Heide (2021), optimized with L-BFGS (Liu &
 //! Nocedal 1989; crate argmin) as in the paper.
 //!
-//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The biases enter only through the sum Σ
-//! Wₑ bₑ, so the problem has the same minimum as linear least squares ([`super::least_squares`]), but it
-//! is not convex. The paper states no starting point. The starting point here is the image itself: W = 1
+//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The biases enter only through the sum Σ Wₑ
+//! bₑ, so the problem has the same minimum as linear least squares ([`super::least_squares`]), but it is not
+//! convex. The paper states no starting point. Here the optimization starts from the unprocessed image: W = 1
 //! for M00, W = 0 for the other elements, and b = 0.
 
 use super::moments::{Linear, Moments};

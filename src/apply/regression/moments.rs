@@ -37,7 +37,7 @@ impl Linear {
 }
 
 impl Moments {
-    /// Returns the moments of no examples.
+    /// Returns the moments of an empty set of examples.
     pub fn none(features: usize) -> Self {
         Self {
             count: 0.0,
@@ -81,7 +81,7 @@ impl Moments {
         self.noise += &other.noise;
     }
 
-    /// Returns the sum of all parts except one.
+    /// Returns the sum of all `parts` except the one with index `left_out`.
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
         parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
@@ -140,9 +140,7 @@ pub struct Centred {
     pub xy: DVector<f64>,
     /// Mean squared standard errors of the features.
     pub noise: DVector<f64>,
-    /// Means of the features.
     pub mean: DVector<f64>,
-    /// Mean of y.
     pub y: f64,
 }
 

@@ -108,7 +108,7 @@ impl Descattering {
         }
     }
 
-    /// Learns the weights at a wavelength.
+    /// Learns the weights of the features at a wavelength.
     pub(super) fn learn(&self, train: &[Seen], lane: usize) -> Result<Linear, ApplyError> {
         let moments = self.moments(train, lane);
         let all = Moments::sum(&moments);
@@ -124,7 +124,7 @@ impl Descattering {
         }
     }
 
-    /// Returns the moments of the pixels in the mask, one per variant.
+    /// Returns the moments of the features of the pixels in the mask, one set of moments per variant.
     fn moments(&self, train: &[Seen], lane: usize) -> Vec<Moments> {
         let of = |seen: &Seen| {
             let (mut x, mut errors, mut y) = (vec![], vec![], vec![]);

@@ -25,7 +25,6 @@ pub(super) struct Seen {
     pub peak: f64,
     /// Mask of the objects in the milk.
     pub mask: Vec<bool>,
-    /// Mask of the ruler.
     pub ruler: Vec<bool>,
     /// Position along the ruler, from its near end: 0..1.
     pub depth: Vec<f64>,

@@ -14,7 +14,7 @@ struct Milk {
     /// Degree of circular polarization of the backscatter for circularly polarized light; negative if the
     /// handedness is reversed.
     circular: f64,
-    /// Degree of linear polarization that the objects preserve.
+    /// Degree of linear polarization of the light from the objects.
     things: f64,
     /// Share of the backscatter that is epipolar.
     epipolar: f64,
@@ -96,7 +96,7 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
         .collect()
 }
 
-/// Returns the PSNR of every method, averaged over the two test variants.
+/// Returns the name and the PSNR of every method, averaged over the two test variants.
 fn psnr_of(milk: Milk) -> Vec<(&'static str, f64)> {
     let all = observations(milk, 11);
     let outcome = run(&all[..2], &all[2..]).expect("it runs");

@@ -1,7 +1,7 @@
 //! The application of Fig. 11: normals and depths of statues of translucent stone, reconstructed by every
 //! method.
 //!
-//! All methods are given the pixels that the statue covers completely. Errors are means over those of the
+//! All methods process only the pixels that the statue covers completely. Errors are means over those of the
 //! pixels for which a method has a result. `coverage` is the fraction of pixels with a result.
 
 use super::errors::{Errors, angular, depth_errors};
@@ -27,7 +27,7 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// All methods. That of Baek & Heide (2021) is the first, and the pseudo truth of the paper is the last.
+/// All methods. The method of Baek & Heide (2021) is the first, and their pseudo truth is the last.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",

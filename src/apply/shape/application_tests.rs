@@ -68,7 +68,7 @@ fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     mean(&outcome.scores, method, METRICS[metric].name)
 }
 
-/// Returns the structured-light methods that use this light, in the order of the table.
+/// Returns the names of the structured-light methods that use the light `light`, in the order of the table.
 fn scans(light: Light) -> impl Iterator<Item = &'static str> {
     METHODS
         .iter()

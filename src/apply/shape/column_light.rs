@@ -17,7 +17,6 @@ pub struct ColumnLight {
 /// Patterns that are constant along columns: drives in 0..1, one list per capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patterns {
-    /// Number of projector columns.
     pub columns: usize,
     /// Drive of every column, for each capture.
     pub drives: Vec<Vec<f64>>,

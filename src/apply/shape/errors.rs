@@ -6,9 +6,9 @@ use crate::metrics::angle::angle_deg;
 /// Errors over the pixels with a known truth and estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean of the absolute errors, in degrees for normals and metres for depths; NaN without pixels.
+    /// Mean of the absolute errors, in degrees for normals and metres for depths; NaN if there are no pixels.
     pub mean: f64,
-    /// Median of the absolute errors (of two middle values, the lower).
+    /// Median of the absolute errors (the lower one if there are two middle values).
     pub median: f64,
     /// Share of the pixels with a known truth that have an estimate.
     pub coverage: f64,
@@ -32,8 +32,8 @@ fn inside(mask: Option<&Map>, pixel: usize) -> bool {
     mask.is_none_or(|m| m.data.get(pixel).is_some_and(|v| *v != 0.0))
 }
 
-/// Returns the angles between normals, degrees, over the pixels of `mask` (all without a mask) that have a
-/// true normal.
+/// Returns the angles between normals, degrees, over the pixels of `mask` (over all pixels without a mask)
+/// that have a true normal.
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
@@ -42,8 +42,8 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     summary(pairs.filter_map(of))
 }
 
-/// Returns the absolute differences of depths, metres, over the pixels of `mask` (all without a mask) that
-/// have a true depth.
+/// Returns the absolute differences of depths, metres, over the pixels of `mask` (over all pixels without a
+/// mask) that have a true depth.
 pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = depth.data.iter().zip(&truth.data).enumerate();
     let of = |(i, (z, t)): (usize, (&f64, &f64))| (t.is_finite() && inside(mask, i)).then(|| (z - t).abs());

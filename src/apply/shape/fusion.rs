@@ -2,13 +2,13 @@
 //! (Nehab et al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al.
 //! 2022; applied to scan and polarization as in Baek et al. 2018).
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, satisfy log z_j - log z_i
-//! = log(n·r_i / n·r_j), which is linear in ℓ = log z. For a pair of neighbours, n is the sum of both
-//! normals. On a sphere and on a plane, this sum is perpendicular to the chord between the points.
-//! Weights are inverse variances. The weight of a depth is (z/σ_z)². Rotation of the normal by σ_n
-//! changes the step log z_j - log z_i by h σ_n/cos²α, with the angle h between the rays and the angle α
-//! between normal and ray. Outlier depths and steps across edges are suppressed by Cauchy's weights, 1/(1 +
-//! r²/(c²σ²)), c = 2.385, which are updated iteratively.
+//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, satisfy log z_j - log z_i =
+//! log(n·r_i / n·r_j), which is linear in ℓ = log z. For a pair of neighbours, n is the sum of the two
+//! normals. On a sphere and on a plane, this sum is perpendicular to the chord between the points. Weights
+//! are inverse variances. The weight of a depth is (z/σ_z)². Rotation of the normal by σ_n changes the step
+//! log z_j - log z_i by h σ_n/cos²α, with the angle h between the rays and the angle α between normal and
+//! ray. Outlier depths and steps across edges are suppressed by Cauchy's weights, 1/(1 + r²/(c²σ²)), c =
+//! 2.385, which are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -95,7 +95,7 @@ fn trusted(weight: f64, residual: f64) -> f64 {
     weight / (1.0 + weight * residual * residual / (CAUCHY * CAUCHY))
 }
 
-/// Returns the pixels that steps connect to a pixel with a known depth.
+/// Returns whether each pixel is connected by steps to a pixel with a known depth.
 fn reached(p: &LogDepth) -> Vec<bool> {
     let mut known: Vec<bool> = p.values.iter().map(|v| v.weight > 0.0).collect();
     loop {

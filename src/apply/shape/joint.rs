@@ -7,7 +7,7 @@
 //! changes, at most ten times.
 //!
 //! Normals of the surface are fitted to windows and do not resolve curvature within a window, while
-//! polarization yields a normal for each pixel. Therefore the final normals are the means of both
+//! polarization yields a normal for each pixel. Therefore the final normals are the means of these two
 //! normals, weighted by inverse variances.
 //!
 //! The refractive index, which polarization alone does not determine, can also be fitted. The fitted index
@@ -37,7 +37,7 @@ pub struct Surface {
 /// The result of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Least-squares depths, and the means of the surface's normals and the selected candidates.
+    /// Least-squares depths, and the means of each surface normal and the selected candidate normal.
     pub surface: Surface,
     /// The selected candidate normal in each pixel, camera frame; three channels.
     pub chosen: Map,
@@ -45,7 +45,6 @@ pub struct Joint {
     pub index: f64,
 }
 
-/// Options of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Refractive index of the object; `None` to fit the index.
@@ -82,8 +81,8 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
-/// Returns the mean of normals weighted by inverse variances, as unit vectors; if one normal is
-/// unknown, the other is returned.
+/// Returns the means of the normals in `a` and `b`, weighted by inverse variances, as unit vectors. If only
+/// one of two normals is known, it is returned.
 fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     Map::from_fn(a.width, a.height, 3, |x, y, out| {
         let weighted = |map: &Map, sigma: f64| {

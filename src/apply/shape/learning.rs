@@ -1,6 +1,6 @@
-//! Learns free parameters of methods on training variants: one after another is set to the value of a
-//! short list for which the mean angular error of normals is smallest. A pixel without a normal counts as
-//! an error of 90°.
+//! Learns free parameters of methods on training variants: the parameters are chosen one after another, each
+//! from a short list of values, so that the mean angular error of normals is smallest. A pixel without a
+//! normal counts as an error of 90°.
 
 use super::errors::angular;
 use super::joint::Surface;
@@ -38,7 +38,7 @@ pub(super) enum Free {
 }
 
 impl Free {
-    /// Returns the values to try.
+    /// Returns the values to try for this parameter.
     pub(super) const fn values(self) -> &'static [f64] {
         match self {
             Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0],

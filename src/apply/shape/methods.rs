@@ -28,7 +28,6 @@ pub enum Code {
 /// The light that a method uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
-    /// All light.
     All,
     /// Light from projector pixels near the epipolar line.
     Epipolar,
@@ -91,7 +90,6 @@ pub struct Parameters {
     pub micro_period: f64,
     /// Refractive index; `None` to fit it to a scan (1.5 for methods without a scan).
     pub index: Option<f64>,
-    /// Window for the normals of scans.
     pub scan_window: Window,
     /// Window for the normals of fused surfaces.
     pub fused_window: Window,

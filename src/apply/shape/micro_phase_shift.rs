@@ -18,7 +18,7 @@ const STEPS: usize = 3;
 /// Number of sets of periods that [`periods`] tries.
 const TRIES: usize = 96;
 
-/// Returns the code vector cos φ_1, sin φ_1, cos φ_2 … of a coordinate.
+/// Returns the code vector (cos φ_1, sin φ_1, cos φ_2, …, cos φ_F) of a column coordinate.
 fn name(coordinate: f64, periods: &[f64]) -> Vec<f64> {
     let phase = |p: f64| TAU * coordinate / p;
     let first = periods.first().map(|p| phase(*p));
@@ -60,7 +60,7 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     best.1
 }
 
-/// Returns the patterns: three of the first period, one of each other period.
+/// Returns the patterns: three for the first period, and one for each other period.
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
     Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {

@@ -50,7 +50,7 @@ pub(super) fn unwrap(phase: f64, period: f64, near: f64) -> f64 {
     period * (turn + (near / period - turn).round())
 }
 
-/// Returns the patterns: period by period, four each.
+/// Returns the patterns: four per period, in the order of the periods.
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     Patterns::from_fn(STEPS * periods.len(), columns, |k, u| {
         sinusoid(u, periods[k / STEPS], (k % STEPS) as f64 * FRAC_PI_2)

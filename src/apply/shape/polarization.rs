@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_PI_2;
 /// The component of the reflected light whose polarization is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reflection {
-    /// Diffuse light from below the surface.
+    /// Diffuse light that leaves the object through the surface.
     Diffuse,
     /// Specular light, at zenith angles below Brewster's.
     Specular,
@@ -82,7 +82,7 @@ pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -
     d * zenith.cos() + (right * azimuth.cos() + up * azimuth.sin()) * zenith.sin()
 }
 
-/// Returns both candidate normals of a pixel; NaN without cues.
+/// Returns both candidate normals of a pixel; NaN if the pixel has no cues.
 pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
     let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))

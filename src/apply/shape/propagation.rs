@@ -43,7 +43,7 @@ impl PartialEq for Next {
 
 impl Eq for Next {}
 
-/// Returns the pixels within `reach` of a pixel, inside the image or not.
+/// Returns the pixels within `reach` of a pixel, including pixels outside the image.
 fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> {
     (-reach..=reach)
         .flat_map(move |j| (-reach..=reach).map(move |i| [x as isize + i, y as isize + j]))

@@ -14,7 +14,6 @@ const WAVELENGTH: f64 = 550.0;
 pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
-    /// Input of the methods.
     pub inputs: Inputs,
     /// Input of the methods in which T(s, u) is that of the same statue after spraying with matte paint.
     /// All other inputs are those of the unsprayed statue.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::sampling::stream::Stream;
 use std::f64::consts::TAU;
 
-/// Returns another column, given a column and the number of columns.
+/// A function that returns another column, given a column and the number of columns.
 type Elsewhere = fn(usize, usize) -> usize;
 
 /// The light T(s, u) of a row of pixels, in which pixel i receives its direct light from column i.

@@ -48,7 +48,7 @@ impl Measure {
     }
 }
 
-/// A measure with its learned parameters, for both targets.
+/// A measure with its learned signs and thresholds, for both targets.
 pub(super) struct Scoring {
     measure: Measure,
     sign: [f64; 2],

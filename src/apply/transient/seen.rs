@@ -11,8 +11,8 @@ pub(super) const TRANSIENT: &str = "transient";
 /// Name of the truth slice.
 pub(super) const LABELLED: &str = "labelled";
 
-/// Minimum light of a lit place, relative to the pixel's mean light per bin. Smaller values are noise of
-/// the labelled render.
+/// Minimum light of a lit place (a pixel and a bin), relative to the pixel's mean light per bin. Smaller
+/// values are noise of the labelled render.
 const LEAST: f64 = 0.01;
 
 /// The change of circular polarization along a path.
@@ -32,8 +32,8 @@ pub(super) struct Seen {
     pub pixels: Pixels,
     /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
-    /// Light that had only specular reflections, an odd number (first list) or an even number (second
-    /// list); W/(m² sr nm).
+    /// Light in W/(m² sr nm) that had only specular reflections: an odd number in the first list, an even
+    /// number in the second list.
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }

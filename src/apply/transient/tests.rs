@@ -26,7 +26,8 @@ struct Differs {
 
 const AS_IN_NATURE: Differs = Differs { circular: true, linear: true, bright: 1.0, mixed: true };
 
-/// Returns the kind of light: 0 for odd, 1 for even, 2 for diffuse.
+/// Returns the kind of light: 0 or 1 after an odd or even number of specular reflections, 2 for diffuse
+/// light.
 fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
     if mixed { (pixel + bin) % 3 } else { pixel % 3 }
 }

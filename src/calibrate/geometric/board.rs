@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 /// A chessboard with squares of equal size. The corners of the board are the points where four squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Board {
-    /// Inner corners along x, one less than the number of squares.
+    /// Number of inner corners along x, one less than the number of squares.
     pub columns: usize,
-    /// Inner corners along y.
+    /// Number of inner corners along y.
     pub rows: usize,
     /// Side length of a square in meters.
     pub square: f64,
@@ -21,7 +21,7 @@ impl Board {
     /// Creates a board.
     ///
     /// # Errors
-    /// [`Fault::Board`] if it has fewer than 3 × 3 corners, too many corners, or an invalid square size.
+    /// [`Fault::Board`] if the board has fewer than 3 × 3 or too many corners, or an invalid square size.
     pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
         let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
         if sane && square.is_finite() && square > 0.0 {
@@ -31,12 +31,11 @@ impl Board {
         }
     }
 
-    /// Returns the number of corners.
     pub fn len(&self) -> usize {
         self.columns * self.rows
     }
 
-    /// Always false: a board has corners.
+    /// Always returns false, because a board has corners.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -43,8 +43,7 @@ pub struct State {
 
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Standard deviation of a coordinate in pixels, by device. If the value is infinite, the device is
-    /// ignored.
+    /// Standard deviation of a coordinate in pixels, by device. A device with an infinite value is ignored.
     pub sigma: Vec<f64>,
     /// Huber's threshold in standard deviations of a coordinate. If the value is infinite, the loss is
     /// that of least squares.
@@ -63,7 +62,6 @@ pub struct Normal {
     own_right: Vec<Vector6<f64>>,
 }
 
-/// Residuals of one corner.
 type Residual = (Vector2<f64>, Option<Vector2<f64>>);
 
 impl State {
@@ -87,7 +85,7 @@ impl State {
         Some((corner.camera - seen, thrown))
     }
 
-    /// Returns the state updated by a solution of the normal equations.
+    /// Returns the state after adding a solution of the normal equations to its parameters.
     pub fn changed(&self, shared: &DVector<f64>, own: &[Vector6<f64>]) -> Self {
         let mut next = self.clone();
         for (device, ties) in next.devices.iter_mut().zip(&self.ties) {
@@ -202,7 +200,7 @@ impl State {
         Some(normal)
     }
 
-    /// Adds the derivatives with respect to a device's parameters, multiplied by a matrix.
+    /// Adds to the Jacobian the derivatives with respect to a device's parameters, multiplied by a matrix.
     fn fill(
         &self,
         out: &mut DMatrix<f64>,

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. Serialized to
-/// TOML, this is [`base::calibration_file::Part::Devices`] of a calibration file.
+/// TOML, the calibration is [`base::calibration_file::Part::Devices`] of a calibration file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The `[camera]` table of a scene file.
@@ -86,7 +86,7 @@ pub struct Quality {
     pub files: Vec<String>,
 }
 
-/// The covariance of all parameters; 0 for fixed parameters.
+/// The covariance of all parameters; 0 in rows and columns of fixed parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CovarianceTable {
@@ -110,7 +110,7 @@ impl DeviceTable {
         }
     }
 
-    /// Returns the device, or `None` if the matrix or the coefficients are invalid or not finite.
+    /// Returns the device of this table, or `None` if its matrix or its coefficients are invalid.
     pub fn device(&self) -> Option<Device> {
         let [[fx, skew, cx], [below, fy, cy], last] = self.opencv_matrix;
         let (model, coefficients) = match (&self.opencv, &self.fisheye) {
@@ -234,7 +234,7 @@ impl Calibration {
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
     }
 
-    /// Reads a calibration file. Other tables of the file are ignored.
+    /// Reads a calibration file. Tables other than those of the devices are ignored.
     ///
     /// # Errors
     /// [`InputError`] if the file is not a calibration or has no valid device.

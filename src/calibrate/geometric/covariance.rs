@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
 /// Square root of the information matrix, with the poses of the views eliminated.
 pub struct Root {
-    /// The factor R: RᵀR is the Fisher information of the shared parameters for unknown poses.
+    /// The factor R, for which RᵀR is the Fisher information of the shared parameters for unknown poses.
     shared: DMatrix<f64>,
     /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
@@ -66,7 +66,7 @@ impl Root {
         })
     }
 
-    /// Returns the Gauss–Newton step of shared parameters and poses, or `None` if it does not exist.
+    /// Returns the Gauss–Newton step of shared parameters and poses, or `None` if the system is singular.
     fn step(&self) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
         let shared = self.shared.solve_upper_triangular(&self.right)?;
         let of = |(r, beside, right): &(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)| {
@@ -77,8 +77,8 @@ impl Root {
         Some((shared.clone(), own?)).filter(|_| finite)
     }
 
-    /// Returns how well the least determined combination of shared parameters is determined, from 0 (not
-    /// at all) to about 1, and this combination.
+    /// Returns how well the least determined combination of shared parameters is determined, from 0 (not at
+    /// all) to about 1, and the coefficients of this combination.
     ///
     /// The result is the smallest singular value of the root with its singular vector. Columns of the
     /// root are scaled by the square root of the information that known poses would give.
@@ -89,7 +89,7 @@ impl Root {
         Some((svd.singular_values[least], svd.v_t?.row(least).transpose()))
     }
 
-    /// Returns the covariances, or `None` if they do not exist.
+    /// Returns the covariances, or `None` if the information matrix is singular.
     pub fn invert(&self) -> Option<Covariance> {
         let n = self.shared.ncols();
         let back = self.shared.solve_upper_triangular(&DMatrix::identity(n, n))?;

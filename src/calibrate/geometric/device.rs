@@ -17,7 +17,7 @@ pub enum Model {
     Five,
     /// Rational lens: k4, k5 and k6 in addition to [`Self::Five`].
     Eight,
-    /// Thin-prism lens: s1 to s4 in addition to [`Self::Eight`].
+    /// Thin-prism lens: s1, s2, s3 and s4 in addition to [`Self::Eight`].
     Twelve,
     /// Fisheye lens: k1 to k4.
     Fisheye,
@@ -65,12 +65,12 @@ pub struct Device {
     pub coefficients: Vec<f64>,
 }
 
-/// The pixel of a point, and its derivatives.
+/// The pixel to which a point projects, and the derivatives of the pixel's coordinates.
 pub struct Seen {
     pub at: Vector2<f64>,
-    /// Derivative with respect to the point in device coordinates.
+    /// Derivative of the pixel's coordinates with respect to the point in device coordinates.
     pub by_point: Matrix2x3<f64>,
-    /// Derivatives with respect to fx, fy, cx, cy and the coefficients.
+    /// Derivatives of the pixel's coordinates with respect to fx, fy, cx, cy and the coefficients.
     pub by_parameters: Vec<Vector2<f64>>,
 }
 
@@ -90,18 +90,18 @@ impl Device {
         self.model.lens(&self.coefficients)
     }
 
-    /// Returns fx, fy, cx, cy and the coefficients.
+    /// Returns the parameters of the device: fx, fy, cx, cy and the coefficients.
     pub fn parameters(&self) -> Vec<f64> {
         let first = [self.focal.x, self.focal.y, self.centre.x, self.centre.y];
         first.iter().chain(&self.coefficients).copied().collect()
     }
 
-    /// Returns the names of [`Self::parameters`].
+    /// Returns the names of the parameters, in the order of [`Self::parameters`].
     pub fn names(&self) -> Vec<&'static str> {
         ["fx", "fy", "cx", "cy"].iter().chain(self.model.names()).copied().collect()
     }
 
-    /// Returns the device with other [`Self::parameters`].
+    /// Returns the device with the given parameters, in the order of [`Self::parameters`].
     pub fn with(&self, parameters: &[f64]) -> Self {
         Self {
             focal: Vector2::new(parameters[0], parameters[1]),
@@ -121,7 +121,8 @@ impl Device {
         Vector2::new(self.focal.x * d.x + self.centre.x, self.focal.y * d.y + self.centre.y)
     }
 
-    /// Projects like [`Self::project`], and also returns all derivatives. `lens` is [`Self::lens`].
+    /// Projects as [`Self::project`] does, and returns also all derivatives. `lens` is that of
+    /// [`Self::lens`].
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {
             return None;
@@ -144,8 +145,8 @@ impl Device {
         Some(Seen { at: self.pixel(d), by_point: bend * slope, by_parameters })
     }
 
-    /// Returns the undistorted normalized coordinates of a pixel, or `None` if the lens cannot be
-    /// inverted there.
+    /// Returns the undistorted normalized coordinates of a pixel, or `None` if the lens cannot be inverted at
+    /// this pixel.
     pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre).component_div(&self.focal);
         let p = self.lens().undistort(DVec2::new(q.x, q.y))?;
@@ -153,7 +154,7 @@ impl Device {
     }
 }
 
-/// The device parameters that the fit may change. The others keep their initial values.
+/// The device parameters that the fit may change. All other parameters keep their initial values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // each is an independent option
 pub struct Free {
@@ -161,14 +162,14 @@ pub struct Free {
     /// Whether both focal lengths are fitted independently. Otherwise fy/fx keeps its initial
     /// value, by default 1.
     pub aspect: bool,
-    /// Whether the principal point is fitted. Otherwise it keeps its initial value, by default the
-    /// image center.
+    /// Whether the principal point is fitted. Otherwise the principal point keeps its initial value, by
+    /// default the image center.
     pub centre: bool,
     /// Whether p1 and p2 are fitted. Otherwise both are 0.
     pub tangential: bool,
-    /// Whether k3 is fitted. Otherwise it is 0.
+    /// Whether k3 is fitted. Otherwise k3 is 0.
     pub k3: bool,
-    /// Whether lens coefficients are fitted. If false, no coefficient is fitted.
+    /// Whether lens coefficients are fitted at all.
     pub lens: bool,
 }
 
@@ -179,13 +180,13 @@ impl Default for Free {
 }
 
 impl Free {
-    /// Returns, for each of [`Device::parameters`], the index and factor of the free parameter on which
-    /// it depends.
+    /// Returns, for each of [`Device::parameters`], the index and factor of the free parameter on which the
+    /// parameter depends.
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)
     }
 
-    /// Returns [`Self::ties`] for the parameters whose names are selected.
+    /// Returns the ties as [`Self::ties`] does, for the parameters whose names are selected.
     pub(super) fn ties_of(
         &self,
         device: &Device,
@@ -218,7 +219,7 @@ impl Free {
     }
 }
 
-/// Returns the number of free parameters.
+/// Returns the number of free parameters that occur in `ties`.
 pub fn count(ties: &[Option<(usize, f64)>]) -> usize {
     ties.iter().flatten().map(|(i, _)| i + 1).max().unwrap_or(0)
 }

@@ -23,7 +23,8 @@ pub struct Planes {
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
-    /// Creates the planes of a calibration; `None` if the baseline is zero or along the camera's axis.
+    /// Creates the epipolar planes of a calibration; returns `None` if the baseline is zero or along the
+    /// camera's axis.
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
         let base = to.try_normalize(1e-9)?;
@@ -60,8 +61,8 @@ impl Planes {
         pixels.map(of).collect()
     }
 
-    /// Assigns the pixels of both devices to `count` bands of planes of equal angular width, over the range
-    /// that the projector illuminates.
+    /// Assigns the pixels of both devices to `count` bands of epipolar planes of equal angular width, over
+    /// the range that the projector illuminates.
     ///
     /// A camera pixel receives direct light only from projector pixels of its own band.
     pub fn bands(&self, count: u32) -> [Bands; 2] {

@@ -40,7 +40,7 @@ pub struct Fit {
     /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
     /// parameters. With a projector, the six parameters of a change of `relative` follow ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
-    /// Covariance of the change of each pose.
+    /// Covariance of the change of each view's pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
     /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma: Vec<f64>,
@@ -58,22 +58,22 @@ pub struct Fit {
 const OUTLIER: f64 = 4.5;
 /// Threshold of Huber's loss in standard deviations.
 const HUBER: f64 = 1.5;
-/// RMS in pixels below which no other initial estimate is tried.
+/// RMS of the residual distances, in pixels, below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
 /// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost function
 /// of rational lenses has flat valleys, in which many steps with small gains hardly change the projection.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
-/// Maximum RMS of a valid fit relative to the image width.
+/// Maximum RMS of the residual distances in a valid fit, relative to the image width.
 const HOPELESS: f64 = 0.02;
 
 /// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
 /// camera to projector.
 ///
-/// With `robust`, outliers are detected by a fit with Huber's loss and excluded.
+/// If `robust` is true, outliers are detected by a fit with Huber's loss and excluded.
 ///
 /// # Errors
-/// [`Fault`].
+/// [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.
 pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit, Fault> {
     check(setups, views)?;
     let start = begin(setups, views, robust)?;
@@ -166,7 +166,7 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     })
 }
 
-/// Returns the mean of rigid motions. The rotation is the projection of the mean matrix onto rotations.
+/// Returns the mean of rigid motions. Its rotation is the projection of the mean matrix onto rotations.
 fn mean(all: &[Pose]) -> Pose {
     let n = all.len() as f64;
     let sum: Matrix3<f64> = all.iter().map(|p| p.rotation).sum();
@@ -178,8 +178,8 @@ fn mean(all: &[Pose]) -> Pose {
     Pose { rotation, translation: all.iter().map(|p| p.translation).sum::<Vector3<f64>>() / n }
 }
 
-/// Fits one device from each initial estimate, first without lens distortion. Returns the first good fit,
-/// otherwise the best.
+/// Fits one device from each initial estimate, first without lens distortion. Returns the first good fit, or
+/// the best fit if none is good.
 fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
     let pairs: Vec<_> = views.iter().map(|v| v.iter().map(|c| (c.board.xy(), c.camera)).unzip()).collect();
     let hs = zhang::homographies(&pairs).map_err(|view| Fault::Collinear { view: view + 1 })?;
@@ -243,7 +243,7 @@ fn hold(mut device: Device, setup: &Setup) -> Device {
     device
 }
 
-/// Returns equal weights for all measurements.
+/// Returns weights that are equal for all measurements.
 fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     Weights {
         sigma: vec![1.0; devices],
@@ -293,7 +293,7 @@ fn distances(state: &State, views: &[Vec<Corner>], device: usize) -> Vec<((usize
     all
 }
 
-/// Returns the sum of squares and the number of points of a device, without outliers.
+/// Returns the sum of squares and the number of points of a device, excluding outliers.
 fn squares(state: &State, views: &[Vec<Corner>], w: &Weights, device: usize) -> (f64, usize) {
     let all = distances(state, views, device);
     let kept = all.iter().filter(|((v, c), _)| !w.out[*v][*c]);

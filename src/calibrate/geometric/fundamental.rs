@@ -11,7 +11,8 @@ use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 /// The fundamental matrix F, with q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q, and norm 1.
 pub type Fundamental = Matrix3<f64>;
 
-/// Returns the pixel as seen by a device without distortion, or `None` if the lens cannot be inverted there.
+/// Returns the pixel as seen by a device without distortion, or `None` if the lens is not invertible at the
+/// pixel.
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
@@ -26,14 +27,14 @@ pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> O
     f.iter().all(|x| x.is_finite()).then_some(f)
 }
 
-/// Returns the signed Sampson distance in pixels.
+/// Returns the signed Sampson distance, in pixels, of a pair of corresponding pixels.
 pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     let (p, q) = (Vector3::new(p.x, p.y, 1.0), Vector3::new(q.x, q.y, 1.0));
     let (line, back) = (f * p, f.transpose() * q);
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// Returns the refined fundamental matrix of at least eight points, or `None` if the points do not
+/// Returns the refined fundamental matrix of at least eight pairs of points, or `None` if the points do not
 /// determine the matrix (for example coplanar points).
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {

@@ -45,7 +45,7 @@ pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
 }
 
-/// Fits a homography like [`fit`], with a weight per point.
+/// Fits a homography as [`fit`] does, with one weight per point.
 pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Option<Matrix3<f64>> {
     if from.len() < 4 || from.len() != to.len() {
         return None;

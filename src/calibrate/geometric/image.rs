@@ -26,7 +26,7 @@ pub struct ImageError {
 const MOST: usize = 1 << 30;
 
 impl Image {
-    /// Creates an image from values row by row, or returns `None` if their number is not width × height.
+    /// Creates an image from values row by row, or returns `None` unless there are width × height values.
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
         (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
     }
@@ -142,7 +142,7 @@ fn npy(path: &Path) -> Result<Image, String> {
     Image::new(width, height, values).ok_or_else(|| "the file is damaged: copy the file again".into())
 }
 
-/// Encodes an image as a gray PNG of 8 bits.
+/// Returns an image encoded as a gray PNG of 8 bits, or `None` if the encoder fails.
 pub fn png_bytes(width: u32, height: u32, values: &[u8]) -> Option<Vec<u8>> {
     let mut out = vec![];
     let mut encoder = png::Encoder::new(&mut out, width, height);

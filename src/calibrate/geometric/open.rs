@@ -17,7 +17,7 @@ const WORST_ANGLE: f64 = 0.05;
 
 const TILT: &str = "tilt the board by 20 to 45 degrees in different directions, and cover the complete image";
 
-/// Returns the names of the shared free parameters.
+/// Returns the names of the free parameters that all views share.
 fn names(state: &State) -> Vec<String> {
     let mut names = vec![String::new(); state.free];
     for (d, (device, ties)) in state.devices.iter().zip(&state.ties).enumerate() {
@@ -41,7 +41,7 @@ fn title(device: usize) -> &'static str {
     if device == 0 { "the camera's" } else { "the projector's" }
 }
 
-/// Returns the fault of a singular system.
+/// Returns the fault for a singular system of equations.
 pub(super) fn singular() -> Fault {
     Fault::NotDetermined {
         what: "all parameters independently".into(),

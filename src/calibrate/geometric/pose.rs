@@ -25,13 +25,13 @@ impl Pose {
         }
     }
 
-    /// Returns the point in device coordinates.
+    /// Returns the device coordinates of a point in world coordinates.
     #[inline]
     pub fn apply(&self, x: Vector3<f64>) -> Vector3<f64> {
         self.rotation * x + self.translation
     }
 
-    /// Returns the composition: first `inner`, then this pose.
+    /// Returns the composition of two poses, which applies first `inner` and then this pose.
     pub fn after(&self, inner: &Self) -> Self {
         Self {
             rotation: self.rotation * inner.rotation,
@@ -39,7 +39,7 @@ impl Pose {
         }
     }
 
-    /// Returns the inverse motion, from device to world.
+    /// Returns the inverse pose, from device to world.
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
         Self { rotation: back, translation: -(back * self.translation) }
@@ -69,7 +69,7 @@ impl Pose {
     }
 }
 
-/// Returns the rotation axis times the angle in radians.
+/// Returns the rotation vector of a rotation matrix: the rotation axis times the angle in radians.
 fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }

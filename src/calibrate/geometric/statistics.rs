@@ -102,7 +102,7 @@ fn setups(devices: &[Device]) -> Vec<Setup> {
     devices.iter().map(|d| Setup::new(d.size, d.model)).collect()
 }
 
-/// z-scores of the errors by class of parameters.
+/// The z-scores of the errors, by class of parameters.
 #[derive(Default)]
 struct Classes(ZScores);
 

@@ -21,7 +21,7 @@ pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -
     .collect()
 }
 
-/// Returns the focal lengths for a known principal point, by least squares of 1/f².
+/// Returns the focal lengths for a known principal point, by a least-squares fit of 1/f².
 fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<Vector2<f64>> {
     let scale = centre.norm();
     let mut normal = Matrix2::zeros();
@@ -92,7 +92,7 @@ fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>
     all.iter().all(|x| x.is_finite()).then(|| (Vector2::new(all[0], all[1]), Vector2::new(all[2], all[3])))
 }
 
-/// Returns the pose of the board's plane z = 0 from its homography to the pixels.
+/// Returns the pose of the board from the homography that maps the board's plane z = 0 to pixels.
 pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     let (f, c) = (device.focal, device.centre);
     let back = Matrix3::new(1.0 / f.x, 0.0, -c.x / f.x, 0.0, 1.0 / f.y, -c.y / f.y, 0.0, 0.0, 1.0);
@@ -115,10 +115,10 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
 /// Points of a view: coordinates on the board in meters, and in the image in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
-/// Returns the homographies of all views from the board's plane.
+/// Returns the homography of each view, from the board's plane to the image.
 ///
 /// # Errors
-/// The index (from 0) of a view with collinear points.
+/// If the points of a view are collinear; the error is the index of this view, from 0.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i)).collect()

@@ -19,9 +19,9 @@ pub enum Parameter {
     /// Axis offset of one of the sensor's polarizers in degrees. The polarizer at 0° defines the
     /// frame and has no offset.
     SensorOffset(usize),
-    /// Diattenuation of a beamsplitter's arm (true: transmission, false: reflection).
+    /// Diattenuation of the beamsplitter's transmission arm (if true) or reflection arm (if false).
     Diattenuation(bool),
-    /// Retardance of a beamsplitter's arm in degrees (true: transmission, false: reflection).
+    /// Retardance, in degrees, of the beamsplitter's transmission arm (if true) or reflection arm (if false).
     ArmRetardance(bool),
     /// Refractive index of the galvo mirrors' metal.
     GalvoIndex,
@@ -97,7 +97,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the value at a wavelength.
+    /// Returns the parameter's value in a scheme at a wavelength.
     pub fn get(&self, scheme: &Scheme, nm: f64) -> f64 {
         let of = |side: Side, i: usize| match side {
             Side::Generator => &scheme.generator()[i],
@@ -200,7 +200,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the number that is fitted for a value.
+    /// Returns the number that is fitted in place of a value.
     ///
     /// For n and k of metals, the logarithm is fitted, so that the values stay positive. Metals with
     /// negative k would amplify light, and the fit would have additional minima.

@@ -19,11 +19,11 @@ pub struct Sample {
     /// The scheme with the measured stage angles and the assumed imperfections of the elements.
     pub scheme: Scheme,
     pub ray: Ray,
-    /// Intensities, one per measurement.
+    /// Mean intensities, one per measurement.
     pub intensities: Vec<f64>,
-    /// Standard deviations of the intensities.
+    /// Standard deviations of `intensities`.
     pub sigmas: Vec<f64>,
-    /// Number of readings of all measurements.
+    /// Number of readings, summed over all measurements.
     pub readings: usize,
     /// Number of readings that are saturated or unknown and therefore excluded from the means.
     pub left_out: usize,
@@ -52,7 +52,7 @@ pub enum CalibrationError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub parameter: Parameter,
-    /// Wavelength in nanometers, if fitted per wavelength.
+    /// Wavelength in nanometers, if the parameter is fitted per wavelength.
     pub nm: Option<f64>,
     /// Name of the parameter, which includes the name of the element.
     pub name: String,
@@ -66,11 +66,11 @@ pub struct Found {
 pub struct Calibrated {
     /// The first sample's scheme with the fitted imperfections.
     pub scheme: Scheme,
-    /// All free parameters.
+    /// Values of all free parameters.
     pub found: Vec<Found>,
     /// Descriptions of the undetermined parameters.
     pub undetermined: Vec<String>,
-    /// The fit: parameters in the order of `found`, then a brightness per sample.
+    /// The fit: parameters in the order of `found`, then one brightness per sample.
     pub fit: Fit,
 }
 
@@ -81,7 +81,7 @@ struct Unknown {
     nm: Option<f64>,
 }
 
-/// Cached predictions of a sample for the fitted numbers that it depends on.
+/// Cached predictions of a sample's intensities, for the fitted numbers on which these intensities depend.
 ///
 /// Numerical derivatives change one number at a time, and most numbers do not affect this sample. The last
 /// predictions are therefore cached.
@@ -145,7 +145,7 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
 /// samples. All numbers are fitted jointly.
 ///
 /// # Errors
-/// [`CalibrationError`].
+/// [`CalibrationError`] if the samples are invalid or the fit fails.
 pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, CalibrationError> {
     let Some(first) = samples.first() else {
         return Err(CalibrationError::NoSample);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Statistics {
     /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Number of measurements minus parameters.
+    /// Number of measurements minus number of parameters.
     pub freedom: usize,
     /// Names of the parameters, which include the names of the elements.
     pub names: Vec<String>,

@@ -17,7 +17,7 @@ const MOST_DEGREE: usize = 8;
 pub struct Options {
     /// Number of coefficients of the nonlinearity polynomial.
     pub degree: usize,
-    /// Relative standard error of the light of each level.
+    /// Relative standard error of the light (irradiance times exposure) of each level.
     pub light_sigma: f64,
     /// Threshold for outlier pixels, in standard deviations.
     pub limit: f64,
@@ -62,7 +62,7 @@ pub struct Corrected {
 /// values of an ideal camera.
 ///
 /// # Errors
-/// [`RadiometricError`].
+/// [`RadiometricError`] if frames are missing or do not match, or if an option is invalid.
 pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<Radiometry, RadiometricError> {
     if dark.is_empty() {
         return Err(RadiometricError::NoDark);

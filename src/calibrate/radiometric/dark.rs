@@ -47,7 +47,7 @@ impl Dark {
     /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
     /// # Errors
-    /// [`RadiometricError`].
+    /// [`RadiometricError`] if frames are missing or do not match.
     pub fn of(stacks: &[Stack], limit: f64) -> Result<Self, RadiometricError> {
         check(&stacks.iter().collect::<Vec<_>>())?;
         let pixels = stacks[0].pixels();
@@ -139,7 +139,7 @@ impl Dark {
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)
     }
 
-    /// Returns the mean dark current of the usable pixels in DN/s, or 0 if it is unknown.
+    /// Returns the mean dark current of the usable pixels in DN/s, or 0 if the dark current is unknown.
     pub fn mean_rate(&self) -> f64 {
         let Some(rate) = &self.rate else { return 0.0 };
         let usable = self.usable();

@@ -8,7 +8,7 @@ use super::transfer::Transfer;
 use crate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Minimum and maximum signal that are used, as fractions of the saturation signal.
+/// Minimum and maximum of the signals that are used, as fractions of the saturation signal.
 const USED: [f64; 2] = [0.05, 0.7];
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -27,7 +27,7 @@ impl Flat {
     /// Computes the response from uniformly lit stacks.
     ///
     /// # Errors
-    /// A message that names the missing frames.
+    /// If lit frames are missing; the message names the missing frames.
     pub fn of(
         dark: &Dark,
         stacks: &[Stack],

@@ -4,7 +4,7 @@ use super::levels::Level;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Maximum signal used, as a fraction of saturation (EMVA 1288, 9.2: 95 %).
+/// Maximum of the signals that are used, as a fraction of the saturation signal (EMVA 1288, 9.2: 95 %).
 const USED: f64 = 0.95;
 
 /// A polynomial that linearizes the signal y: y (1 + Σ c_j (y/Y)^j).
@@ -17,8 +17,8 @@ pub struct Linearity {
     pub coefficients: Vec<f64>,
     pub sigma: Vec<f64>,
     pub covariance: Vec<Vec<f64>>,
-    /// Signal above the dark frame at zero light in DN. It is due to stray light, or to an exposure that
-    /// is longer than stated.
+    /// Signal above the dark frame at zero light in DN. This signal is due to stray light, or to an exposure
+    /// that is longer than stated.
     pub stray_dn: f64,
     pub stray_sigma: f64,
     /// DN per unit of light for small signals.
@@ -32,7 +32,7 @@ pub struct Linearity {
 }
 
 impl Linearity {
-    /// Returns the polynomial without nonlinearity, y ↦ y.
+    /// Returns the polynomial of a linear camera, y ↦ y.
     pub fn none(scale_dn: f64) -> Self {
         Self {
             scale_dn,
@@ -68,7 +68,7 @@ impl Linearity {
     /// of the light of each level.
     ///
     /// # Errors
-    /// A message that states which levels are missing.
+    /// If there are too few levels; the message states which levels are missing.
     pub fn of(
         levels: &[Level],
         saturation: Option<f64>,

@@ -21,7 +21,7 @@ impl Stack {
     /// maximum digital number of the format.
     ///
     /// # Errors
-    /// [`RadiometricError::Setting`].
+    /// [`RadiometricError::Setting`] if an argument is out of range.
     pub fn new(pixels: usize, exposure_s: f64, light: f64, top_dn: u32) -> Result<Self, RadiometricError> {
         let setting = |what, value: f64, holds, need| {
             if holds { Ok(()) } else { Err(RadiometricError::Setting { what, value, need }) }
@@ -46,8 +46,8 @@ impl Stack {
     /// Adds a frame, rows from the top.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if the number of pixels differs. [`RadiometricError::Setting`] if a number
-    /// exceeds the format.
+    /// [`RadiometricError::Size`] if the number of pixels differs from that of the stack.
+    /// [`RadiometricError::Setting`] if a number exceeds the format.
     pub fn add(&mut self, frame: &[u32]) -> Result<(), RadiometricError> {
         if frame.len() != self.mean.len() {
             return Err(RadiometricError::Size { found: frame.len(), want: self.mean.len() });
@@ -71,12 +71,11 @@ impl Stack {
         Ok(())
     }
 
-    /// Returns the exposure in s.
     pub fn exposure_s(&self) -> f64 {
         self.exposure_s
     }
 
-    /// Returns the irradiance in the unit of the stacks.
+    /// Returns the irradiance in the unit that all stacks share.
     pub fn light(&self) -> f64 {
         self.light
     }

@@ -31,7 +31,7 @@ pub struct Transfer {
     pub dark_variance: f64,
     /// Covariance of σ² and 1/g: the elements (σ², σ²), (σ², 1/g) and (1/g, 1/g).
     pub covariance: [f64; 3],
-    /// Number of electrons at saturation, if a level reached saturation.
+    /// Full-well capacity: the number of electrons at saturation, if a level reached saturation.
     pub full_well_e: Option<f64>,
     /// Chi-squared: the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
@@ -48,7 +48,7 @@ impl Transfer {
     /// Fits the curve to the levels' linearized signals.
     ///
     /// # Errors
-    /// A message that names the missing frames.
+    /// If there are too few levels; the message names the missing frames.
     pub fn of(
         dark: &[Level],
         levels: &[Level],

@@ -66,7 +66,7 @@ pub fn aligned(
     Some(Template { step_ps, first_ps: -before, share, sigma, after_pulsing: found.response.after_pulsing })
 }
 
-/// Sums for a straight-line fit around a grid point.
+/// Sums for the fit of a straight line around a grid point.
 #[derive(Clone, Default)]
 struct Line {
     /// Sums of the weights: Σ w, Σ w d, Σ w d².
@@ -88,7 +88,7 @@ impl Line {
         self.values[1] += w * d * value;
     }
 
-    /// Returns the line's value at the grid point, and the standard error of this value. If all values
+    /// Returns the fitted line's value at the grid point, and the standard error of this value. If all values
     /// have the same distance to the grid point, returns their mean. Returns NaN if there are no values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);

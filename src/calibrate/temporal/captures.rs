@@ -12,12 +12,12 @@ const LONGEST_PS: f64 = 1e12;
 /// The counter that recorded the histograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counter {
-    /// When the diode is armed.
+    /// The rule for when the diode is armed.
     pub mode: Mode,
     pub bin_ps: f64,
     /// Number of bins in the laser's period.
     pub period_bins: usize,
-    /// Dead time in ps (free-running).
+    /// Dead time in ps (only in free-running mode).
     pub dead_ps: f64,
     /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, afterpulses count
     /// as background.

@@ -14,8 +14,8 @@ pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
 
-/// Half width of the response in standard deviations of the Gaussian part, and length in time constants
-/// of the tail.
+/// Half width of the response in standard deviations of the Gaussian part, and length of the tail in time
+/// constants.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
 /// Minimum significance of a pulse in standard deviations. Without a pulse, noise exceeds this value in
@@ -71,7 +71,7 @@ pub(super) struct Local {
     pub zero_ps: f64,
 }
 
-/// A histogram prepared for evaluation.
+/// A histogram that is prepared for evaluating the likelihood.
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
@@ -196,7 +196,7 @@ impl Prepared {
         (local.signal * share + local.background + after).max(LEAST_RATE)
     }
 
-    /// Returns the log-likelihood ln L up to a constant.
+    /// Returns the log-likelihood ln L of the histogram, up to a constant.
     pub fn log_likelihood(&self, local: &Local, known: &Known) -> f64 {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let of = |n: f64, armed: f64, rate: f64| match self.mode {
@@ -218,7 +218,7 @@ impl Prepared {
     }
 
     /// Returns the derivatives of ln L and the Fisher information, with respect to A, B and z. If
-    /// `with_shape` is true, they include the response's parameters.
+    /// `with_shape` is true, the derivatives also cover the response's parameters.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
@@ -361,7 +361,7 @@ impl Prepared {
             .ok_or(Fault::Dark)
     }
 
-    /// Returns the rate that corresponds to an expected total of 0.01 counts.
+    /// Returns the minimum rate, which corresponds to an expected total of 0.01 counts.
     fn least(&self) -> f64 {
         0.01 / self.armed.iter().map(|a| a.max(0.0)).sum::<f64>().max(1.0)
     }
@@ -418,7 +418,7 @@ impl Prepared {
         Err(Fault::Unsettled)
     }
 
-    /// Wraps the time zero to the range of ± half a period.
+    /// Wraps the time zero to a range from minus half a period to half a period.
     fn wrapped(&self, local: Local) -> Local {
         let period = self.period as f64 * self.bin_ps;
         let zero_ps = local.zero_ps - period * (local.zero_ps / period).round();
@@ -426,7 +426,7 @@ impl Prepared {
     }
 }
 
-/// Returns the components of a score for the capture's parameters A, B and z.
+/// Returns the components of a score vector for the capture's parameters A, B and z.
 pub(super) fn own(score: &Score) -> Vector3<f64> {
     score.fixed_rows::<3>(0).into_owned()
 }

@@ -23,8 +23,8 @@ pub(super) fn border(information: &Information) -> Matrix3x4<f64> {
     information.fixed_view::<3, 4>(0, 3).into_owned()
 }
 
-/// Returns the inverse of the free block of a symmetric matrix, scaled to a diagonal of 1 + damping for
-/// the inversion; elements outside the block are zero. Returns `None` if the free part is singular.
+/// Returns the inverse of the free block of a symmetric matrix, scaled to a diagonal of 1 + damping for the
+/// inversion; elements outside the block are zero. Returns `None` if the free block is singular.
 fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Matrix4<f64>> {
     let scale: Vec<f64> = free.iter().map(|k| 1.0 / m[(*k, *k)].sqrt()).collect();
     let scaled = DMatrix::from_fn(free.len(), free.len(), |i, k| {
@@ -45,7 +45,7 @@ fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Mat
     Some(out)
 }
 
-/// Scores and information of all captures, and the total log-likelihood.
+/// Scores and information matrices of all captures, and the total log-likelihood.
 struct Assembled {
     terms: Vec<(Score, Information)>,
     value: f64,
@@ -59,7 +59,7 @@ fn assemble(captures: &[&Prepared], locals: &[Local], impulse: Impulse) -> Assem
     Assembled { value: all.iter().map(|(_, v)| v).sum(), terms: all.into_iter().map(|(t, _)| t).collect() }
 }
 
-/// Returns the Schur complement and its right-hand side.
+/// Returns the Schur complement of the captures' blocks, and its right-hand side.
 fn complement(terms: &[(Score, Information)], damping: f64) -> Option<(Matrix4<f64>, Vector4<f64>)> {
     let (mut m, mut right) = (Matrix4::zeros(), Vector4::zeros());
     for (score, information) in terms {

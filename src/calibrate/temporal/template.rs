@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Template {
     pub step_ps: f64,
-    /// First grid point in ps after the light.
+    /// Delay of the first grid point after the arrival of the light, in ps.
     pub first_ps: f64,
     /// Fraction of the light that is detected in a bin whose center is delayed to each grid point.
     pub share: Vec<f64>,
@@ -18,12 +18,13 @@ pub struct Template {
 }
 
 impl Template {
-    /// Returns the last grid point in ps.
+    /// Returns the delay of the last grid point after the arrival of the light, in ps.
     pub fn end_ps(&self) -> f64 {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
-    /// Returns the fraction of light in a bin whose center is delayed by `t` ps (Catmull–Rom, 0 outside).
+    /// Interpolates (Catmull–Rom) the fraction of light in a bin whose center is delayed by `t` ps; 0
+    /// outside.
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
         let at = |k: f64| {

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Maximum number of captures for the fit of the response; the brightest captures are used. With more
 /// captures, the error would be dominated by that of the model.
 const FOR_RESPONSE: usize = 256;
-/// Minimum significance of a tail in standard deviations.
+/// Minimum significance, in standard deviations, of the response's tail.
 const REPORTED: f64 = 2.0;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ impl Default for Options {
     }
 }
 
-/// Error of the counter's time unit.
+/// Error of the time unit of a counter.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Clock {
     /// Ratio of recorded to true times, minus 1.
@@ -63,18 +63,18 @@ pub struct Temporal {
     /// Descriptions of quantities that the captures do not determine.
     #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
-    /// Standard errors of the response in the order of [`Shape::ALL`]; in the unit of the parameter; 0
+    /// Standard errors of the response in the order of [`Shape::ALL`] and in the units of the parameters; 0
     /// for fixed parameters.
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],
-    /// Time zero of each pixel in ps: recorded minus true time. NaN if unknown.
+    /// Time zero of each pixel in ps, which is the recorded time minus the true time; NaN if unknown.
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,
     /// Standard error of the time zero in ps, including the error of the response, which all pixels share.
     pub sigma_ps: PixelMap,
-    /// Error of the clock, if planes at two or more distances were captured.
+    /// Error of the counter's clock, if planes at two or more distances were captured.
     pub clock: Option<Clock>,
     pub response: Impulse,
 }
@@ -138,7 +138,7 @@ impl One {
 /// distances. A pixel may have several captures. The response is fitted as [`Options`] specifies.
 ///
 /// # Errors
-/// [`TemporalError`].
+/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
 pub fn calibrate(
     counter: &Counter,
     captures: &[Capture],
@@ -232,7 +232,7 @@ pub fn calibrate(
 /// Time zeros refer to the template. The errors of the time zeros exclude the errors of the template.
 ///
 /// # Errors
-/// [`TemporalError`].
+/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
 pub fn calibrate_with(
     template: &Template,
     counter: &Counter,

@@ -1,8 +1,8 @@
 //! A simulated bench: computes one frame on a sensor for the current settings of all elements.
 //!
-//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state
-//! illuminates the scene, and the analyzer rows weight the returning light. The bench uses settings instead
-//! of a capture number, because laboratory stages stop at positions that differ from the plan.
+//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state illuminates
+//! the scene, and the analyzer rows weight the returning light. The bench takes the settings of the elements
+//! instead of a capture number, because laboratory stages stop at positions that differ from the plan.
 
 use super::design_matrix::ELEMENTS;
 use super::detector::polarizer_array::polarizer;
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// The actual optics with their imperfections, and the directions of light through them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bench {
-    /// The polarizing elements on both paths. The list of captures is ignored.
+    /// The polarizing elements on both paths. The scheme's own settings per capture are ignored.
     pub optics: Scheme,
     /// Wavelength, nanometres.
     pub nm: f64,
@@ -57,11 +57,11 @@ impl Bench {
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light: one number
-    /// per pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the unit of `light`: one number per
+    /// pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw mosaic.
     ///
     /// # Panics
-    /// If the region exceeds the camera, or the light has too few pixels.
+    /// If the region exceeds the camera, or `light` has too few pixels.
     pub fn image(
         &self,
         light: Light<'_>,
@@ -106,7 +106,7 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Frames of the bench equal those of [`simulate`], along the axis and through a pinhole.
+    /// Frames of the bench equal those of [`simulate`], for rays along the axis and through a pinhole.
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };

@@ -20,7 +20,7 @@ pub struct Arm {
     /// Diattenuation (T_x - T_y)/(T_x + T_y).
     #[serde(default = "nothing")]
     pub diattenuation: SpectralValue,
-    /// Phase by which y lags x, degrees, in addition to the mirror image of a reflection.
+    /// Phase by which the y component lags the x component, degrees. Excludes the 180° of the mirror image.
     #[serde(default = "nothing")]
     pub retardance_deg: SpectralValue,
 }
@@ -49,7 +49,7 @@ pub struct Coaxial {
 }
 
 impl Coaxial {
-    /// Returns the fraction of unpolarized light that passes out and back along the axis.
+    /// Returns the fraction of unpolarized light that passes the optics to the scene and back along the axis.
     fn brightness(&self, nm: f64) -> f64 {
         let axis = Ray::axial(nm);
         self.outward(&axis)[(0, 0)] * self.inward(&axis)[(0, 0)]
@@ -164,8 +164,8 @@ impl Galvo {
         turned(&ray, end_x) * m
     }
 
-    /// Returns the Mueller matrix of Fresnel reflection between s frames. `cos` is the cosine of the
-    /// angle of incidence.
+    /// Returns the Mueller matrix of Fresnel reflection, in frames whose x axis is the s direction. `cos` is
+    /// the cosine of the angle of incidence.
     fn reflection(&self, nm: f64, cos: f64) -> Mueller {
         let lane = |v: f64| Spectral::splat(v as f32);
         let block = fresnel::conductor(cos as f32, lane(self.n.at(nm)), lane(self.k.at(nm)));

@@ -75,7 +75,7 @@ impl DesignMatrix {
         Self { a, name: scheme.name.clone(), captures: scheme.captures(), least: scheme.least_captures() }
     }
 
-    /// Returns the intensities of a row-major Mueller matrix.
+    /// Returns the intensities that the captures measure for a row-major Mueller matrix.
     pub fn intensities(&self, mueller: &[f64; 16]) -> DVector<f64> {
         &self.a * DVector::from_column_slice(mueller)
     }
@@ -233,8 +233,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig applies beamsplitter and galvo on both paths, in the order of eqs. 12 and 14,
-    /// for an off-axis direction.
+    /// A coaxial rig applies beamsplitter and galvo on both paths, in the order of Baek & Heide 2021, eqs. 12
+    /// and 14, for an off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\

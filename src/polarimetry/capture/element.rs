@@ -31,7 +31,8 @@ pub enum ElementKind {
     },
 }
 
-/// A number for all captures, or one per capture. Angles and retardances are in radians.
+/// The value of a setting: one number for all captures, or one number per capture. Angles and retardances are
+/// in radians.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
     Fixed(f64),
@@ -86,7 +87,7 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Returns the angles from the axis in x and y, radians. A galvo points in this direction.
+    /// Returns the ray's angles from the optical axis in x and y, radians. A galvo points in this direction.
     pub fn direction(&self) -> [f64; 2] {
         let (s, c) = self.azimuth.sin_cos();
         [c, s].map(|part| (self.incidence.tan() * part).atan())
@@ -142,7 +143,7 @@ pub struct Jet {
     pub second: [Mueller; 3],
 }
 
-/// A property of an element that changes between captures.
+/// A property of an element that can change between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Angle of the stage, radians.

@@ -63,14 +63,14 @@ pub enum ImageError {
     },
 }
 
-/// An image of Mueller matrices: the matrices, their order, and their rays.
+/// An image of Mueller matrices: the matrices, their layout, and the rays at which they are captured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MuellerImage {
     /// 16 elements per pixel, row-major (Stokes out first), pixels in the order of `layout`.
     pub matrices: Vec<f64>,
     /// Rows, columns, further captures and wavelengths.
     pub layout: Layout,
-    /// The ray of each wavelength, or of each pixel and wavelength ([`Self::seen_by`]), from `view`.
+    /// The ray of each wavelength, or of each pixel and wavelength ([`Self::seen_by`]), computed from `view`.
     pub rays: Vec<Ray>,
     pub view: Directions,
     /// Width of the time bins, ps, if time is the only axis in addition to rows, columns and wavelengths.
@@ -99,11 +99,11 @@ fn check_wavelengths(nm: &[f64]) -> Result<(), ImageError> {
 
 impl MuellerImage {
     /// Builds an image from an array of shape (..., 4, 4). `shape` holds the leading axes: rows, columns,
-    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. If it is
-    /// empty, the wavelength of all light is [`DEFAULT_NM`].
+    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. If `wavelengths_nm`
+    /// is empty, all light has the wavelength [`DEFAULT_NM`].
     ///
     /// # Errors
-    /// [`ImageError`] for an invalid wavelength, lengths that differ, or no matrices.
+    /// [`ImageError`] if a wavelength is invalid, lengths do not match `shape`, or there are no matrices.
     pub fn of_array(
         matrices: Vec<f64>,
         shape: Vec<usize>,
@@ -209,7 +209,7 @@ impl MuellerImage {
         self
     }
 
-    /// Returns the wavelengths, nanometres, one per lane.
+    /// Returns the wavelengths of the image, nanometres.
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }

@@ -265,7 +265,7 @@ impl Scheme {
     }
 
     /// Returns dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0°
-    /// (Azzam 1978; sec. 4).
+    /// (Azzam 1978; Baek & Heide 2021, sec. 4).
     ///
     /// # Errors
     /// If `captures` is 0.
@@ -295,7 +295,7 @@ impl Scheme {
     }
 
     /// Returns the angles of [`Scheme::drr`] with all four elements variable: the starting point of learning
-    /// (sec. 4).
+    /// (Baek & Heide 2021, sec. 4).
     ///
     /// # Errors
     /// If `captures` is 0.

@@ -40,7 +40,7 @@ use std::path::Path;
 /// Reads a scheme from a CSV file if the extension is `csv`, otherwise from TOML.
 ///
 /// # Errors
-/// [`InputError`] with file, line, column and fix.
+/// [`InputError`] with file, line, column and fix if the file cannot be read or is not a valid scheme.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
     let fix = "create a scheme file: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;

@@ -1,4 +1,4 @@
-//! Simulated captures: known Mueller matrices → readings of the detector of a scheme, by capture.
+//! Simulates captures: computes a detector's readings of known Mueller matrices for each capture of a scheme.
 //!
 //! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use
 //! the same model, and their results differ only because of noise. Rays are given per wavelength along
@@ -25,9 +25,9 @@ use rayon::prelude::*;
 pub struct Layout {
     pub height: usize,
     pub width: usize,
-    /// Time bins, or other separate images.
+    /// Number of time bins, or of other separate images.
     pub times: usize,
-    /// Wavelengths.
+    /// Number of wavelengths.
     pub lanes: usize,
 }
 
@@ -60,7 +60,6 @@ pub enum Noise {
     Spad(Spad),
 }
 
-/// Readings of all captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Captured {
     /// Readings in the unit of the matrices: by measurement (as rows of the design matrix), then by pixel.
@@ -69,7 +68,7 @@ pub struct Captured {
     /// estimated variance of bins without counts would be 0.
     pub variances: Option<Vec<f32>>,
     pub saturated: usize,
-    /// Layout of the readings: half as high and wide with binning or superpixels.
+    /// Layout of the readings: half the height and width with binning or superpixels.
     pub layout: Layout,
 }
 
@@ -98,8 +97,8 @@ impl Captured {
 /// unphysical matrices) as zero.
 ///
 /// # Errors
-/// [`DetectorError`] for lengths that differ, invalid settings, settings that do not fit the layout, or
-/// non-finite values.
+/// [`DetectorError`] if lengths do not match `layout`, if settings are invalid or do not fit the layout, or
+/// if values are not finite.
 pub fn simulate(
     matrices: &[f64],
     layout: Layout,

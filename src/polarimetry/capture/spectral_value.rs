@@ -40,7 +40,7 @@ impl SpectralValue {
     /// Checks that values are within `low..=high`, that wavelengths ascend and that the table has rows.
     ///
     /// # Errors
-    /// The text of a message after the name of the field.
+    /// If a check fails, the text that follows the name of the field in the message.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
         let ok = match self {

@@ -191,7 +191,7 @@ fn transposed(jet: &Jet) -> Jet {
 mod tests {
     use super::*;
 
-    /// The states that are computed with derivatives equal those computed without.
+    /// States that are computed with derivatives equal states that are computed without them.
     #[test]
     fn states_equal_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {

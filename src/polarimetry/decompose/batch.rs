@@ -18,8 +18,8 @@ use wide::f64x4;
 /// Number of matrices that are decomposed together.
 pub const LANES: usize = 4;
 
-/// Maximum number of Newton steps, and of those with scaling. Scaling speeds up the convergence of
-/// matrices that are far from orthogonal, but costs two square roots.
+/// Maximum number of Newton steps, and maximum number of Newton steps with scaling. Scaling speeds up the
+/// convergence of matrices that are far from orthogonal, but costs two square roots.
 const STEPS: usize = 16;
 const SCALED: usize = 3;
 
@@ -105,7 +105,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
     (x, change)
 }
 
-/// Returns angles, radians, from sines and cosines with a common positive factor.
+/// Returns the angles, radians, whose sines and cosines are given up to a common positive factor.
 #[inline(always)]
 fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
@@ -116,9 +116,9 @@ fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     out
 }
 
-/// The decomposition of several matrices in structure-of-arrays form.
+/// The decompositions of several matrices in structure-of-arrays form.
 pub struct Batch {
-    /// True where the other fields are valid; [`decompose`] handles the rest.
+    /// True where the other fields are valid; [`decompose`] decomposes the remaining matrices.
     regular: [bool; LANES],
     rest: Lanes,
     p_delta: [Lanes; 3],
@@ -132,7 +132,7 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Decomposes matrices whose elements are rounded to `rounding`.
+    /// Decomposes matrices whose elements have the relative rounding error `rounding`.
     pub fn new(m: &[Matrix; LANES], rounding: f64) -> Self {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
@@ -223,8 +223,9 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k`, which is `m`; `None` if the matrix has no decomposition. The
-    /// retarder's axis is omitted because it is slow to compute; [`Properties::of`] returns it.
+    /// Returns the properties of matrix `k` of the batch, which equals `m`; `None` if the matrix has no
+    /// decomposition. The retarder's axis is omitted because it is slow to compute; [`Properties::of`]
+    /// returns it.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -239,7 +240,7 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k` of the batch, which is `m`; `None` if the matrix has no
+    /// Returns the factors of matrix `k` of the batch, which equals `m`; `None` if the matrix has no
     /// decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
@@ -306,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Lanes that need the slow method or have no decomposition do not affect the others.
+    /// Lanes that need the slow method or have no decomposition do not affect other lanes.
     #[test]
     fn irregular_lanes_do_not_affect_others() {
         let good = samples(1, 3).next().expect("a sample").m;

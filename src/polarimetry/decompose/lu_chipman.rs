@@ -11,7 +11,7 @@
 //! where m' is the lower right block of M M_D⁻¹ and m_Δ m_R its polar decomposition: m_Δ symmetric, m_R a
 //! proper rotation.
 //!
-//! Conventions for the cases where this is not unique:
+//! Conventions for matrices whose decomposition is not unique:
 //! - det m' < 0: m_Δ has the sign of the determinant (all three eigenvalues are negative), as in Lu &
 //!   Chipman. m_R remains a proper rotation.
 //! - m' of rank 2: m_Δ is positive; the two nonzero directions determine the rotation.
@@ -69,7 +69,7 @@ pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f6
     })
 }
 
-/// Decomposes a Mueller matrix whose elements are rounded to `rounding`, relative to m00 ([`DOUBLE`],
+/// Decomposes a Mueller matrix whose elements have rounding errors of `rounding`·m00 ([`DOUBLE`],
 /// [`SINGLE`]). Returns `None` if there is no decomposition (see the module).
 pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     let m00 = m[0][0];

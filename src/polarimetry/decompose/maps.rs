@@ -44,7 +44,6 @@ macro_rules! real {
 real!(f32, SINGLE);
 real!(f64, DOUBLE);
 
-/// The quantity of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.
@@ -110,7 +109,7 @@ impl Quantity {
         self.shape().iter().product::<u64>() as usize
     }
 
-    /// Returns whether the quantity is computed from the Lu–Chipman factors.
+    /// Returns whether computing the quantity requires the Lu–Chipman factors.
     fn needs_parts(self) -> bool {
         matches!(self, Self::RetardanceAxis | Self::Depolarizer | Self::Retarder | Self::Diattenuator)
     }

@@ -24,12 +24,12 @@ pub struct Guide {
     pub renders: Vec<Values>,
     /// Weight of each render in the mean; the sum is 1.
     pub shares: Vec<f32>,
-    /// For each element, the channel whose noise is the reference, M00 of the same wavelength. Later
-    /// channels are the profile.
+    /// For each element, the channel of M00 at the same wavelength, whose noise is the reference. The
+    /// channels after the elements hold the profile.
     pub judge: Vec<usize>,
     /// True for pixels whose values are all finite. The values of other pixels are zero in the guide.
     pub known: Vec<bool>,
-    /// For each render, the pixels that are replaced by their neighbours.
+    /// For each render, whether each pixel is replaced by the mean of its neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Pixels with zero standard error, which are not averaged. A dark pixel is excluded from this set if
     /// more than a quarter of its neighbours received light. Such a pixel is dark only because no sampled

@@ -41,7 +41,7 @@ const PATCH: usize = 1;
 /// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Number of rows around a pixel that affect whether it is an outlier and how it is replaced.
+/// Number of rows above and below a pixel that affect the detection and the replacement of an outlier.
 const SPOT: usize = 2;
 
 /// Number of rows above and below a pixel on which its denoised value and error can depend.
@@ -50,7 +50,7 @@ pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 /// Rows and columns of an image.
 pub type Size = [usize; 2];
 
-/// Values and standard errors, by pixel.
+/// The values of an image and their standard errors, by pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values {
     pub size: Size,

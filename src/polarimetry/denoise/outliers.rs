@@ -20,7 +20,7 @@ use super::{Size, Values};
 const ABOVE: f32 = 5.0;
 
 /// Minimum standard error of an outlier relative to its value: the relative standard error if 16 of many
-/// samples have equal contributions and the others have none.
+/// samples have equal contributions and all other samples have none.
 const UNSURE: f32 = 0.25;
 
 /// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each

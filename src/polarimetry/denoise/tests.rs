@@ -65,7 +65,7 @@ fn wall(_: usize) -> [f64; 16] {
     polarizer(1.2, 2.0)
 }
 
-/// Returns the Mueller matrix of light with different polarization.
+/// Returns a Mueller matrix with the brightness of `m` and a different polarization.
 fn other(m: &[f64; 16]) -> [f64; 16] {
     polarizer(0.9, 2.0 * m[0])
 }
@@ -125,7 +125,7 @@ fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
 }
 
 /// Returns the root mean square of (estimate - truth) / stated error, and the RMS error after denoising
-/// relative to the RMS error before.
+/// divided by the RMS error before denoising.
 fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     let out = denoised(renders, &mueller());
     let [mut z, mut n, mut after, mut before] = [0.0; 4];

@@ -1,7 +1,8 @@
 //! Smoothed variances: the mean of the variances of a pixel and its neighbours.
 //!
-//! A standard error that is estimated from 16 samples has a relative uncertainty of at least a fifth. It
-//! is far too small if rare strong paths were missed. The neighbours are likely to include such paths.
+//! A standard error that is estimated from 16 samples has a relative uncertainty of at least a fifth. This
+//! standard error is far too small if rare strong paths were missed. The neighbours are likely to include
+//! such paths.
 
 use super::Values;
 use super::around::around;

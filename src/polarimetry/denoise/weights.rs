@@ -29,14 +29,14 @@ pub struct Weights {
     pub size: Size,
     /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight if the pixel increases by one standard error in the render from which
-    /// the weights are computed.
+    /// The increase of each weight if the pixel's value in the render from which the weights are computed
+    /// increases by one standard error.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
     pub shares: Vec<f32>,
     /// Pixels with finite values.
     pub known: Vec<bool>,
-    /// For each render, the pixels that are replaced by their neighbours.
+    /// For each render, whether each pixel is replaced by the mean of its neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Pixels that are averaged: known pixels with a nonzero standard error, and dark pixels among lit
     /// ones. Other pixels stay unchanged.

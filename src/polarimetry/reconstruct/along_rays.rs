@@ -28,7 +28,7 @@ pub struct Places<'a> {
 /// If the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If lengths differ.
+/// If the lengths of the arguments do not match.
 pub fn reconstruct<T: PixelNumber>(
     scheme: &Scheme,
     Places { rays, times, lanes }: Places<'_>,

@@ -1,5 +1,5 @@
-//! Learning with cross-validation: learns the settings of a scheme from all materials. The expected error
-//! is determined by learning from some materials and testing on the others (Baek & Heide 2021, sec. 4).
+//! Learning with cross-validation: learns the settings of a scheme from all materials. The expected error is
+//! determined by learning from some materials and testing on all other materials (Baek & Heide 2021, sec. 4).
 
 use super::learn::{Descent, FoldError, Learned, Onlooker, Search, learn_before, validate};
 use super::loss::{Estimator, Objective};

@@ -14,8 +14,8 @@ use nalgebra::{Cholesky, DMatrix};
 pub struct LinearEstimate {
     /// W: 16 rows (elements of a Mueller matrix, row-major), one column per measurement.
     pub w: DMatrix<f64>,
-    /// Covariance of the error over σ²: (AᵀA)⁻¹ for least squares; P/σ² for the prior, including the expected
-    /// bias.
+    /// Covariance of the error, divided by σ²: (AᵀA)⁻¹ for least squares; P/σ² for the prior, including the
+    /// expected bias.
     pub covariance: Moment,
 }
 

@@ -23,7 +23,7 @@ pub struct Search {
     pub starts: u32,
     /// Maximum number of iterations from each start.
     pub iterations: u64,
-    /// Steps of Adam from the template's settings; 0 for none.
+    /// Number of steps of Adam from the template's settings; 0 to skip Adam.
     pub adam_steps: usize,
     /// Seed of the random starts.
     pub seed: u64,
@@ -117,7 +117,7 @@ enum Start {
     Random(u32),
 }
 
-/// Learns all settings of a template that change between captures.
+/// Learns those settings of a template scheme that change between captures.
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
     learn_before(template, objective, search, &())
 }

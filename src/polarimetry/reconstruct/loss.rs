@@ -50,7 +50,7 @@ pub struct Objective {
     /// with a prior.
     pub second_moment: SecondMoment,
     pub estimator: Estimator,
-    /// Wavelengths (and directions) whose errors are averaged.
+    /// Rays (wavelengths and directions) over which the error is averaged.
     pub rays: Vec<Ray>,
     /// Weights of the errors: Σ w wᵀ over the relevant functionals w·t ([`metric`]); `None` weights all
     /// elements equally.
@@ -118,8 +118,8 @@ impl Capture {
     }
 }
 
-/// The loss of a scheme's settings, with its derivatives with respect to A (one row per measurement) and
-/// Σ (one block per capture).
+/// The loss of a capture scheme, with its gradients with respect to A (one row per measurement) and Σ (one
+/// block per capture).
 struct Parts {
     loss: f64,
     by_a: DMatrix<f64>,

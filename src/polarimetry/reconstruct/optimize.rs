@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
-    /// Returns value and gradient at a point. The value is infinite if the function is undefined there.
+    /// Returns value and gradient at a point. The value is infinite if the function is undefined at the
+    /// point.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
 
     /// Returns whether to stop the search.
@@ -53,7 +54,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
     best
 }
 
-/// A point, and the function's value and gradient there.
+/// A point, and the value and gradient of the function at this point.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
 /// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
@@ -61,7 +62,7 @@ struct Remembered<'a, F> {
     f: &'a F,
     last: Mutex<Option<Evaluated>>,
     best: Mutex<Minimum>,
-    /// Number of consecutive undefined values.
+    /// Number of consecutive evaluations at which the function is undefined.
     walls: AtomicU32,
 }
 

@@ -39,7 +39,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Returns the sum of both tallies.
+    /// Returns the sum of this tally and another tally.
     pub fn with(self, other: Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,
@@ -154,7 +154,7 @@ impl<T: PixelNumber> Reconstruction<T> {
     /// measurement, then by pixel. `out` receives 16 elements per pixel, and `errors` their standard errors.
     ///
     /// # Panics
-    /// If lengths differ.
+    /// If the lengths of the arguments do not match.
     pub fn apply(
         &self,
         intensities: &[T],

@@ -22,7 +22,7 @@ const NEAR: usize = 4;
 /// If the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If lengths differ.
+/// If the lengths of the arguments do not match.
 pub fn of_counts(
     scheme: &Scheme,
     rays: &[Ray],

@@ -43,7 +43,7 @@ impl<T: Number> Weights<T> {
     /// measurement, then by pixel. `out` receives 16 elements per pixel, row-major.
     ///
     /// # Panics
-    /// If lengths differ.
+    /// If the lengths of the arguments do not match.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
         assert_eq!(intensities.len(), pixels * self.0.len(), "one per measurement and pixel");

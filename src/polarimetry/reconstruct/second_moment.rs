@@ -90,7 +90,8 @@ const FIX: &str = "create a prior: sunstone pbrdf pca --prior prior.toml -o comp
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix if it is not 16 × 16, symmetric and positive semidefinite.
+/// [`InputError`] with file, location and fix unless the matrix is 16 × 16, symmetric and positive
+/// semidefinite.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;
     let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;

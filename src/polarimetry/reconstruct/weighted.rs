@@ -102,7 +102,7 @@ mod tests {
         assert!((squares / n - 288.0).abs() < 5.0 * (48_000.0_f64 * 2.0 / n).sqrt() * 2.0);
     }
 
-    /// Ignored measurements have no effect, and too few remaining ones give no estimate.
+    /// Ignored measurements have no effect. If too few measurements remain, there is no estimate.
     #[test]
     fn saturated_measurements_are_left_out() {
         let design = DesignMatrix::new(&Scheme::drr(36, false).expect("a scheme"), &Ray::axial(550.0));

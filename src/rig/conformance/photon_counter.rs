@@ -5,7 +5,6 @@ use crate::instrument::{CounterSettings, Fault, PhotonCounter};
 use crate::ptu::record::{Decoder, Event};
 use std::time::Duration;
 
-/// Checks a photon counter.
 pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     let mut report = Report::common(counter);
     let limits = counter.limits();

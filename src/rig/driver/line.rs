@@ -41,19 +41,19 @@ pub trait Line: Send {
     /// Sends all bytes.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the bytes cannot be sent in time, or if the line is disconnected.
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError>;
 
     /// Waits for bytes and returns at least one.
     ///
     /// # Errors
-    /// [`LineError`], at the latest after `within`.
+    /// [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError>;
 
     /// Reopens the line after a disconnection; bytes in transit are lost.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the line cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
@@ -90,7 +90,7 @@ impl StreamLine {
     /// control.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message.
+    /// [`LineError::Gone`] with the system's error message if the port cannot be opened.
     pub fn serial(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
         use serialport::FlowControl;
         let flow = if hardware { FlowControl::Hardware } else { FlowControl::None };
@@ -100,7 +100,7 @@ impl StreamLine {
     /// Connects to `host:port`.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message.
+    /// [`LineError::Gone`] with the system's error message if the connection fails.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         Self::open(address, |address| {
             let found = address.to_socket_addrs()?.next();
@@ -125,7 +125,7 @@ impl StreamLine {
         LineError::Gone(format!("{}: {}", self.name, cause.to_string()))
     }
 
-    /// Uses the stream with a timeout.
+    /// Sets the timeout of the stream and calls `f` with the stream.
     fn with<T>(
         &mut self,
         timeout: Duration,

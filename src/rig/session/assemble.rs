@@ -55,7 +55,7 @@ pub fn simulated(plan: &RigPlan) -> Option<&str> {
 /// Creates the simulated bench of a rig file with the given scenery.
 ///
 /// # Errors
-/// A message if plan, bench and scenery do not match.
+/// A message if the plan, the bench and the scenery do not match.
 pub fn bench(
     rig: &RigPlan,
     bench: &BenchPlan,

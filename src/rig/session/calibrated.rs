@@ -40,7 +40,7 @@ struct Detectors {
 }
 
 impl Believed {
-    /// Returns the parameters with those of calibration files applied.
+    /// Returns the parameters of the rig file, overridden by those of its calibration files.
     ///
     /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
     /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.

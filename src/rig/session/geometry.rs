@@ -90,8 +90,8 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centers at +
-    /// 0.5. Returns an infinite coordinate if the distortion cannot be inverted there.
+    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centers at + 0.5.
+    /// Returns an infinite coordinate if the distortion cannot be inverted at this pixel.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
         let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
@@ -114,7 +114,7 @@ impl Geometry {
     /// Creates a geometry from a rig file's table.
     ///
     /// # Errors
-    /// A message with the fault and its fix.
+    /// If a value is invalid; the message states the fault and the fix.
     pub fn new(file: &GeometryFile) -> Result<Self, String> {
         let camera = Lens::new(&file.camera, "camera")?;
         let projector = Lens::new(&file.projector, "projector")?;
@@ -158,7 +158,7 @@ impl Geometry {
         Ok(Self { fundamental: f / f.amax(), camera, projector })
     }
 
-    /// Calls a function with the epipolar geometry that masks need.
+    /// Calls a function with the epipolar geometry from which masks are computed.
     pub fn with<T>(&self, f: impl FnOnce(&Epipolar<'_>) -> T) -> T {
         f(&Epipolar {
             fundamental: self.fundamental,

@@ -45,7 +45,6 @@ pub enum Event {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Frame number in the run.
     pub frame: u32,
     /// CRC-32C of the frame's values as little-endian 32-bit integers.
     pub crc: u32,
@@ -57,7 +56,7 @@ pub struct FrameRecord {
     /// Laser pulses during the photon count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<u64>,
-    /// CRC-32C of the time tags, if kept.
+    /// CRC-32C of the time tags, if the run stores time tags.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tags_crc: Option<u32>,
     /// Temperatures of the instruments that have a sensor, in degrees Celsius. NaN values are omitted.
@@ -81,7 +80,7 @@ impl Journal {
     /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
-    /// Errors of the file system.
+    /// If the journal cannot be opened or created.
     pub fn open(store: &Path) -> io::Result<Self> {
         let path = store.join(FILE);
         let torn = match std::fs::read(&path) {
@@ -99,7 +98,7 @@ impl Journal {
     /// Appends events and waits until they are on disk.
     ///
     /// # Errors
-    /// Errors of the file system.
+    /// If the events cannot be written or synced.
     pub fn append(&mut self, events: &[Event]) -> io::Result<()> {
         let mut text = String::new();
         for event in events {
@@ -134,8 +133,8 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// Returns the result of `keep` for the last record of each frame on disk: frames 0, 1, … up to the first
-/// gap.
+/// Returns the result of `keep` for the last record of each frame on disk. The frames are 0, 1, … up to the
+/// first missing frame.
 ///
 /// `keep` limits memory: a run can have half a million frames.
 ///

@@ -14,12 +14,12 @@ use polarimetry::capture::simulate::Layout;
 use serde_json::Value;
 use std::ops::RangeInclusive;
 
-/// Half-width of a scan's middle region, in half points.
+/// Half-width of the region in the middle of a scan, in half points.
 const MIDDLE: usize = 4;
-/// Half-width of the regions in the four other directions, in points.
+/// Half-width of the four regions in the other directions, in points.
 const AROUND: usize = 2;
 
-/// Pixels that are averaged, and their representative ray.
+/// Pixels over which readings are averaged, and the ray that represents these pixels.
 struct Region {
     x: RangeInclusive<usize>,
     y: RangeInclusive<usize>,

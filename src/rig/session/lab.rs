@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 /// A stage, and the direction from which it approaches its goals.
 pub struct Stage {
     pub device: Box<dyn RotationStage>,
-    /// Overshoot in degrees with which the stage approaches each goal from below; 0 without backlash.
+    /// Overshoot in degrees with which the stage approaches each goal from below; 0 for a stage without
+    /// backlash.
     pub approach_deg: f64,
 }
 

@@ -45,7 +45,7 @@ fn whole(size: [u32; 2]) -> Region {
     Region { x: 0, y: 0, width: size[0], height: size[1] }
 }
 
-/// Returns a mask of one frame with all projector pixels at `value` (255 or 0).
+/// Returns a mask of one frame in which all projector pixels have the value `value` (255 or 0).
 pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mask {
     let pattern = Pattern {
         width: projector[0],
@@ -77,7 +77,7 @@ fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Returns a mask that divides the epipolar lines of the projector into `count` stripes.
 ///
-/// If `inside`, each frame shows the lines of its stripe; otherwise it shows all other lines. A
+/// If `inside` is true, each frame shows the lines of its stripe, otherwise all other lines. A
 /// camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors
@@ -171,7 +171,7 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// Returns the geometry of two parallel devices next to each other, whose epipolar lines are rows.
+    /// Returns the geometry of parallel devices side by side, whose epipolar lines are rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),

@@ -5,7 +5,7 @@
 //! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► frame store ─► image
 //! ```
 
-/// A message about a fault in a file, and the fix.
+/// The message of a fault in a file, and the fix for this fault.
 type Fault = (String, &'static str);
 
 pub mod assemble;

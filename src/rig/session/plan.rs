@@ -59,7 +59,7 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The work of every capture: camera frames or a scan.
+/// The measurement in every capture: camera frames or a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
@@ -78,15 +78,15 @@ pub struct CameraWork {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MaskPlan {
-    /// A mask with all pixels on.
+    /// A mask in which all projector pixels are on.
     Full,
-    /// A mask with all pixels off, which measures stray light and dark signal.
+    /// A mask in which all projector pixels are off. It measures stray light and dark signal.
     Dark,
     /// A set of stripes of epipolar lines.
     Stripes {
         name: String,
         count: u32,
-        /// Whether a frame shows its stripe; otherwise it shows everything except the stripe.
+        /// Whether each frame shows its stripe; otherwise each frame shows everything except its stripe.
         inside: bool,
     },
 }
@@ -100,7 +100,7 @@ impl MaskPlan {
         }
     }
 
-    /// Returns the number of frames.
+    /// Returns the number of frames of the mask.
     pub fn shots(&self) -> u32 {
         match self {
             Self::Full | Self::Dark => 1,
@@ -120,7 +120,7 @@ pub struct ScanWork {
     pub dwell: Duration,
     pub bins: u32,
     pub bin_ps: f64,
-    /// Start of the first bin after the sync pulse, in ps.
+    /// Time from the sync pulse to the start of the first bin, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
     /// Whether the time tags of the counter are stored; the histograms are then computed from the tags.
@@ -130,13 +130,13 @@ pub struct ScanWork {
 /// Reads a plan file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix.
+/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid plan.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and edit it")?;
     from_toml(path, &text)
 }
 
-/// Parses a plan from TOML text. Other files are relative to `path`.
+/// Parses a plan from TOML text. Paths in the plan are relative to the folder of `path`.
 ///
 /// # Errors
 /// Same as [`load`].
@@ -320,7 +320,7 @@ impl Plan {
         }
     }
 
-    /// Returns the time scale of the time tags, if they are kept.
+    /// Returns the time scale of the time tags, if the run stores time tags.
     pub fn time_tags(&self) -> Option<Scale> {
         match &self.work {
             Work::Scan(work) if work.time_tags => Some(Scale { bin_ps: work.bin_ps, rate_hz: work.rate_hz }),
@@ -328,7 +328,6 @@ impl Plan {
         }
     }
 
-    /// Returns the number of frames of the run.
     pub fn frames(&self) -> u64 {
         self.run_shape().into_iter().fold(1, u64::saturating_mul)
     }

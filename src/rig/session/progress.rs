@@ -7,7 +7,6 @@ use std::time::Duration;
 /// The reason why a run ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An instrument failed permanently.
     #[error("{0}")]
     Instrument(#[from] Failure),
     #[error(transparent)]
@@ -16,7 +15,7 @@ pub enum RunError {
     Interrupted,
 }
 
-/// The progress of a run, reported after each frame.
+/// The progress of a run, which is reported after each frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
     /// Number of frames on disk, including those of earlier runs.

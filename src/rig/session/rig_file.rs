@@ -49,7 +49,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The scene of a simulated bench.
+/// The scene in front of a simulated bench.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scene {
     /// A tensor in a finished store.
@@ -84,7 +84,7 @@ pub struct BenchPlan {
     pub faults: Vec<FaultAt>,
 }
 
-/// Library of a counter's board, if specified, and the board's settings.
+/// The library file of a counter's board, if the rig file names one, and the board's settings.
 pub type Board = (Option<PathBuf>, Th260Settings);
 
 /// A valid rig file.
@@ -120,13 +120,13 @@ pub struct RigPlan {
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix.
+/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid rig.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and edit it")?;
     from_toml(path, &text)
 }
 
-/// Parses a rig from TOML text. Other files are relative to `path`.
+/// Parses a rig from TOML text. Paths in the rig file are relative to the folder of `path`.
 ///
 /// # Errors
 /// Same as [`load`].
@@ -245,7 +245,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
-/// Checks a table, if it is present.
+/// Checks a table of the rig file, if the table is present.
 fn checked<T, U>(
     table: &Option<Located<T>>,
     fault: &dyn Fn(Range<usize>, Fault) -> InputError,
@@ -254,7 +254,7 @@ fn checked<T, U>(
     table.as_ref().map(|t| check(t).map_err(|e| fault(t.span(), e))).transpose()
 }
 
-/// Returns the path of a file that is named relative to the rig file at `rig`.
+/// Returns the path of `file`, which is relative to the folder of the rig file `rig`.
 fn beside(rig: &Path, file: &Path) -> PathBuf {
     rig.parent().unwrap_or(Path::new("")).join(file)
 }
@@ -310,7 +310,7 @@ fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
     spad.check().map_err(|e| wrong("spad", e))
 }
 
-/// Returns library and settings of a TimeHarp 260, or `None` if the counter is a different device.
+/// Returns the library and the settings of a TimeHarp 260, or `None` if the counter is a different device.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
@@ -341,7 +341,7 @@ pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     }
 }
 
-/// Returns a bench, without its optics.
+/// Returns the plan of a bench, without the bench's optics.
 fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<BenchPlan, Fault> {
     let scene = match (&file.tensor, &file.scene, &file.sample) {
         (Some(tensor), None, None) => Scene::Tensor(beside(path, tensor)),

@@ -12,7 +12,6 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Protocol of an instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Driver {
@@ -36,29 +35,28 @@ pub enum Driver {
     Python,
 }
 
-/// A stage of a rig file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StageFile {
     #[serde(default)]
     pub driver: Driver,
-    /// Serial port (`apt`).
+    /// Serial port (only for driver `apt`).
     pub port: Option<String>,
-    /// Model (`apt`).
+    /// Model of the stage (only for driver `apt`).
     pub model: Option<String>,
     /// Overshoot in degrees with which the stage approaches each goal from below.
     #[serde(default = "approach")]
     pub approach_deg: f64,
-    /// Backlash in degrees (simulated).
+    /// Backlash in degrees (only for simulated stages).
     #[serde(default)]
     pub backlash_deg: f64,
-    /// Velocity in degrees per second (simulated).
+    /// Velocity in degrees per second (only for simulated stages).
     #[serde(default = "twenty_five")]
     pub velocity: f64,
-    /// Acceleration in degrees per second squared (simulated).
+    /// Acceleration in degrees per second squared (only for simulated stages).
     #[serde(default = "twenty_five")]
     pub acceleration: f64,
-    /// Resolution of the encoder in degrees (simulated).
+    /// Resolution of the encoder in degrees (only for simulated stages).
     #[serde(default = "encoder")]
     pub resolution_deg: f64,
 }
@@ -78,7 +76,6 @@ fn encoder() -> f64 {
 }
 
 impl StageFile {
-    /// Returns the limits of a simulated stage.
     pub fn limits(&self) -> StageLimits {
         StageLimits {
             range_deg: [-720.0, 720.0],
@@ -98,17 +95,16 @@ pub(super) struct ProjectorFile {
     pub(super) bits: Option<u8>,
     pub(super) patterns: Option<usize>,
     pub(super) shortest_ms: Option<f64>,
-    /// Images of the flash (`dlpc350`).
+    /// Images of the flash (only for driver `dlpc350`).
     #[serde(default)]
     pub(super) flash: Vec<PathBuf>,
-    /// Active LEDs (`dlpc350`).
+    /// Active LEDs (only for driver `dlpc350`).
     pub(super) leds: Option<Vec<Led>>,
-    /// Triggers (`dlpc350`).
+    /// Triggers (only for driver `dlpc350`).
     #[serde(default)]
     pub(super) triggers: Triggers,
 }
 
-/// An LED of a projector.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Led {
@@ -142,7 +138,7 @@ pub(super) struct GalvoFile {
     pub(super) card: Option<CardFile>,
 }
 
-/// One number for both axes, or one per axis.
+/// A setting of galvo mirrors: one number for both axes, or one number per axis.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum PerAxis {
@@ -225,7 +221,7 @@ pub(super) struct BenchFile {
     pub(super) faults: Vec<FaultAt>,
 }
 
-/// One file or several. Later files override earlier ones.
+/// The names of one or several files. Later files override earlier files.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Files {

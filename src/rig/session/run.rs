@@ -1,7 +1,7 @@
 //! The loop of a run: captures frames and passes them to the writer, which stores frames and journal.
 //!
-//! Every step is a checkpoint. After a failure, the step starts again with the moves of the stages. All
-//! stages move concurrently, while the writer saves earlier frames.
+//! Every step is a checkpoint. After a failure, a step restarts with the moves of the stages. All stages move
+//! concurrently, while the writer saves earlier frames.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
@@ -48,7 +48,7 @@ struct Session<'a> {
 /// Captures all missing frames.
 ///
 /// # Errors
-/// [`RunError`]. All journaled frames are on disk.
+/// [`RunError`] if an instrument or the disk fails permanently. All journaled frames are on disk.
 pub fn run(
     rig: &mut Rig,
     steps: &Steps,
@@ -170,12 +170,12 @@ impl Session<'_> {
         }
     }
 
-    /// Marks all settings of the instruments as unknown.
+    /// Marks the settings of all instruments as unknown, so that they are sent again.
     fn forget(&mut self) {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
 
-    /// Attempts to capture a frame.
+    /// Attempts once to capture a frame.
     fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         self.prepare()?;
         if matches!(self.steps.plan.work, Work::Scan(_)) {
@@ -184,7 +184,7 @@ impl Session<'_> {
         Ok(self.frame(step)?)
     }
 
-    /// Prepares the run: homes the stages, loads the patterns, switches on the light.
+    /// Prepares the run: homes the stages, loads the patterns and switches on the light.
     fn prepare(&mut self) -> Result<(), Failure> {
         if self.ready {
             return Ok(());
@@ -211,7 +211,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Suspends the run while the laser is weak.
+    /// Suspends the run while the laser's power is below the plan's limit.
     fn wait_for_laser(&mut self, step: Step, stop: &AtomicBool) -> Result<(), RunError> {
         let limits = self.steps.plan.limits;
         let until = self.rig.clock.now() + Duration::from_secs_f64(limits.suspend_s);
@@ -277,7 +277,7 @@ impl Session<'_> {
         Ok(found.into_values().collect())
     }
 
-    /// Moves stages concurrently and returns the angle and the resolution of each, in degrees.
+    /// Moves stages concurrently and returns the angle and the resolution of each stage, in degrees.
     fn move_all(&mut self, moves: &[(String, f64)]) -> Result<Vec<[f64; 2]>, Failure> {
         let stages = &mut self.rig.stages;
         for (name, goal) in moves {

@@ -7,7 +7,7 @@ use std::path::Path;
 pub(super) struct SealedLog(File);
 
 impl SealedLog {
-    /// Creates an empty log; overwrites an existing one.
+    /// Creates an empty log; overwrites an existing log.
     pub(super) fn new(path: &Path) -> io::Result<Self> {
         OpenOptions::new().create(true).truncate(true).read(true).write(true).open(path).map(Self)
     }
@@ -28,8 +28,8 @@ impl SealedLog {
     }
 }
 
-/// Returns the records of a log up to the first incomplete one; none if the log cannot be read.
-/// `length` returns the length in bytes of the record at the start of its argument.
+/// Returns the records of a log up to the first incomplete record. Returns no records if the log cannot be
+/// read. `length` returns the length in bytes of the record at the start of its argument.
 pub(super) fn read(path: &Path, length: impl Fn(&[u8]) -> Option<usize>) -> Vec<Vec<u8>> {
     let mut bytes = vec![];
     let opened = base::input::open(path);

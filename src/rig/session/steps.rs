@@ -1,4 +1,4 @@
-//! The steps of a plan on a rig, frame by frame, and their cost.
+//! The steps of a plan on a rig, frame by frame, and the estimated cost of the plan (time and storage).
 
 use super::lab::{Rig, absent};
 use super::masks::{Epipolar, Mask, flat, stripes};
@@ -14,9 +14,9 @@ use std::time::Duration;
 pub struct Step {
     pub frame: u32,
     pub capture: usize,
-    /// Shot, or row of scan points.
+    /// Index of the shot, or of the row of scan points.
     pub second: usize,
-    /// Exposure, or column of scan points.
+    /// Index of the exposure, or of the column of scan points.
     pub third: usize,
 }
 
@@ -29,11 +29,11 @@ pub struct Steps {
     pub goals: BTreeMap<String, Vec<f64>>,
     /// Masks of a camera plan.
     pub masks: Vec<Mask>,
-    /// Shots of all masks in order: index of the mask, and region.
+    /// Shots of all masks in order: the index of the mask, and the camera region.
     pub shots: Vec<(usize, Region)>,
     /// Patterns of all shots in order, as loaded into the projector.
     pub patterns: Vec<Pattern>,
-    /// Size of the camera, or of a histogram: (bins, 1).
+    /// Size of a camera frame, or of a histogram as (bins, 1).
     pub frame_size: [u32; 2],
     shape: [u64; 3],
 }
@@ -140,7 +140,7 @@ impl Steps {
         self.plan.frames() as u32
     }
 
-    /// Returns the step of a frame.
+    /// Returns the step in which a frame is captured.
     pub fn step(&self, frame: u32) -> Step {
         let n = u64::from(frame);
         let [_, b, c] = self.shape;

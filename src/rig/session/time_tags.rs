@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 const LOG: &str = ".session.tags";
 /// Folder of the rows' files in the store.
 const FOLDER: &str = "time_tags";
-/// Marker that begins a point in a row's file.
+/// Number of the marker that begins a point in a row's file.
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
@@ -40,7 +40,7 @@ impl Tags {
     /// Decodes the records of one acquisition, whose sync numbers count from its start.
     ///
     /// # Errors
-    /// A message if tags are beyond the pulses or out of order, or if records are invalid.
+    /// A message if tags are later than the last pulse or out of order, or if records are invalid.
     pub fn new(records: &[u32], record: RecordType, pulses: u64) -> Result<Self, String> {
         let mut decoder = Decoder::new(record);
         let mut photons = vec![];
@@ -69,7 +69,7 @@ impl Tags {
         self.photons.iter().map(split)
     }
 
-    /// Returns the counts per bin. They equal those that [`possibly_empty_histogram`] computes from a
+    /// Returns the counts per bin. The counts equal those that [`possibly_empty_histogram`] computes from a
     /// file with these tags.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl Tags {
     }
 }
 
-/// Time scale of the numbers in a file.
+/// The time units of the numbers in a time-tag file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     pub bin_ps: f64,
@@ -139,7 +139,8 @@ fn file_of(store: &Path, row: usize) -> PathBuf {
     store.join(FOLDER).join(format!("{row:06}.ptu"))
 }
 
-/// Returns the points of a row's file, or `None` if the file is missing or was not written by `row`.
+/// Returns the points of a row's file, or `None` if the file is missing or was not written by
+/// [`TagLog::finish_row`].
 pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let mut reader = Reader::open(&file_of(store, row)).ok()?;
     if reader.mismatch().is_some() || reader.record_type() != RECORD {
@@ -170,7 +171,7 @@ pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     (read.is_ok() && sound && begin.is_none() && out.len() == points).then_some(out)
 }
 
-/// Points of an incomplete row, in memory and in a log.
+/// The points of an incomplete row, held in memory and in a log.
 pub(super) struct TagLog {
     store: PathBuf,
     scale: Scale,
@@ -196,7 +197,7 @@ impl TagLog {
         Ok(())
     }
 
-    /// Empties the log for a new row.
+    /// Removes all points from the log, for a new row.
     pub(super) fn empty(&mut self) -> io::Result<()> {
         self.part.clear();
         self.log.empty()
@@ -213,7 +214,7 @@ impl TagLog {
     }
 }
 
-/// Returns the points of the log, up to the first incomplete one.
+/// Returns the points of the log, up to the first incomplete point.
 pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
     let length = |rest: &[u8]| Some(8 + 8 * (word(rest.get(4..)?)? as usize + 1));
     let tags = |record: Vec<u8>| {

@@ -27,7 +27,7 @@ enum Item {
     Flush(SyncSender<()>),
 }
 
-/// An error that ended the writer.
+/// An error because of which the writer thread ended.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {cause}; free disk space and resume: all recorded frames are saved")]
 pub struct DiskError {
@@ -41,7 +41,7 @@ pub struct Writer {
     thread: Option<JoinHandle<Result<(), DiskError>>>,
 }
 
-/// State of the thread.
+/// The state of the writer thread.
 struct Work {
     store: FrameStore,
     journal: Journal,
@@ -49,7 +49,7 @@ struct Work {
     tags: Option<TagLog>,
     /// Pixel values or counts of the incomplete chunk.
     part: Vec<u32>,
-    /// Chunks that are written but possibly not on disk.
+    /// Indices of chunks that are written but may not yet be on disk.
     unsynced: Vec<usize>,
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
@@ -65,7 +65,7 @@ pub struct Recovered {
     /// Number of intact frames, from the first one.
     pub frames: u32,
     part: Vec<u32>,
-    /// Time tags of the logged frames, if kept.
+    /// Time tags of the logged frames, if the run stores time tags.
     tags: Vec<Tags>,
 }
 
@@ -131,7 +131,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     Ok(Recovered { frames: sound as u32, part, tags })
 }
 
-/// Returns the frames of the log, up to the first incomplete one.
+/// Returns the frames of the log, up to the first incomplete frame.
 fn read_log(store: &Path, len: usize) -> Vec<(u32, Vec<u32>)> {
     let frame = |record: Vec<u8>| {
         let mut words = record.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b));
@@ -142,10 +142,11 @@ fn read_log(store: &Path, len: usize) -> Vec<(u32, Vec<u32>)> {
 }
 
 impl Writer {
-    /// Starts the writer at the frame after the recovered ones. `tags` is the scale of time tags, if kept.
+    /// Starts the writer at the frame after the recovered frames. `tags` is the scale of the time tags, if
+    /// the run stores time tags.
     ///
     /// # Errors
-    /// [`DiskError`] from the file system.
+    /// [`DiskError`] if the file system reports an error.
     pub fn new(
         store: FrameStore,
         recovered: Recovered,
@@ -188,7 +189,7 @@ impl Writer {
     /// Queues a frame. Blocks while the queue is full.
     ///
     /// # Errors
-    /// [`DiskError`] of an earlier item.
+    /// [`DiskError`] if writing an earlier item failed.
     pub fn frame(
         &mut self,
         record: FrameRecord,
@@ -330,7 +331,7 @@ fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Resul
 /// Removes the logs of a finished run.
 ///
 /// # Errors
-/// Errors of the file system.
+/// If a log cannot be removed.
 pub fn remove_log(store: &Path) -> io::Result<()> {
     time_tags::remove_log(store)?;
     sealed_log::remove(&store.join(LOG))

@@ -30,7 +30,8 @@ pub struct SimulatedCard {
 }
 
 impl SimulatedCard {
-    /// Creates an unconfigured card with all channels at 0 V. Faults are counted by `name`, at each wait.
+    /// Creates an unconfigured card with all channels at 0 V. Each wait counts as a use of the instrument
+    /// `name`, for injected faults.
     pub fn new(name: &str, world: Shared, limits: AnalogLimits, terminals: Terminals) -> Self {
         Self {
             name: name.to_owned(),
@@ -53,7 +54,7 @@ impl SimulatedCard {
         recording
     }
 
-    /// Returns the time from the start to the start of a sample, or to the end of the last sample.
+    /// Returns the time from the buffer's start to the start of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)

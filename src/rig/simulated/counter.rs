@@ -41,7 +41,7 @@ impl Device for Counter {
     }
 }
 
-/// Returns the radiance per bin of the counter in the galvo's direction, and the scan point's index.
+/// Returns the radiance in each bin from the galvo's direction, and the index of the scan point.
 fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
     let sets = w.sets();
     let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());

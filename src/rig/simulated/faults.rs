@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Kind of an injected fault.
+/// The kind of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mishap {
@@ -41,7 +41,7 @@ pub enum Mishap {
 #[serde(deny_unknown_fields)]
 pub struct FaultAt {
     pub kind: Mishap,
-    /// Name of the instrument whose uses are counted (moves, exposures, acquisitions, …), or `disk`.
+    /// Name of the instrument whose uses (moves, exposures, …) are counted, or `disk` for disk writes.
     pub instrument: String,
     /// Number of the use at which the fault occurs, from 1.
     pub at: u64,

@@ -62,7 +62,7 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows read together: the rows of a chunk if they fit into memory, otherwise 1.
+    /// Number of rows that are read together: all rows of a chunk if they fit into memory, otherwise 1.
     together: usize,
 }
 
@@ -73,8 +73,8 @@ impl Scenery {
         Self::Sample { mueller, camera, image }
     }
 
-    /// Opens a slice of a finished store at a wavelength. A slice with time bins is scanned; any
-    /// other is illuminated by patterns.
+    /// Opens a slice of a finished store at a wavelength. A slice with time bins becomes a scan; any other
+    /// slice becomes a tensor that patterns illuminate.
     ///
     /// # Errors
     /// A message if the store cannot be read or a simulated sensor cannot read the slice.

@@ -13,7 +13,7 @@ use std::time::Duration;
 /// Homing speed in degrees per second.
 const HOMING: f64 = 10.0;
 
-/// State of a stage apart from its angles, which are part of the bench.
+/// The state of a simulated stage. The angles of the stage are stored in the bench.
 pub struct Stage {
     backlash_deg: f64,
     /// Goal in degrees and arrival time of the current move.
@@ -32,7 +32,7 @@ impl Device for Stage {
 }
 
 impl Simulated<Stage> {
-    /// Creates a stage, not homed, that carries the element of the same name.
+    /// Creates a stage that is not homed and carries the element of the same name.
     pub fn stage(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
         // An arbitrary initial position.
         let left = StageState { angle_deg: 13.0, encoder_deg: 0.0, homed: false };

@@ -18,7 +18,7 @@ pub(super) struct Pending<T> {
     pub(super) result: Option<T>,
 }
 
-/// Returns the failure of a dead line.
+/// Returns the failure for an instrument whose line is disconnected.
 fn lost(instrument: &str) -> Failure {
     Failure::new(Fault::Disconnected, instrument, "no reply: connection lost")
 }
@@ -29,7 +29,7 @@ pub struct Shared(Arc<Mutex<World>>);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageState {
-    /// True angle of the axle, in degrees from its zero.
+    /// True angle of the axle, in degrees from the zero of the stage.
     pub angle_deg: f64,
     /// Angle that the encoder reports.
     pub encoder_deg: f64,
@@ -106,7 +106,7 @@ impl Shared {
     /// fault to the caller.
     ///
     /// # Errors
-    /// [`Failure`] if the line is dead, or if a fault disconnects, delays or blocks the instrument.
+    /// [`Failure`] if the line is disconnected, or if a fault disconnects, delays or blocks the instrument.
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
@@ -167,8 +167,9 @@ impl Shared {
         if dead { Err(lost(instrument)) } else { Ok(()) }
     }
 
-    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases:
-    /// no operation was started, the operation takes longer than `within`, or its result was dropped.
+    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases: no
+    /// operation was started, the operation takes longer than `within`, or the result of the operation was
+    /// dropped.
     pub(super) fn finish<T>(
         &self,
         instrument: &str,
@@ -232,7 +233,8 @@ impl Shared {
 }
 
 impl World {
-    /// Returns the true setting of every element: its stage's axle angle, or the setting of the optics.
+    /// Returns the true setting of every element: the axle angle of its stage, or the setting in the optics
+    /// if no stage carries the element.
     pub fn sets(&self) -> [Vec<Set>; 2] {
         let mut sets = self.bench.optics.sets(0);
         let sides = [self.bench.optics.generator(), self.bench.optics.analyzer()];

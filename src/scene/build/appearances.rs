@@ -20,7 +20,7 @@ use syntax::values::SpectrumFile;
 
 const SMOOTH: f64 = 0.001;
 
-/// Materials created for one material of a file.
+/// The materials that are created for one material of a file.
 pub(super) struct Table<'a> {
     ctx: &'a mut Context,
     file: &'a Located<String>,
@@ -297,8 +297,8 @@ impl<'a> Table<'a> {
         self.at(value)
     }
 
-    /// Returns the bytes of an image, or `None` if it cannot be read. The material that uses it reports the
-    /// error.
+    /// Returns the bytes of an image, or `None` if the image cannot be read. The material that uses the image
+    /// reports the error.
     fn bytes(&mut self, picture: &Picture) -> Option<Vec<u8>> {
         match &picture.source {
             Source::File(name) => self.ctx.read(name, self.file.span()).ok(),
@@ -306,7 +306,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the linear texels of an image; colours are decoded if `encoded`.
+    /// Returns the linear texels of an image; colours are decoded if `encoded` is true.
     fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<Texels> {
         let name = match &picture.source {
             Source::File(name) => name.as_str(),
@@ -374,7 +374,7 @@ impl<'a> Table<'a> {
         ImageAlbedo { image: self.at(name), ..self.reference(picture, true) }
     }
 
-    /// Returns a reference to an unmodified image.
+    /// Returns a reference by which a material uses an image without modification.
     fn reference(&mut self, picture: &Picture, raw: bool) -> ImageAlbedo {
         let name = self.name_of(picture);
         ImageAlbedo {

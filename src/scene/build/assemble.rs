@@ -18,7 +18,7 @@ use transport::render::gaps::{Gap, narrow};
 use transport::scene::{Integrator, Scene, SceneTables, Settings, Variant};
 use transport::strategy::Strategies;
 
-/// Reads the text of a scene file.
+/// Reads a scene file and returns its text.
 ///
 /// # Errors
 /// Returns [`InputError`] if the file cannot be read.
@@ -44,7 +44,7 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     from_file(path, text, &file)
 }
 
-/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` as in [`from_text`].
+/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); see [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`], or an error if the variant does not exist. For varied values,
@@ -53,7 +53,7 @@ pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, 
     from_variant(path, text, &variant::read(path, text, number)?, number)
 }
 
-/// Builds a variant of a scene with its number; `path` and `text` as in [`from_file`].
+/// Builds a variant of a scene and records the variant's number. `path` and `text` are as in [`from_file`].
 ///
 /// # Errors
 /// Returns the same errors as [`load`].
@@ -71,7 +71,7 @@ pub fn from_variant(
     Ok(scene)
 }
 
-/// Builds a scene from a parsed file whose locations refer to `text`; `path` as in [`from_text`].
+/// Builds a scene from a parsed file whose locations refer to `text`; see [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`].
@@ -242,7 +242,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     )
 }
 
-/// Checks names that become folder names or identify objects.
+/// Checks the names that become folder names or that identify objects.
 fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     let names_no_file = |n: &str| n.is_empty() || n == "." || n == ".." || n.contains(['/', '\\', '\0']);
     if let Some(name) = file.name.as_deref().filter(|n| names_no_file(n)) {

@@ -18,13 +18,13 @@ use transport::material::texture::{MOST_CORNERS, corner_uv};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Asked {
     pub name: Located<String>,
-    /// Whether the attribute must be one number per vertex, not a colour.
+    /// Whether the attribute must have one number per vertex instead of a colour.
     pub number: bool,
     /// Largest factor by which the attribute is multiplied as an albedo.
     pub albedo: f64,
 }
 
-/// Attribute and images that a material looks up by texture coordinates.
+/// The attribute and the images that a material looks up by texture coordinates.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Uses {
     pub asked: Option<Asked>,
@@ -58,14 +58,14 @@ impl Attributes {
         self.of_material.get(&material).is_some_and(|uses| uses.heights)
     }
 
-    /// Returns the first attribute that a material uses, or `None` if no material uses one.
+    /// Returns the first attribute that a material uses, or `None` if the materials use no attribute.
     pub fn first(&self) -> Option<&Asked> {
         self.of_material.values().find_map(|uses| uses.asked.as_ref())
     }
 }
 
 /// Starts to record the uses of a material. Returns the uses of the outer material, which refers to the new
-/// one.
+/// material.
 pub(super) fn begin(ctx: &mut Context) -> Uses {
     std::mem::take(&mut ctx.attributes.open)
 }

@@ -81,7 +81,7 @@ fn projector(
     Ok(ProjectorFile { irradiance: given.irradiance.clone(), ..ProjectorFile::new(device) })
 }
 
-/// Returns the tables of a calibration file and the context for errors in it.
+/// Returns the tables of a calibration file and the context for errors in this file.
 fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), InputError> {
     let unreadable = |e: &dyn std::fmt::Display| {
         ctx.error(key.span(), format!("cannot read {}: {e}", ctx.path(key).display()), FIX)
@@ -94,7 +94,7 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
 
-/// Returns an error located in the calibration file if its device is invalid.
+/// Checks the device of a calibration file. The error of an invalid device is located in this file.
 fn sound(
     within: &Context,
     device: &PinholeFile,

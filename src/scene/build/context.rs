@@ -27,11 +27,11 @@ pub(crate) struct Context {
     /// Names of in-memory files that the build derived from other files. The scene does not list these names.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
-    /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file
-    /// is built for wavelengths other than its own.
+    /// Wavelengths to which lists in the file refer. These wavelengths differ from `wavelengths` only if a
+    /// material file is built for wavelengths other than its own.
     pub listed: Wavelengths,
     pub hash: Sha256,
-    /// Notes for the user: contents of files that are not used, and corrections.
+    /// Notes for the user, on contents of files that are not used and on corrections.
     pub notes: Vec<String>,
     pub attributes: Attributes,
     /// Images that have been read; their texels are in `textures`.
@@ -95,7 +95,7 @@ impl Context {
         }
     }
 
-    /// Returns the error for a name that the scene's table of this kind does not contain.
+    /// Returns the error for a name that is not in the scene's table of this kind (materials, media, …).
     pub fn unknown<'k>(
         &self,
         what: &str,

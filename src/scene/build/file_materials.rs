@@ -1,5 +1,5 @@
-//! Adds the materials of mesh files to `[materials]` of the scene and adds notes about unused
-//! materials. [`super::appearances`] converts the materials.
+//! Adds the materials of mesh files to `[materials]` of the scene and adds notes about unused materials. The
+//! conversion of the materials is in [`super::appearances`].
 
 use super::appearances::Table;
 use super::context::Context;

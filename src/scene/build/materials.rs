@@ -57,7 +57,7 @@ impl MaterialSet {
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
 
-    /// Does the same as [`Self::from_text`] for wavelengths other than the file's own. Lists are
+    /// Builds materials as [`Self::from_text`] does, for wavelengths other than the file's own. Lists are
     /// interpolated between the file's wavelengths.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ type Named = BTreeMap<String, Located<MaterialFile>>;
 /// Maximum nesting depth of materials.
 const MOST_NESTED: usize = 16;
 
-/// State while materials are built. A material is built before the materials that refer to it.
+/// The state of building materials. A material is built before the materials that refer to it.
 struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,

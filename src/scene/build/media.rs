@@ -48,7 +48,7 @@ impl MediumSet {
         Self::at(path, &read_file(path)?, only, wavelengths)
     }
 
-    /// Does the same as [`Self::load`] for a file's text; `path` names the file in messages.
+    /// Builds media as [`Self::load`] does, from a file's text; `path` names the file in messages.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -83,7 +83,7 @@ pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     names_of_text(path, &read_file(path)?)
 }
 
-/// Does the same as [`names`] for a file's text.
+/// Returns the same names as [`names`], from a file's text.
 ///
 /// # Errors
 /// Returns the same errors as [`MediumSet::load`].
@@ -91,7 +91,7 @@ pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError>
     Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
 }
 
-/// Returns the text of a media file.
+/// Reads a media file and returns its text.
 ///
 /// # Errors
 /// Returns [`InputError`] if the file cannot be read.
@@ -104,7 +104,7 @@ type Named = BTreeMap<String, Located<MediumFile>>;
 /// Largest accepted coefficient, 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
-/// Table of media, the index of each medium by name, and bulk optical properties per medium and wavelength.
+/// The table of media, their indices by name, and the bulk optical properties per medium and wavelength.
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {

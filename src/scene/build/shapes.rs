@@ -26,7 +26,7 @@ pub(crate) struct Placed {
     pub flipped: bool,
 }
 
-/// The geometry of a [`Placed`] shape. Maps transform object space to world space.
+/// The geometry of a [`Placed`] shape. The contained maps transform object space to world space.
 #[derive(Clone)]
 pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
@@ -305,7 +305,7 @@ fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputErro
     Err(ctx.error(span, message, "give a radius above 0, in metres"))
 }
 
-/// Returns whether the map is finite and invertible.
+/// Returns whether an affine map is finite and invertible.
 pub(crate) fn is_solid(map: &DAffine3) -> bool {
     map.is_finite() && map.matrix3.determinant().abs() > 1e-30
 }

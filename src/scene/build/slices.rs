@@ -104,7 +104,7 @@ pub(crate) fn build(
     Ok(slices)
 }
 
-/// Checks that a list of rows or columns is increasing, unique and in range.
+/// Checks that the numbers in a list of rows or columns increase strictly and are in range.
 fn listed(
     ctx: &Context,
     list: &[u32],

@@ -1,4 +1,4 @@
-//! Computes vertex normals for meshes that have none.
+//! Computes vertex normals for meshes without vertex normals.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -40,7 +40,7 @@ fn of_faces(mesh: &Mesh) -> Vec<DVec3> {
     sums
 }
 
-/// For each vertex that occurs in several parts, adds up the sums of the parts.
+/// For each vertex that occurs in several parts, replaces the sums of the parts by their total.
 fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
     let key = |mesh: &Mesh, i: usize| {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);

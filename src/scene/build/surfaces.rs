@@ -25,12 +25,12 @@ pub(crate) struct Surfaces<'a> {
     pub materials: &'a mut Materials,
     /// Boundaries (inside and outside medium), one per material index.
     pub boundaries: Vec<Boundary>,
-    /// Names of objects, and the name of the scene file's material for each material index.
+    /// Names of objects, and for each material index the name of the material in the scene file.
     pub called: Names,
     /// Indices of materials and media by name.
     names: &'a BTreeMap<&'a str, u32>,
     media: &'a BTreeMap<&'a str, u32>,
-    /// Area lights of emissive surfaces, and the index of the area light by material.
+    /// Area lights of emissive surfaces, and for each material the index of its area light.
     pub shining: (Vec<AreaLight>, Vec<u32>),
 }
 

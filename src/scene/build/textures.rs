@@ -14,7 +14,7 @@ use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvR
 use syntax::values::SpectrumFile;
 use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spectrum, UvMap, Wrap};
 
-/// Key of stored texels: file, layer and meaning of the channels.
+/// Key of stored texels: the file, the layer, and the meaning of the channels.
 type ImageKey = (PathBuf, Option<String>, Channels);
 
 /// Images that have been read, each with its width and height in pixels and the index of its first texel.

@@ -14,7 +14,7 @@ use syntax::scene::SceneFile;
 use syntax::shape::ObjectFile;
 use transport::render::gaps::{Contact, Gap};
 
-/// Width of a gap that is accepted as sufficient, as a multiple of the minimum width.
+/// Width of a gap that is accepted as sufficient, divided by the minimum width.
 const ENOUGH: f64 = 2.0;
 
 /// Ratio of thickness to displacement below which a whole object is translated. For a thicker

@@ -1,5 +1,5 @@
-//! Checks objects filled with a medium. Their surfaces must be closed and must not intersect other
-//! objects of the same priority. Inward normals are turned outward.
+//! Checks objects filled with a medium. Their surfaces must be closed and must not intersect other objects of
+//! the same priority. Normals that point inward are reversed.
 
 use super::context::Context;
 use super::shapes::Solid;
@@ -35,8 +35,8 @@ impl<'a> Volume<'a> {
     /// and adds a note.
     ///
     /// # Errors
-    /// Returns [`InputError`] at the object if the surface of the object is open. The message gives the
-    /// position of an open edge on the mesh.
+    /// Returns [`InputError`] at the object if the object's surface is open. The message gives the position
+    /// of an open edge on the mesh.
     pub fn new(
         ctx: &mut Context,
         object: &'a Located<ObjectFile>,
@@ -117,7 +117,7 @@ impl<'a> Volume<'a> {
 /// Checks that filled objects of equal priority with different media do not intersect.
 ///
 /// # Errors
-/// Returns [`InputError`] at the second of two intersecting volumes.
+/// Returns [`InputError`] at the second of two volumes if they intersect.
 pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputError> {
     for (i, b) in volumes.iter().enumerate() {
         for a in &volumes[..i] {

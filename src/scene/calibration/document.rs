@@ -1,4 +1,4 @@
-//! A calibration file parsed to a tree, independent of its syntax, and errors located in it.
+//! A calibration file as a tree that does not depend on the file's syntax, and errors located in the file.
 
 use super::{npz, yaml};
 use base::locate::InputError;
@@ -14,7 +14,7 @@ const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
 pub(super) struct Document {
     pub(super) file: PathBuf,
-    /// The text of the file; empty for binary files.
+    /// The text of the calibration file; empty for binary files.
     text: Arc<str>,
     pub(super) root: Value,
 }

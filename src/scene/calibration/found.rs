@@ -7,22 +7,23 @@ use syntax::device::ExtrinsicsFile;
 /// User settings that supplement or override a calibration file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Name of the camera to read if there are several: `cam1`, or `2` for K2 and D2, or `proj` for proj_K.
+    /// Name of the camera to read if the file has several: `cam1`, `2` for the keys K2 and D2, or `proj` for
+    /// the key `proj_K`.
     pub camera: Option<String>,
-    /// Index of the target view whose pose to use, from 0.
+    /// Index, from 0, of the target view whose pose is used.
     pub view: Option<usize>,
     /// Width and height in pixels, which override those of the file.
     pub resolution: Option<[u32; 2]>,
-    /// Length in metres of the unit that the file uses. Default: the unit given in the file, or 1.
+    /// Length in metres of the unit that the file uses. The default is the unit that the file states, or 1.
     pub metres_per_unit: Option<f64>,
-    /// Whether to interpret four distortion coefficients as those of a fisheye model.
+    /// Whether four distortion coefficients are interpreted as those of a fisheye model.
     pub fisheye: bool,
     /// Whether the world frame of a Kalibr file is the frame of the IMU instead of the first camera's frame.
     pub imu: bool,
 }
 
 impl Options {
-    /// Returns the index of the view, out of `count` views, whose pose to use. Returns `None` if there is no
+    /// Returns the index of the view, out of `count` views, whose pose is used. Returns `None` if there is no
     /// view or none is selected.
     pub(super) fn view_of(
         &self,

@@ -8,7 +8,7 @@ use base::locate::InputError;
 use glam::DMat4;
 use syntax::device::ExtrinsicsFile;
 
-/// Returns the names and values of the cameras of a chain, in order.
+/// Returns the names and the values of the cameras of a camera chain, in order.
 fn cameras(document: &Document) -> Vec<(String, Node<'_>)> {
     let root = Node::root(document);
     let number = |name: &str| name.strip_prefix("cam")?.parse::<u32>().ok();

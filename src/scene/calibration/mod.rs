@@ -40,8 +40,8 @@ pub struct Calibration {
     pub notes: Vec<String>,
 }
 
-/// Returns whether [`load`] can read a file. The extension decides; a JSON file with a top-level
-/// `"type"` is a Mitsuba scene, not a calibration.
+/// Returns whether [`load`] can read a file. The result depends on the file name's extension; a JSON file
+/// with a top-level `"type"` is a Mitsuba scene, not a calibration.
 pub fn is_calibration(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     match extension.to_ascii_lowercase().as_str() {
@@ -55,7 +55,7 @@ pub fn is_calibration(path: &Path) -> bool {
 ///
 /// # Errors
 /// Returns [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
-/// has a location if it is known.
+/// contains the location of the fault if this location is known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }

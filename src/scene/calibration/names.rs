@@ -33,7 +33,7 @@ impl<'a> Node<'a> {
         self.document.error(&self.keys, message, help)
     }
 
-    /// Returns the entries of this table, or none if it is not a table.
+    /// Returns the entries of this table, or no entries if the value is not a table.
     pub(super) fn table(&self) -> impl Iterator<Item = (&'a String, &'a Value)> + use<'a> {
         self.value.as_object().into_iter().flat_map(Map::iter)
     }

@@ -31,7 +31,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     Ok(Value::Object(out))
 }
 
-/// Converts a small numeric array or a string of an archive to JSON; returns `None` for anything else.
+/// Converts a small numeric array or a string of an archive to JSON; returns `None` for any other content.
 fn array(bytes: &[u8]) -> Option<Value> {
     let file = NpyFile::new(bytes).ok()?;
     let shape = file.shape().to_vec();

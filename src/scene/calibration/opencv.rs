@@ -69,8 +69,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     Ok(Found { matrix, lens, size, pose, unit: None, notes })
 }
 
-/// The part of a document that describes a camera: the root, the root's only camera table or the
-/// selected table. An affix is a prefix or suffix of the key names (`proj_K`, `K2`).
+/// The part of a document that describes a camera: the root, the root's only camera table or the selected
+/// table. An affix is a prefix or a suffix of the key names, such as `proj_` in `proj_K` or `2` in `K2`.
 struct Camera<'a> {
     node: Node<'a>,
     affix: Option<String>,

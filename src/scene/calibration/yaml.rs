@@ -14,7 +14,7 @@ enum Open {
 /// Parses the first document of a text.
 ///
 /// # Errors
-/// Returns the byte offset of the error and a message.
+/// If the text is not valid YAML; the error holds the byte offset of the fault and a message.
 pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
     // OpenCV's `%YAML:1.0` is not a valid YAML directive; replace it by a comment of the same length.
     let plain = match text.strip_prefix("%YAML:") {

@@ -10,7 +10,7 @@ use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Names of parameters that Sunstone reads even if the file does not refer to them.
+/// Names of the parameters that Sunstone reads even if the scene does not refer to them.
 const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
 
 pub(super) struct Document {
@@ -25,8 +25,8 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Parses a scene. `given` contains the command-line parameters, which override `<default>`.
-    /// Errors inside the scene are recorded in its [`Source`].
+    /// Parses a scene. `given` contains the command-line parameters, which override `<default>`. Errors
+    /// inside the scene are recorded in the [`Source`] of the scene.
     ///
     /// # Errors
     /// Returns [`InputError`] with a location if the text does not contain a scene.

@@ -61,8 +61,8 @@ impl Export {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
-    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only; lists are
-    /// interpolated between the file's wavelengths.
+    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only; lists of
+    /// values are interpolated between the file's wavelengths.
     ///
     /// # Errors
     /// Returns [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
@@ -261,7 +261,7 @@ fn off_centre(p: &Pinhole) -> [f64; 2] {
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
 }
 
-/// Distance in metres from the device to the near clipping plane, at which Mitsuba's rays start.
+/// Distance, in metres, from the device to the near clipping plane, where Mitsuba's rays start.
 const NEAR: f64 = 1e-3;
 
 fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
@@ -422,8 +422,8 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     shape
 }
 
-/// Returns whether a map keeps circles about the z axis circular and the z axis perpendicular to
-/// their plane. With `all`, returns whether the map keeps all angles.
+/// Returns whether a map keeps circles about the z axis circular and the z axis perpendicular to their plane.
+/// If `all` is true, returns whether the map keeps all angles.
 fn is_similar(map: &DAffine3, all: bool) -> bool {
     let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
     let (rx, ry, rz) = (x.length(), y.length(), z.length());

@@ -80,8 +80,8 @@ impl<'a> MaterialWriter<'a> {
         Ok(())
     }
 
-    /// Returns the materials to which a material refers in the XML. The materials of a `two_sided` are
-    /// nested in its element and excluded here.
+    /// Returns the indices of the materials to which a material refers in the XML. The materials of a
+    /// `two_sided` are nested in its element and excluded here.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -419,7 +419,7 @@ impl<'a> MaterialWriter<'a> {
         self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// Writes a constant spectrum, or a grey image in sRGB encoding. Both programs decode sRGB.
+    /// Writes a constant spectrum, or a grey image in sRGB encoding. Both programs decode sRGB values.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));

@@ -74,7 +74,7 @@ pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
-/// Writes an image as a texture. Mitsuba's v coordinate starts at the top of the image.
+/// Writes an image as a texture. In Mitsuba, the texture coordinate v starts at the top of the image.
 pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
     let upward = Element::new("transform").with("name", "to_uv").child(if image.uv == SAME {
         Element::new("scale").with("x", "1").with("y", "-1")

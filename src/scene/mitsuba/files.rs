@@ -1,4 +1,4 @@
-//! Writes a scene that consists of several files atomically.
+//! Writes the files of a scene atomically.
 
 use std::fs;
 use std::io;
@@ -27,7 +27,7 @@ pub enum WriteError {
 /// of `files`. The last file must be the one that refers to the other files.
 ///
 /// # Errors
-/// Returns [`WriteError`] if a file cannot be written. A new folder is then not created.
+/// Returns [`WriteError`] if a file cannot be written. In this case, a new folder is not created.
 pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
     let at = |path: &Path| {
         let path = path.to_owned();

@@ -25,7 +25,7 @@ impl Folders {
         Self(vec![path.parent().unwrap_or(Path::new("")).to_owned()])
     }
 
-    /// Adds a folder, which is searched before all others.
+    /// Adds a folder, which is searched before all other folders.
     pub fn prepend(&mut self, folder: PathBuf) {
         self.0.insert(0, folder);
     }

@@ -31,7 +31,7 @@ pub struct Import {
     /// The scene file. It has been built once as a check. Its values have locations in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files to write next to the scene file, by name. They contain shapes that scene files cannot express.
+    /// Files to write next to the scene file, by name. They hold shapes that scene files cannot express.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Notes about differences from the Mitsuba scene.
     pub notes: Vec<String>,
@@ -56,7 +56,7 @@ impl Import {
     /// the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`] lists all unsupported elements, each with file, line, column and fix.
+    /// [`ImportError`] if the scene has unsupported elements; it lists each with file, line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),
@@ -70,8 +70,8 @@ impl Import {
         Self::from_text(xml, &text, toml, parameters)
     }
 
-    /// Does the same as [`Self::load`] for a text. `xml` names the text in messages and is the base of
-    /// relative paths.
+    /// Converts a scene as [`Self::load`] does, from a text. `xml` names the text in messages and is the base
+    /// of relative paths.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -84,8 +84,8 @@ impl Import {
         Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
     }
 
-    /// Does the same as [`Self::from_text`] with some files in memory. Their names are those that the text
-    /// and the scene file use.
+    /// Converts a scene as [`Self::from_text`] does, with some files in memory. The names of these files are
+    /// those that the text and the scene file use.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].

@@ -25,7 +25,7 @@ pub(super) struct Sensor {
     pub spp: Located<u32>,
     /// Bins of travel time, from a film of mitransient.
     pub time: Option<TimeBins>,
-    /// Near and far clipping distances along the axis in metres.
+    /// Distances from the device to the near and far clipping planes along the axis, in metres.
     pub clip: [f64; 2],
 }
 

@@ -218,7 +218,7 @@ fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputErro
     Ok(())
 }
 
-/// Refuses a plugin that has both properties `a` and `b`, which have the same meaning.
+/// Refuses a plugin that has both the property `a` and the property `b`, because both have the same meaning.
 fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), InputError> {
     if node.get(a).is_some() && node.get(b).is_some() {
         return importer.error(
@@ -311,7 +311,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Returns the size in pixels of a projector's image, and whether the image is uniformly white.
+/// Returns the size in pixels of a projector's image, and whether this image is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
     let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;

@@ -37,7 +37,7 @@ fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), I
     Ok((name, importer.read(node, name)?))
 }
 
-/// Writes a mesh to a file and returns the object's shape.
+/// Adds a mesh as a file next to the scene file, and returns the object's shape.
 fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     let wanted = node.id.as_deref().unwrap_or(&node.kind);
     let name = importer.make(wanted, "ply", write_ply::write(mesh));

@@ -152,7 +152,7 @@ pub(super) fn principled<'a>(
     Ok((body, opaque))
 }
 
-/// Returns the albedo of the body below a coat: a factor times the base colour, at most 1.
+/// Returns the albedo of the body below a coat: the base colour times a factor, at most 1.
 fn body_of(
     importer: &mut Importer,
     node: &Node,

@@ -50,7 +50,7 @@ pub(super) struct MaterialReader {
 struct Key {
     /// Byte offset at which the BSDF begins.
     start: usize,
-    /// Whether the BSDF is inside of `twosided`. Opaque BSDFs there are visible from both sides.
+    /// Whether the BSDF is inside of `twosided`, where opaque BSDFs are visible from both sides.
     both: bool,
     /// Whether the material is for shapes whose v coordinate Mitsuba flips.
     turned: bool,
@@ -384,7 +384,7 @@ fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputEr
     Ok(file)
 }
 
-/// Returns the BSDF inside of a `twosided` that contains exactly one. That BSDF is visible from both sides.
+/// Returns the BSDF inside of a `twosided` with exactly one BSDF, which is visible from both sides.
 fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     if node.kind != "twosided" || node.children().len() != 1 {
         return Ok(None);

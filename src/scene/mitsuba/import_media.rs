@@ -131,7 +131,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     })))
 }
 
-/// A medium's extinction or albedo.
+/// The extinction or the albedo of a medium.
 enum Coefficient {
     /// A constant spectrum, and the transform of its volume.
     Everywhere(Located<SpectrumFile>, DAffine3),

@@ -178,7 +178,7 @@ pub(super) fn facets<'a>(
     Ok(Facets { alpha, distribution, masking: Masking::Separable })
 }
 
-/// Returns references to the numbers of a constant or a checkerboard; an image has none.
+/// Returns references to the numbers of a constant or a checkerboard; an image has no such numbers.
 fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     match s {
         ScalarFile::Number(v) => vec![v],
@@ -361,8 +361,8 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// Converts Mitsuba's `bitmap` texture to an image. With `number`, it is an image of numbers; Mitsuba then
-/// uses the luminance of the colours.
+/// Converts Mitsuba's `bitmap` texture to an image. If `number` is true, the result is an image of numbers;
+/// Mitsuba then uses the luminance of the colours.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,

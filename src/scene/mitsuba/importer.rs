@@ -152,7 +152,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Returns a spectrum (a number, one per wavelength, or a table), or `None` if the property is absent.
+    /// Returns a spectrum (one number, one per wavelength, or a table); `None` if the property is absent.
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
@@ -187,7 +187,7 @@ impl<'a> Importer<'a> {
         Ok(Some(Located::at(p.span.clone(), spectrum)))
     }
 
-    /// Does the same as [`Self::spectrum`], with a default for an absent property.
+    /// Returns a spectrum as [`Self::spectrum`] does, or a default if the property is absent.
     pub fn spectrum_or(
         &self,
         node: &Node,
@@ -234,8 +234,8 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Returns the values alone if the pairs are at the scene's wavelengths and constant beyond these;
-    /// otherwise `None`.
+    /// Returns the values of the pairs if their wavelengths are those of the scene and the values are
+    /// constant beyond these wavelengths; otherwise returns `None`.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
         let inner: Vec<[f64; 2]> = pairs.iter().copied().filter(|p| (first..=last).contains(&p[0])).collect();
@@ -361,7 +361,7 @@ impl<'a> Importer<'a> {
         self.peek(child)
     }
 
-    /// Does the same as [`Self::resolve`] without marking the child as used.
+    /// Returns the same plugin as [`Self::resolve`], without marking the child as used.
     pub fn peek(&self, child: &'a Child) -> Result<&'a Node, InputError> {
         match &child.what {
             Inside::Node(node) => Ok(node),

@@ -41,8 +41,8 @@ fn snake(name: &str) -> String {
     out
 }
 
-/// Replaces the names in a plugin of Mitsuba 0.x by current names, as Mitsuba 3 does (`upgrade_from_v1` in
-/// `parser.cpp`).
+/// Replaces the names in a plugin of a Mitsuba 0.x scene by current names, as Mitsuba 3 does
+/// (`upgrade_from_v1` in `parser.cpp`).
 fn upgrade(node: &mut Node) {
     let diffuse = node.kind == "diffuse";
     let upgraded = |name: &str| match snake(name) {
@@ -396,7 +396,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// Reads pairs of wavelength and value, one per line; `#` starts a comment.
+    /// Reads pairs of wavelength and value, one per line; the character `#` starts a comment.
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {

@@ -1,7 +1,7 @@
-//! The text of a Mitsuba scene, with included files, and the errors found in it.
+//! The text of a Mitsuba scene, with included files, and the errors found in these texts.
 //!
-//! Locations are byte offsets into the concatenation of all texts in reading order. One number
-//! therefore identifies both the file and the offset in it.
+//! Locations are byte offsets into the concatenation of all texts in reading order. One number therefore
+//! identifies both the file and the offset in this file.
 
 use base::locate::InputError;
 use std::cell::RefCell;
@@ -55,7 +55,7 @@ impl Source {
         self.placed(InputError::new(file, text, Some(span.clone()), message, help))
     }
 
-    /// Converts an error's location from an offset in the concatenation to a file and an offset in it.
+    /// Converts an error's location from an offset in the concatenation to a file and an offset in the file.
     pub fn placed(&self, e: InputError) -> InputError {
         let texts = self.texts.borrow();
         let Some(span) = e.span.clone() else {

@@ -73,7 +73,7 @@ pub(super) fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-/// Splits text at spaces and commas.
+/// Returns the words of a text, which are separated by spaces or commas.
 fn tokens(text: &str) -> impl Iterator<Item = &str> {
     text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty())
 }
@@ -106,8 +106,8 @@ impl Node {
         Some(found)
     }
 
-    /// Returns the value of a property, converted by `convert`. `wanted` describes, for messages, the
-    /// values that `convert` accepts.
+    /// Returns the value of a property, converted by `convert`. Messages contain `wanted`, a description of
+    /// the values that `convert` accepts.
     fn typed<'a, T>(
         &'a self,
         source: &Source,
@@ -220,7 +220,7 @@ impl Child {
         }
     }
 
-    /// Returns the tag of a plugin, or `ref`.
+    /// Returns the tag of a plugin, or `ref` for a reference.
     pub fn tag(&self) -> &str {
         match &self.what {
             Inside::Node(node) => &node.tag,

@@ -3,7 +3,7 @@
 use glam::DAffine3;
 use std::fmt::Write;
 
-/// An XML element: attributes in order, and contents.
+/// An XML element: its attributes in order, and its contents.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     tag: &'static str,

@@ -40,7 +40,6 @@ pub enum MergeError {
     /// The stores do not have the same slices.
     #[error("{first} and {second} differ in slice `{slice}`: merge renders with the same slices")]
     Layout { first: PathBuf, second: PathBuf, slice: String },
-    /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
     /// The parts do not form a complete render.

@@ -48,8 +48,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
-/// Returns the attributes of the whole render: the attributes common to all parts, and sums over the parts
-/// of the others.
+/// Returns the attributes of the whole render: the attributes common to all parts, and the sums over the
+/// parts of all other attributes.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = all[0].clone();

@@ -8,7 +8,7 @@ pub(super) struct Pool {
     /// Spread of the samples: the sum of squared deviations from the mean if they are identically
     /// distributed, else Σ N²e².
     spread: f64,
-    /// Stored standard error of an element that has samples in only one input.
+    /// Standard error in the store, for an element that has samples in only one input.
     only: Option<f64>,
 }
 

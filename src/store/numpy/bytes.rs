@@ -7,7 +7,7 @@ use std::io;
 #[derive(Debug)]
 pub(super) enum Bytes {
     File(File),
-    /// Elements in memory, reordered to row-major order because the file is in column-major order.
+    /// Elements in memory, reordered to row-major order because the file's array is in column-major order.
     Memory(Vec<u8>),
 }
 

@@ -101,7 +101,7 @@ impl Fake {
         format!("{}{key}", self.below)
     }
 
-    /// Counts a request and its changes, and refuses it after the last allowed change.
+    /// Counts a request and its changes. Refuses the request after the last allowed change.
     fn request(&self, changes: i64) -> Result<(), Refusal> {
         self.bucket.requests.fetch_add(1, Ordering::Relaxed);
         if matches!(self.kind, Kind::Mortal) && self.bucket.life.fetch_sub(changes, Ordering::Relaxed) <= 0 {

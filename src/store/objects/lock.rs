@@ -19,7 +19,7 @@ use std::time::{Duration, Instant, SystemTime};
 /// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
 /// Default lease: the time after which a lock without renewal expires. The environment variable
-/// `SUNSTONE_LEASE_S` overrides it, in seconds.
+/// `SUNSTONE_LEASE_S` overrides the lease, in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
 /// Minimum and maximum lease in seconds.
@@ -57,7 +57,7 @@ impl From<Refusal> for NoLock {
 pub(crate) struct Hold(Mutex<Option<Instant>>);
 
 impl Hold {
-    /// Returns for how long, from now, the lock is certainly held.
+    /// Returns the time, from now, during which the lock is certainly held.
     fn left(&self) -> Duration {
         let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()))

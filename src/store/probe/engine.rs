@@ -74,7 +74,7 @@ pub(super) fn run(
     Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
 }
 
-/// Allocates `pixels` × `rest` sums. Returns an error if the sums do not fit into memory.
+/// Returns `pixels` × `rest` zeros for the sums, or an error if the sums do not fit into memory.
 fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
     let refused = || ProbeError::TooLarge { elements: pixels as u128 * rest as u128 };
     let elements = pixels.checked_mul(rest).ok_or_else(refused)?;

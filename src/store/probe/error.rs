@@ -22,7 +22,7 @@ pub enum ProbeError {
         /// The fault and the fix.
         reason: String,
     },
-    /// A Stokes state was given, but the slice was stored for unpolarized light only.
+    /// The probe has a Stokes state, but the slice was stored for unpolarized light only.
     #[error(
         "slice `{slice}` contains only intensity: use the Stokes state 1,0,0,0, or render with polarization `mueller`"
     )]

@@ -1,4 +1,4 @@
-//! Probes a stored tensor: selects, sums, contracts and convolves it, chunk by chunk.
+//! Probes a stored tensor: selects, sums, contracts and convolves the tensor chunk by chunk.
 //!
 //! The operations are those that Baek & Heide (2021) define: contraction with an illumination, I(s,p,t) =
 //! Σ_{s',p'} T P (`eq:general_light_transport`), convolution with a pulse along t, and the classical matrices

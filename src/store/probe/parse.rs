@@ -100,7 +100,7 @@ impl FromStr for Pulse {
 /// Parses axes separated by commas, such as `t,bounces`.
 ///
 /// # Errors
-/// Returns an error if a name is not the name of an axis.
+/// Returns an error if a word is not the name of an axis.
 pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
     text.split(',').map(|name| axis(text, name)).collect()
 }

@@ -13,10 +13,9 @@ const MAX_ELEMENTS: u128 = 1 << 30;
 /// Maximum number of time bins of a pulse.
 const MAX_KERNEL: f64 = 1e6;
 
-/// Target slot of an entry along an axis of the result, and weight of the entry.
+/// An entry's share in the result: the index of the target slot along an axis, and the entry's weight.
 pub(super) type Share = (usize, f64);
 
-/// The plan for one axis.
 pub(super) struct AxisPlan {
     pub(super) kind: AxisKind,
     /// Index of the first entry to read.
@@ -32,7 +31,6 @@ pub(super) struct AxisPlan {
 
 /// The weighted sum that a probe computes.
 pub(super) struct Plan {
-    /// One plan per axis of the slice.
     pub(super) axes: Vec<AxisPlan>,
     /// Weights of all entries (v, u), row-major, if a pattern contracts them.
     pub(super) joint: Option<Vec<f64>>,
@@ -267,7 +265,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// Returns the pattern averaged over the pixels of every entry (v, u); `None` if nothing is contracted.
+/// Returns the pattern averaged over the pixels of every entry (v, u); `None` without a contraction.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,

@@ -31,7 +31,7 @@ impl Probe {
     /// Probes a slice.
     ///
     /// # Errors
-    /// Returns an error if the probe does not fit the slice, the result does not fit into memory, or a
+    /// Returns an error if the slice lacks an axis of the probe, the result does not fit into memory, or a
     /// chunk is damaged.
     pub fn run(&self, slice: &StoredSlice) -> Result<ProbeResult, ProbeError> {
         let mut plan = plan::Plan::new(self, slice, Field::Mean)?;

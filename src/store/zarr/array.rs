@@ -141,7 +141,7 @@ impl Array {
     }
 }
 
-/// Returns whether all bits of a fill value are zero.
+/// Returns whether a fill value is positive zero, whose bits are all zero.
 fn is_zero(value: &Value) -> bool {
     match value {
         Value::Number(number) => number.as_f64().is_some_and(|x| x.to_bits() == 0),

@@ -45,7 +45,7 @@ pub(crate) struct AtomicDirectory {
 }
 
 impl AtomicDirectory {
-    /// Returns the storage at `root`, without accessing it.
+    /// Returns the storage at `root`, without accessing the folder or address.
     pub(super) fn new(root: &Path) -> Self {
         Self { root: root.to_owned(), remote: None, manifest: None }
     }
@@ -262,7 +262,7 @@ impl AtomicDirectory {
         Some(self.manifest.as_ref()?.0.get(key)?.size)
     }
 
-    /// Refuses a file that does not match the manifest; `None` stands for a missing file.
+    /// Refuses a file that does not match the manifest; `bytes` is `None` for a missing file.
     fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
         self.check_entry(path, bytes.map(|bytes| Entry::of(path, bytes)))
     }

@@ -89,9 +89,9 @@ enum Form {
     Count,
     /// A positive integer.
     Positive,
-    /// A finite nonnegative number.
+    /// A finite nonnegative number, such as a duration.
     Duration,
-    /// A list of integers.
+    /// A list of integers, such as seeds.
     Seeds,
     /// Two positive integers.
     Pair,

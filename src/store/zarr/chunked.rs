@@ -55,7 +55,7 @@ pub(super) struct ChunkedArray<T> {
     pub(super) storage: Arc<AtomicDirectory>,
     pub(super) array: Array,
     pub(super) path: PathBuf,
-    /// Shape of the block that is read and written together. In a shard, the block consists of several
+    /// Shape of the block that is read and written together. In a shard, this block consists of several
     /// chunks.
     pub(super) chunk: Vec<u64>,
     /// Shards of the array; `None` if the array is not sharded.
@@ -109,7 +109,7 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(damaged)
     }
 
-    /// Returns the array at a node that has this metadata, or the fault in the metadata.
+    /// Returns the array at `node` with the metadata `json`, or the fault in the metadata.
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {

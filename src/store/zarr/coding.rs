@@ -11,8 +11,8 @@ use std::io;
 const LEVEL: i32 = -2;
 /// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;
-/// Name of the attribute of a sharded array with the shape of an unsharded chunk. Such a chunk consists of
-/// several chunks of the shard. Reads of whole arrays use blocks of this shape.
+/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. Such a chunk consists
+/// of several chunks of the shard. Reads of whole arrays use blocks of this shape.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {
@@ -26,7 +26,7 @@ thread_local! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) frame: Frame,
-    /// Whether the byte order differs from that of this machine.
+    /// Whether the byte order of the file differs from that of this machine.
     pub(super) swapped: bool,
 }
 
@@ -65,7 +65,8 @@ pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result
     Ok(out)
 }
 
-/// Decodes a chunk file into `out`, in the byte order of the file. Returns the fault if the size differs.
+/// Decodes a chunk file into `out`, in the byte order of the file. Returns the fault if the decoded size
+/// differs from that of `out`.
 pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), String> {
     let (content, seal) = match frame {
         Frame::Sealed => bytes.split_at(bytes.len().saturating_sub(SEAL)),

@@ -13,8 +13,8 @@ const ALL: &str = "values";
 /// Maximum number of coordinates in a list.
 const MOST: usize = 16;
 
-/// Returns a short attribute that represents the coordinates exactly, if there is one. Its value is a list
-/// of numbers, which other formats also support.
+/// Returns a short attribute that represents the coordinates exactly, if such an attribute exists. The value
+/// of the attribute is a list of numbers, which other formats also support.
 pub(super) fn describe(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),

@@ -4,7 +4,7 @@
 //! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/`,
 //! `NAME/{overflow,overflow_std_error}/` if time is resolved, `NAME/total_std_error/` for renders, and one
 //! coordinate array per axis. All arrays except coordinates may be sharded. Each group contains
-//! `consolidated_metadata` in the inline form of zarr-python 3, so that readers open it with one read.
+//! `consolidated_metadata` in the inline form of zarr-python 3, so that readers open the group with one read.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ const SLICES: &str = "slices";
 /// Maximum number of coordinates of an axis in a valid store.
 const MAX_AXIS: u64 = 1 << 24;
 
-/// Returns the fault of a slice's name, if any.
+/// Returns the fault in a slice's name, if any.
 pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
     if name.is_empty() || !name.chars().all(plain) {
@@ -58,7 +58,7 @@ pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
     Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
 
-/// Returns the attributes of a group's metadata; `None` if they are not a table.
+/// Returns the attributes of a group's metadata; `None` if the attributes are not a table.
 pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     match json.get("attributes") {
         None => Some(Map::new()),
@@ -124,7 +124,7 @@ fn is_index(kind: AxisKind) -> bool {
     )
 }
 
-/// Writes the coordinates of an axis. With `tell`, the metadata also contains the coordinates.
+/// Writes the coordinates of an axis. If `tell` is true, the metadata also contains the coordinates.
 fn create_coordinates(
     storage: &Arc<AtomicDirectory>,
     slice: &str,

@@ -20,7 +20,7 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
     parse_json(path, &bytes)
 }
 
-/// Parses a `zarr.json`.
+/// Parses the content of a `zarr.json` file.
 pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
     match serde_json::from_slice(bytes) {
         // Callers access the metadata by key.

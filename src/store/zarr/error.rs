@@ -44,7 +44,7 @@ pub enum CreateError {
 }
 
 impl CreateError {
-    /// Returns whether a system error is the cause.
+    /// Returns whether the cause is a system error.
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. })
     }
@@ -257,7 +257,7 @@ impl AccessError {
         }
     }
 
-    /// Returns whether a system error is the cause.
+    /// Returns whether the cause is a system error.
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. } | Self::Put { .. })
     }

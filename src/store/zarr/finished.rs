@@ -30,8 +30,8 @@ impl TensorStore {
         }
     }
 
-    /// Opens a finished part of a render for joining. Values are checked as in a finished store, and are
-    /// zero in tiles of other parts. Returns `None` if there is no finished part.
+    /// Opens a finished part of a render for joining. Values are checked as in a finished store, and the
+    /// values in tiles of other parts are zero. Returns `None` if there is no finished part.
     pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {

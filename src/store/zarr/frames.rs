@@ -26,7 +26,7 @@ const GROUP: &str = "frames";
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameAxis {
-    /// Name of the axis: letters, digits, `_`.
+    /// Name of the axis, which consists of letters, digits and `_`.
     pub name: String,
     /// Unit of the coordinates (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
@@ -37,7 +37,7 @@ pub struct FrameAxis {
 /// A map with one number for each element of a frame. The map applies to all frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMap {
-    /// Name of the map: letters, digits, `_`.
+    /// Name of the map, which consists of letters, digits and `_`.
     pub name: String,
     /// Unit of the numbers (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
@@ -45,12 +45,12 @@ pub struct FrameMap {
     pub values: Vec<f64>,
 }
 
-/// Size of the unsigned integers of a frame.
+/// The type of a frame's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameNumber {
-    /// 16 bits, for cameras.
+    /// Unsigned integers of 16 bits, for cameras.
     U16,
-    /// 32 bits, for photon counts.
+    /// Unsigned integers of 32 bits, for photon counts.
     U32,
 }
 
@@ -59,7 +59,6 @@ pub enum FrameNumber {
 pub struct FrameLayout {
     /// The axes of the run, followed by the axes of a frame.
     pub axes: Vec<FrameAxis>,
-    /// Number of axes of the run.
     pub run_axes: usize,
     /// Whether a chunk contains all frames along the last of the run's axes.
     pub gathered: bool,
@@ -78,17 +77,14 @@ impl FrameLayout {
         self.shape().into_iter().enumerate().map(of).collect()
     }
 
-    /// Returns the number of frames of a run.
     pub fn frames(&self) -> usize {
         self.shape()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Returns the number of frames per chunk.
     pub fn frames_per_chunk(&self) -> usize {
         self.chunk()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Returns the number of elements of a frame.
     pub fn frame_len(&self) -> usize {
         self.shape()[self.run_axes..].iter().product::<u64>() as usize
     }
@@ -122,8 +118,8 @@ impl FrameStore {
     /// dropped.
     ///
     /// # Errors
-    /// Returns an error if the path exists, another process writes it, the size of a map differs from that
-    /// of a frame, or writing fails.
+    /// Returns an error if the path exists, another process writes the store, the size of a map differs from
+    /// that of a frame, or writing fails.
     pub fn create(
         path: &Path,
         layout: &FrameLayout,
@@ -324,7 +320,7 @@ impl FrameStore {
         }
     }
 
-    /// Writes one number per frame, over the run's axes.
+    /// Writes a column, which has one number per frame, over the run's axes.
     ///
     /// # Errors
     /// Returns an error if the number of values differs from the number of frames, or writing fails.
@@ -346,7 +342,7 @@ impl FrameStore {
     /// Waits until a chunk is on disk. A chunk of zeros has no file.
     ///
     /// # Errors
-    /// Returns an error if the file system fails.
+    /// Returns an error if the file system reports an error.
     pub fn sync_chunk(&self, chunk: usize) -> std::io::Result<()> {
         let (start, _) = self.place(chunk);
         let file = match &self.raw {
@@ -392,7 +388,7 @@ impl FrameStore {
         read.map(Some).map_err(|e| damaged(e.to_string()))
     }
 
-    /// Marks the store as finished: writes the manifest.
+    /// Writes the manifest, which marks the store as finished.
     ///
     /// # Errors
     /// Returns an error if writing fails.

@@ -91,7 +91,7 @@ impl Entry {
         Self { crc, size }
     }
 
-    /// Reads the entry of a file on disk. Reads only the end of the file if the checksum is stored there.
+    /// Reads the entry of a file on disk. Reads only the end of the file if the end contains the checksum.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();

@@ -105,9 +105,9 @@ impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
     /// The store is built next to `path` and then renamed, so it is created atomically. With `replace`, an
-    /// existing *store* at `path` is deleted first; anything else is refused. Objects at an address cannot
-    /// be renamed. There, an old store is deleted first, and the new store is written in place and remains
-    /// unfinished until [`Self::finish`].
+    /// existing *store* at `path` is deleted first; a path with any other content is refused. Objects at an
+    /// address cannot be renamed. There, an old store is deleted first, and the new store is written in place
+    /// and remains unfinished until [`Self::finish`].
     ///
     /// # Errors
     /// Returns an error if `path` exists and may not be replaced, a name, axis or attribute is invalid, or
@@ -309,7 +309,7 @@ impl TensorStore {
     /// Returns whether the path or address of a store exists.
     ///
     /// # Errors
-    /// Returns an error if an object store refuses or cannot be reached.
+    /// Returns an error if an object store refuses the request or cannot be reached.
     pub fn is_there(path: &Path) -> Result<bool, OpenError> {
         let refused = |e| OpenError::remote(path, e);
         match remote_store::objects_of(path).map_err(refused)? {
@@ -322,7 +322,7 @@ impl TensorStore {
     /// an unfinished store of a killed merge does not count, because the same merge resumes the store.
     ///
     /// # Errors
-    /// Returns an error if an object store refuses or cannot be reached.
+    /// Returns an error if an object store refuses the request or cannot be reached.
     pub fn is_taken(path: &Path) -> Result<bool, OpenError> {
         let refused = |e| OpenError::remote(path, e);
         let Some(objects) = remote_store::objects_of(path).map_err(refused)? else {
@@ -392,8 +392,8 @@ impl TensorStore {
     /// Opens a slice. Repeated calls return the same slice, so that all writers share its locks.
     ///
     /// # Errors
-    /// Returns an error if there is no such slice, or an array of it is missing, of the wrong type or
-    /// shape, or unreadable.
+    /// Returns an error if there is no such slice, or if an array of the slice is missing, unreadable, or of
+    /// the wrong type or shape.
     pub fn slice(&self, name: &str) -> Result<StoredSlice, OpenError> {
         if !self.names.iter().any(|n| n == name) {
             return Err(OpenError::NoSlice {

@@ -8,11 +8,12 @@ use tensor::part::Part;
 
 /// The values of a slice that can be read.
 pub(super) enum Values {
-    /// All values.
+    /// All values can be read.
     All,
-    /// No values, because some may be missing. Contains the part of a render, if the store is a part.
+    /// No values can be read, because some may be missing. Holds the part of a render that the store is, if
+    /// any.
     Unfinished(Option<Part>),
-    /// Values of camera pixels that have samples; no values if samples are not counted.
+    /// Values of camera pixels with samples can be read. If samples are not counted, no values can be read.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }
 

@@ -26,7 +26,7 @@ const AT_A_TIME: u64 = 8 << 20;
 /// A file of a store that is being written.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {
-    /// A file that this process has written.
+    /// A file that this process has written, with its manifest entry.
     Put(Entry),
     /// An existing file with this size, in bytes.
     Found(u64),
@@ -223,7 +223,7 @@ impl Remote {
     }
 
     /// Writes the manifest of the existing files under this name. For files that an earlier process wrote,
-    /// the ends of the files are read.
+    /// this function reads the ends of the files.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
         let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
         let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {

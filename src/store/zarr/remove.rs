@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
-    /// The path is not a store.
     #[error(
         "{path} is not a Sunstone store, so it was not removed: pass the path of a store made by `sunstone render`"
     )]
@@ -27,7 +26,7 @@ pub enum RemoveError {
 }
 
 impl RemoveError {
-    /// Returns whether a system error is the cause.
+    /// Returns whether the cause is a system error.
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Io { .. })
     }
@@ -61,8 +60,8 @@ impl PlaceLock {
 /// false if there is no store. An interrupted removal leaves no finished store.
 ///
 /// # Errors
-/// Returns [`RemoveError`] if the path is not a store, another process writes the store, or it cannot be
-/// removed.
+/// Returns [`RemoveError`] if the path is not a store, another process writes the store, or the store cannot
+/// be removed.
 pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     let refused = |refusal| RemoveError::Remote { path: path.to_owned(), refusal };
     if let Some(objects) = remote_store::objects_of(path).map_err(refused)? {

@@ -43,7 +43,7 @@ impl Sharded {
         Some(Self { frames: shard::frames(&shard, &inner)?, inner, shard, kept: Mutex::default() })
     }
 
-    /// Creates the value as [`Self::new`] does, for an array of this shape, if chunks divide `chunk` and
+    /// Creates the shards of an array of shape `shape` as [`Self::new`] does, if chunks divide `chunk` and
     /// `chunk` divides shards.
     pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
         let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];

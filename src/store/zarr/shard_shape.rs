@@ -41,7 +41,6 @@ pub(super) struct Array<'a> {
     pub(super) sizes: &'a [u64],
 }
 
-/// Chooses the sharding of an array.
 pub(super) fn choose(array: &Array, limits: Limits) -> Sharding {
     let inner = inner(array, limits);
     let grid: Vec<u64> = array.shape.iter().zip(array.chunk).map(|(n, c)| n.div_ceil(*c)).collect();

@@ -108,7 +108,7 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Returns the requests for units, or an empty list if fetching ahead has no benefit.
+    /// Returns the requests for the bytes of units, or an empty list if fetching ahead has no benefit.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote.is_none() {
             return Ok(vec![]);

@@ -95,7 +95,7 @@ impl StoredSlice {
         &self.0.attributes
     }
 
-    /// Returns the attributes, in order, without those that the layout generates.
+    /// Returns the attributes, in order, excluding those that are derived from the layout.
     pub(crate) fn written_attributes(&self) -> Map<String, Value> {
         let mut attributes = self.0.attributes.clone();
         attributes.retain(|key, _| !["time_start_ps", "time_bin_ps"].contains(&key.as_str()));
@@ -120,9 +120,9 @@ impl StoredSlice {
         Ok(&self.field(field)?.0)
     }
 
-    /// Writes a region given as first index and shape, row-major, from any thread. Chunks that the region
-    /// covers in part keep their other elements. Two *processes* must not write the same chunk. Chunks of
-    /// zeros are not stored.
+    /// Writes a region given as first index and shape, row-major, from any thread. Elements outside the
+    /// region keep their values. Two *processes* must not write the same chunk. Chunks of zeros are not
+    /// stored.
     ///
     /// # Errors
     /// Returns an error if the region is outside the field, the number of values differs from that of the
@@ -179,8 +179,8 @@ impl StoredSlice {
     /// reading these regions, the caller calls the function again for the remaining regions.
     ///
     /// # Errors
-    /// Returns an error if the slice does not have a field, a region is outside of it, or an object store
-    /// refuses.
+    /// Returns an error if the slice does not have a field, a region is outside the field, or an object store
+    /// refuses a request.
     pub fn fetch_ahead(
         &self,
         fields: &[Field],

@@ -6,7 +6,7 @@
 
 use tensor::sink::STRETCH;
 
-/// The result of the analysis of bytes.
+/// The result of analysing the bytes of a chunk.
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
     Zero,

@@ -16,7 +16,6 @@ const BATCH: usize = 64;
 /// Maximum total size in bytes of the objects in memory at a time.
 const BATCH_BYTES: u64 = 64 << 20;
 
-/// The result of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verified {
     /// Number of files in the manifest.

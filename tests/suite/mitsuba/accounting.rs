@@ -1,5 +1,5 @@
-//! Tests that every item of a Mitsuba scene is used, noted or refused: an unknown item is added to
-//! every kind of element.
+//! Tests that every item of a Mitsuba scene is used, noted or refused: it adds an unknown item to every kind
+//! of element.
 
 use super::imported;
 
@@ -42,7 +42,7 @@ const WHOLE: &str = r#"<scene version="3.0.0">
 </scene>
 "#;
 
-/// Folder with the files that the scene refers to.
+/// Returns a folder with the files to which the scene refers.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("tent.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
@@ -119,7 +119,7 @@ fn unknown_items_are_noted_or_refused_everywhere() {
     assert!(tried > 500, "{tried}");
 }
 
-/// Tests known items whose value changes the image: each changes the scene, produces a note or is refused.
+/// Tests that each known item that affects Mitsuba's image changes the scene, produces a note or is refused.
 #[test]
 fn known_items_are_never_ignored_silently() {
     let folder = folder();

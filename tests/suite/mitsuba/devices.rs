@@ -26,8 +26,8 @@ fn squares(folder: &Path) {
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
 
-/// Tests grids of extinction and albedo in separate boxes. A constant extinction is also bounded by the unit
-/// cube.
+/// Tests that grids of extinction and albedo keep their separate boxes, and that a constant extinction is
+/// bounded by the unit cube.
 #[test]
 fn heterogeneous_media_keep_their_boxes() {
     let folder = tempfile::tempdir().unwrap();
@@ -79,8 +79,8 @@ fn heterogeneous_media_keep_their_boxes() {
     assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
 }
 
-/// Tests orthographic sensors: the image is twice as wide as the scale of `to_world`, and rays begin at the
-/// near plane.
+/// Tests that the image of an orthographic sensor is twice as wide as the scale of `to_world`, and that its
+/// rays begin at the near plane.
 #[test]
 fn orthographic_sensors_are_read() {
     let folder = tempfile::tempdir().unwrap();

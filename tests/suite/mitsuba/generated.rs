@@ -17,7 +17,7 @@ fn text(shape: &str) -> String {
     )
 }
 
-/// Returns the scene after writing and reading.
+/// Returns the scene of an import after writing its files and reading them again.
 fn written(folder: &Path, import: &Import) -> Scene {
     let toml = folder.join("scene.toml");
     import.write(&toml, true).unwrap();
@@ -30,7 +30,7 @@ fn met(scene: &Scene, origin: [f32; 3], dir: [f32; 3]) -> Option<(f32, Surface)>
     Some((hit.t, scene.geometry.surface(&ray, &hit)))
 }
 
-/// Returns a grid of 9 x 9 x 9 distances from a sphere of radius 0.3 about the centre of the unit cube.
+/// Returns a grid of 9 x 9 x 9 distances from a sphere of radius 0.3 around the centre of the unit cube.
 fn sphere() -> Vec<u8> {
     let mut out = b"VOL\x03".to_vec();
     [1_i32, 9, 9, 9, 1].iter().for_each(|v| out.extend(v.to_le_bytes()));

@@ -9,7 +9,6 @@ use sunstone::scene::mitsuba::import::Import;
 use sunstone::scene::syntax::values::TimeFile;
 use sunstone::transport::geometry::ray::Ray;
 
-/// A hand-written scene.
 const HAND: &str = r#"<scene version="3.0.0">
     <default name="fov" value="30"/>
     <integrator type="path"><integer name="max_depth" value="5"/></integrator>
@@ -58,7 +57,7 @@ fn a_handwritten_scene_is_read() {
     assert!(e.0[0].message.contains("`fow`"), "{e}");
 }
 
-/// A change of [`HAND`], the line of the fault, words of the message.
+/// For each fault: a passage of [`HAND`], its replacement, the line of the fault, and words of the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
     ("</scene>", "", 1, "invalid XML"),
@@ -215,8 +214,8 @@ const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
 /// Tests that orientations are those of Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
-/// Mirroring turns spheres and meshes with computed normals inside out, but no other shapes. `flip_normals`
-/// turns all shapes inside out.
+/// Mirroring reverses the normals of spheres and of meshes with computed normals, but of no other shapes.
+/// `flip_normals` reverses the normals of all shapes.
 #[test]
 fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -262,8 +261,8 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     }
 }
 
-/// Tests that meshes without normals are smooth, unless `face_normals` is set: where two faces form
-/// a right angle, the normal at the edge points between them.
+/// Tests that meshes without normals are smooth, unless `face_normals` is set. Where two faces form a right
+/// angle, the normal at the edge points between the two face normals.
 #[test]
 fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -409,8 +408,8 @@ fn transient_films_become_time_bins() {
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
 
-/// Tests the approximations of the import: facets have a single roughness, the root of the product
-/// of those along u and v, and never 0; numbers in images are luminances.
+/// Tests the approximations of the import. Facets have a single roughness above 0, which is the root of the
+/// product of the roughnesses along u and v. Numbers in images are luminances.
 #[test]
 fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     let folder = tempfile::tempdir().unwrap();
@@ -458,7 +457,7 @@ fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     }
 }
 
-/// Tests that defaults are Mitsuba's: unlimited paths, black lamps, grey shapes.
+/// Tests that the import applies Mitsuba's defaults: unlimited paths, black lamps and grey shapes.
 #[test]
 fn defaults_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();

@@ -25,7 +25,7 @@ mod import;
 mod instances;
 mod there_and_back;
 
-/// Every material and every shape that Mitsuba also has.
+/// A scene with every material and every shape that Mitsuba can also express.
 const ALL: &str = r#"
 wavelengths_nm = [550]
 [render]
@@ -149,7 +149,6 @@ fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(&folder.join("scene.xml"), xml, &folder.join("scene.toml"), &BTreeMap::new())
 }
 
-/// Returns an import and its scene.
 fn built(folder: &Path, xml: &str) -> (Import, Scene) {
     let import = imported(folder, xml).unwrap_or_else(|e| panic!("{e}"));
     let scene = sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml);
@@ -236,7 +235,7 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
 }
 
 /// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because
-/// near the horizon the f32 rounding of moved shapes decides whether it exists.
+/// near the horizon the f32 rounding of moved shapes decides whether a matrix exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
     let compared = a.is_some() && b.is_some();

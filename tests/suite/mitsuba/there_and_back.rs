@@ -1,4 +1,4 @@
-//! Tests that a scene is unchanged after an export to Mitsuba and an import.
+//! Tests that a scene is unchanged after an export to Mitsuba and an import of the result.
 
 use super::{ALL, assert_same, exported, folder};
 use std::collections::BTreeMap;

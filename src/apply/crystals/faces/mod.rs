@@ -30,7 +30,7 @@ const METRICS: [Metric; 5] = [
     Metric::new("edges of faces, area under the curve", "", true),
 ];
 
-/// An image that is compared with the surface profile.
+/// An image that is evaluated as a surface profile.
 #[derive(Clone, Copy)]
 enum Image {
     /// An element 4 i + j of epipolar light, times a sign.
@@ -134,7 +134,7 @@ struct Seen {
     normal: Vec<Vector3<f64>>,
     /// −(3,3) according to the closed form; 0 outside the crystal.
     predicted: Vec<f64>,
-    /// Intensity of the light that is only reflected by the surface, and of all light.
+    /// Intensity of light that only the surface reflects, and intensity of all light.
     surface: Vec<f64>,
     total: Vec<f64>,
 }

@@ -22,7 +22,7 @@ pub struct Glass {
 }
 
 impl Glass {
-    /// Returns −r_s r_p for an angle of incidence with cosine `cos`.
+    /// Returns −r_s r_p (Fresnel amplitude coefficients) for an angle of incidence with cosine `cos`.
     pub fn turned(self, cos: f64) -> f64 {
         let n2 = self.index * self.index;
         let root = (n2 - 1.0 + cos * cos).sqrt();

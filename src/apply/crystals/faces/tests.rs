@@ -36,7 +36,7 @@ fn is_face(pixel: usize) -> bool {
     (1..SIZE - 1).contains(&(pixel % SIZE))
 }
 
-/// Returns an observation of faces that are tilted by `lean` degrees; the truth map states `truth`
+/// Returns an observation of faces that are tilted by `lean` degrees, with a truth map for a tilt of `truth`
 /// degrees. The surface reflects `shine` times as much light as glass.
 fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation {
     let rig = Rig { camera: device(-0.02), projector: device(0.02) };

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, VecDeque};
 pub type Place = (i32, i32);
 
 /// Maximum deviation of a neighbor from an edge's direction, as the sine or tangent of the angle between
-/// both.
+/// neighbor and edge.
 const ASIDE: f64 = 0.3;
 
 /// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white edge.

@@ -16,7 +16,8 @@ pub struct Saddle {
     pub contrast: f64,
 }
 
-/// Returns local maxima of saddle curvature, strongest first. `sigma` is the blur in pixels.
+/// Returns local maxima of saddle curvature, strongest first. `sigma` is the standard deviation of the blur
+/// in pixels.
 pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     let smooth = image.blurred(sigma);
     let (w, h) = (image.width as isize, image.height as isize);
@@ -60,14 +61,14 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     found.into_iter().filter(|(s, _)| *s > least).take(MOST).map(|(_, p)| p).collect()
 }
 
-/// Maximum number of candidates.
+/// Maximum number of candidate corners in an image.
 const MOST: usize = 4000;
 
 /// Parameters of a corner's image: position, angles of both edges, blur width, half contrast, and the offset
 /// and gradient of a plane.
 type Parameters = SVector<f64, 9>;
 
-/// Returns the error function and its derivative.
+/// Returns the error function of `x` and its derivative.
 fn erf(x: f64) -> [f64; 2] {
     // Abramowitz & Stegun 7.1.26, accurate to 1.5e-7.
     let t = 1.0 / (1.0 + 0.3275911 * x.abs());
@@ -106,8 +107,8 @@ fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
 /// has a Gaussian profile over three pixels.
 pub const SOFT: f32 = 0.8;
 
-/// Returns the saddle near a pixel of an image blurred by [`SOFT`], fitted to the pixels within `radius`.
-/// Returns `None` if no corner fits.
+/// Returns the saddle near a position in an image that is blurred by [`SOFT`]. The model is fitted to the
+/// pixels within `radius`. Returns `None` if no corner fits.
 pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> {
     let first = beginning(image, near, radius)?;
     // Start from several blur widths, because a wrong width leads to a local minimum.

@@ -39,7 +39,7 @@ const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 /// Finds a board.
 ///
 /// # Errors
-/// [`NotFound`].
+/// [`NotFound`] if the image does not show exactly this board.
 pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     let mut seen = NotFound::Nothing;
     let source = image;
@@ -70,7 +70,7 @@ pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     Err(seen)
 }
 
-/// Removes saddles that are duplicates of another saddle.
+/// Removes saddles that are duplicates of other saddles.
 fn apart(all: &mut Vec<Saddle>) {
     let mut kept: Vec<Saddle> = vec![];
     for s in all.drain(..) {
@@ -81,7 +81,8 @@ fn apart(all: &mut Vec<Saddle>) {
     *all = kept;
 }
 
-/// Returns the grid row by row. If a few corners are missing, searches near their predicted positions.
+/// Returns the corners of the grid row by row. If a few corners are missing, searches for them near their
+/// predicted positions.
 fn filled(
     image: &Image,
     grid: &BTreeMap<Place, usize>,
@@ -111,9 +112,9 @@ fn filled(
         .collect()
 }
 
-/// Radius of a corner's fit window relative to the distance to the nearest neighbor.
+/// Radius of the fit window of a corner, relative to the distance from this corner to its nearest neighbor.
 const REACH: f64 = 0.4;
-/// Minimum and maximum radius of the window in pixels.
+/// Minimum and maximum radius of the fit window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];
 
 /// Refines all corners in windows that fit the squares, and orders them as on the board.
@@ -186,7 +187,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// Renders a board as seen by a device, with 64 sample points per pixel and a white border.
+    /// Renders a device's image of a board, with 64 sample points per pixel and a white border.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();

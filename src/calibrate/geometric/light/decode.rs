@@ -8,12 +8,12 @@ use std::f64::consts::TAU;
 /// Projector coordinates by camera pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
-    /// Camera pixels per row.
+    /// Number of camera pixels per row.
     pub width: usize,
     pub height: usize,
-    /// Continuous column of the projector, or NaN.
+    /// Continuous column coordinate in the projector; NaN for unreliable pixels.
     pub u: Vec<f32>,
-    /// Continuous row of the projector, or NaN.
+    /// Continuous row coordinate in the projector; NaN for unreliable pixels.
     pub v: Vec<f32>,
 }
 
@@ -30,7 +30,7 @@ impl Decoded {
     }
 }
 
-/// Decodes the images of a sequence, in its order.
+/// Decodes the images of a pattern sequence, in the order of the patterns.
 ///
 /// A pixel is NaN in these cases:
 /// - White is only slightly brighter than black.

@@ -12,14 +12,13 @@ pub enum Axis {
     Row,
 }
 
-/// One pattern of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
     /// A pattern with all pixels on.
     White,
     /// A pattern with all pixels off.
     Black,
-    /// A bit of an axis' Gray code (0 is the lowest), and whether it is inverted.
+    /// A bit of an axis' Gray code (0 is the lowest), and whether the pattern is inverted.
     Bit(Axis, u32, bool),
     /// A cosine along an axis, and the index of its phase shift.
     Wave(Axis, u32),
@@ -30,7 +29,7 @@ pub enum Pattern {
 pub struct Sequence {
     /// Width and height of the projector in pixels.
     pub size: [u32; 2],
-    /// Number of phase shifts of the waves, 3 to 64, or 0 for no waves.
+    /// Number of phase shifts of the waves, 3 to 64, or 0 for a sequence without waves.
     pub shifts: u32,
     /// Period of the waves in pixels.
     pub period: u32,
@@ -40,7 +39,7 @@ impl Sequence {
     /// Creates a sequence of Gray codes without waves.
     ///
     /// # Errors
-    /// A message if the size is 0 or above 32,768.
+    /// A message if the width or the height is 0 or above 32,768.
     pub fn gray(size: [u32; 2]) -> Result<Self, String> {
         Self::with_waves(size, 0, 16)
     }
@@ -111,7 +110,7 @@ impl Sequence {
         }
     }
 
-    /// Returns the bytes of a pattern, row by row.
+    /// Returns the pixel values of a pattern as bytes, row by row.
     pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
         let [w, h] = self.size;
         let rows = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));

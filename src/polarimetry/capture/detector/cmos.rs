@@ -31,7 +31,7 @@ const CERTAIN: f64 = 4.0;
 pub struct Cmos {
     /// Exposure time, s.
     pub exposure_s: f64,
-    /// Factors on the exposure time, one per exposure of a bracket.
+    /// Factors by which the exposure time is multiplied, one per exposure of a bracket.
     pub bracket: Vec<f64>,
     /// Electrons per photon.
     pub quantum_efficiency: SpectralValue,
@@ -50,7 +50,7 @@ pub struct Cmos {
     /// Output of a pixel without electrons, DN. Choose a level of several times the read noise. Otherwise
     /// dark readings are clipped at 0 and biased.
     pub black_level_dn: f64,
-    /// 1, or 2 to average 2×2 pixels after read-out.
+    /// Binning factor: 1, or 2 to average 2×2 pixels after read-out.
     pub binning: u32,
     /// `false` disables the shot noise of photons and dark electrons.
     pub shot_noise: bool,
@@ -77,7 +77,6 @@ impl Default for Cmos {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// The digital number (DN).
     pub dn: u32,
     /// True if the digital number is at least [`Cmos::saturation_dn`].
     pub saturated: bool,
@@ -97,10 +96,10 @@ pub struct Exposed {
 }
 
 impl Cmos {
-    /// Checks the settings.
+    /// Checks the settings of the camera.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] with the name of the first invalid field.
+    /// [`DetectorError::Field`] if a setting is invalid; the error names the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         number("exposure_s", self.exposure_s, "a positive time in seconds")?;
@@ -123,7 +122,7 @@ impl Cmos {
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }
 
-    /// Returns the largest output, DN.
+    /// Returns the largest digital output value, DN.
     fn top(&self) -> f64 {
         ((1_u64 << self.bit_depth.min(32)) - 1) as f64
     }
@@ -133,8 +132,8 @@ impl Cmos {
         self.gain_e_per_dn.unwrap_or(self.full_well_e / self.top())
     }
 
-    /// Returns the electrons per unit of radiance and the dark electrons of an exposure, each as an
-    /// expected value.
+    /// Returns two expected values for an exposure: the electrons per unit of radiance, and the dark
+    /// electrons.
     fn electrons(&self, nm: f64, factor: f64) -> (f64, f64) {
         let t = self.exposure_s * factor;
         let per_unit = self.quantum_efficiency.at(nm) * self.photons_per_unit * t;

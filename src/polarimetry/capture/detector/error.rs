@@ -14,7 +14,7 @@ pub enum DetectorError {
     },
     #[error("expected {expected} values for {what}, got {found}")]
     Count {
-        /// Contents of the list.
+        /// Description of the list's entries.
         what: &'static str,
         expected: usize,
         found: usize,

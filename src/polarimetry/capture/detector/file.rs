@@ -7,8 +7,8 @@
 //! photons_per_unit = 2e6
 //! ```
 //!
-//! A calibration file ([`base::calibration_file`]) also works, through its `[detector.cmos]` and
-//! `[detector.spad]`.
+//! A calibration file ([`base::calibration_file`]) is also accepted; only its tables `[detector.cmos]` and
+//! `[detector.spad]` are read.
 
 use super::cmos::Cmos;
 use super::error::{DetectorError, demand, positive};
@@ -86,7 +86,7 @@ struct Calibrated {
 /// photon counter, otherwise the camera.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix.
+/// [`InputError`] with file, location and fix if the file cannot be read or a setting is invalid.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
     let fix = "write a file with a table [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", fix)?;
@@ -156,8 +156,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     }
 }
 
-/// Returns the span of the field that an error names: the field's name at the beginning of a line. If no
-/// line begins with this name, returns the span of the whole table.
+/// Returns the span of the field that an error names, which is the field's name at the beginning of a line.
+/// If no line begins with this name, returns the span of the whole table.
 fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<usize> {
     let DetectorError::Field { field, .. } = e else {
         return section.clone();
@@ -175,8 +175,8 @@ fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<us
     section.clone()
 }
 
-/// Returns a diode with valid bins in place of the default ones, so that the other settings can be checked
-/// before the bins of a slice are known.
+/// Returns a diode whose default time bins are replaced by valid ones, so that the other settings can be
+/// checked before the bins of a slice are known.
 fn without_bins(diode: &Spad) -> Spad {
     let (standard, mut out) = (Spad::default(), diode.clone());
     if diode.bins == standard.bins {
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// A calibration file yields the detector of the data's kind; the other tables of the file are ignored.
+    /// A calibration file yields the photon counter for data with time bins, and the camera for other data.
     #[test]
     fn calibrations_are_read() {
         let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\

@@ -37,7 +37,7 @@ impl Rate {
     const SATURATED: Self = Self { value: f64::NAN, variance: f64::INFINITY, saturated: true };
 }
 
-/// Applies Coates's correction to the counts of a period's bins in `pulses` periods, for a synchronous diode.
+/// Applies Coates's correction to a synchronous diode's counts in `pulses` periods, one per bin.
 pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     let mut left = pulses as f64;
     let rate = |count: &u64| {
@@ -51,8 +51,8 @@ pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     counts.iter().map(rate).collect()
 }
 
-/// Applies the live-time correction to the counts of all bins of the laser's period in `pulses` periods, for
-/// a free-running diode with a dead time of `dead` bins.
+/// Applies the live-time correction to the counts of a free-running diode with a dead time of `dead` bins.
+/// There is one count per bin of the laser's period, summed over `pulses` periods.
 pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     let armed = armed(counts, pulses, dead);
     let rate = |(count, armed): (&u64, f64)| {

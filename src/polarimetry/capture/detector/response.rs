@@ -29,7 +29,7 @@ const FAR: f64 = -30.0;
 pub struct Response {
     /// Standard deviation σ of the jitter, zero or more.
     pub sigma: f64,
-    /// Fraction a of the tail, 0 to 1.
+    /// Fraction `a` of the response that is in the exponential tail, 0 to 1.
     pub tail: f64,
     /// Time constant τ of the tail, zero or more.
     pub tau: f64,
@@ -62,13 +62,14 @@ impl Response {
         gauss - tail * late
     }
 
-    /// Returns the mean delay, aτ.
+    /// Returns the mean delay of the response, `a`·τ.
     pub fn mean(&self) -> f64 {
         self.tail * self.tau
     }
 
-    /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` later. Bins are
-    /// cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the last bins.
+    /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` after their arrival.
+    /// Bins are cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the
+    /// last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
         // No checked setting reaches further; the bound prevents an endless loop for others.

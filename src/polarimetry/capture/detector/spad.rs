@@ -33,7 +33,7 @@ const MAX_PULSES: u64 = 1_000_000_000_000;
 /// reaches this number in five seconds.
 const MAX_DETECTIONS: f64 = 1e8;
 
-/// When the diode is armed.
+/// The rule for when the diode is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
@@ -67,9 +67,9 @@ pub struct Spad {
     pub detection_efficiency: SpectralValue,
     /// Detections per second without light.
     pub dark_counts_per_s: f64,
-    /// Time without detections after a detection, ps (free-running).
+    /// Dead time after a detection, ps (free-running mode).
     pub dead_time_ps: f64,
-    /// Probability that a detection causes an after-pulse (free-running).
+    /// Probability that a detection causes an after-pulse (free-running mode).
     pub after_pulsing: f64,
     /// Mean time from the end of the dead time to an after-pulse, ps.
     pub after_pulse_time_ps: f64,
@@ -103,10 +103,10 @@ impl Default for Spad {
 }
 
 impl Spad {
-    /// Checks the settings.
+    /// Checks the settings of the diode and its counter.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] with the name of the first invalid field.
+    /// [`DetectorError::Field`] if a setting is invalid; the error names the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         let or_zero = |field, value, need| demand(field, value, non_negative(value), need);
@@ -170,8 +170,8 @@ impl Spad {
         self.instrument().mean()
     }
 
-    /// Returns the fractions of light that are detected 0, 1, … bins later. Bins are cyclic in the
-    /// period; the sum of the fractions is 1.
+    /// Returns the fractions of light that are detected 0, 1, … bins after their arrival. Bins are cyclic in
+    /// the period; the sum of the fractions is 1.
     ///
     /// # Errors
     /// Same as [`Self::check`].

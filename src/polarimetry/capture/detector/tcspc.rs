@@ -263,8 +263,8 @@ mod tests {
         seen.assert_variance(variance, 890.0);
     }
 
-    /// After-pulses follow after the dead time plus an exponential time. Only one of 200 bins has light;
-    /// the test checks the counts in later bins.
+    /// After-pulses occur an exponentially distributed time after the end of the dead time. Only one of 200
+    /// bins has light; the test checks the counts in later bins.
     #[test]
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];

@@ -1,4 +1,4 @@
-//! The contents of scheme files, and their checks.
+//! The contents of scheme files, and the checks of these contents.
 
 use crate::capture::coaxial::Coaxial;
 use crate::capture::element::{Element, ElementKind, Setting};

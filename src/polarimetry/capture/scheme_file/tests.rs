@@ -1,4 +1,4 @@
-//! Schemes in TOML and CSV files: reading, writing, damaged input.
+//! Tests reading and writing schemes in TOML and CSV files, also with damaged input.
 
 use super::*;
 use crate::capture::scheme::Sensor;
@@ -78,7 +78,7 @@ fn errors_have_positions_and_fixes() {
     assert!(load(Path::new("/nowhere/s.toml")).expect_err("no file").to_string().contains("sunstone scheme"));
 }
 
-/// A calibration file yields its scheme; without a scheme, the error names the missing field.
+/// The scheme of a calibration file is read. If the file has no scheme, the error names the missing field.
 #[test]
 fn calibration_files_contain_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\

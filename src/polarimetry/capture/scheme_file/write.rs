@@ -7,7 +7,7 @@ use super::super::spectral_value::SpectralValue;
 use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
-/// The fields to write: only those that differ from an ideal element. TOML omits fields that are `None`.
+/// The fields in which an element differs from an ideal one; the others are `None`, which TOML omits.
 #[derive(Serialize)]
 struct ElementOut {
     name: String,

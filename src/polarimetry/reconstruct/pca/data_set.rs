@@ -81,7 +81,7 @@ pub enum DataError {
     /// The factor c of arctan(c T) is invalid.
     #[error("expected a positive number c of arctan(c T), got {0}; the paper uses 8")]
     Factor(f64),
-    /// One side of a split would be empty.
+    /// The training set or the test set of a split would be empty.
     #[error(
         "cannot split {materials} materials into {folds} folds; expected at least 2 folds and 2 materials"
     )]
@@ -111,7 +111,7 @@ impl DataSet {
 /// accumulator.
 ///
 /// # Errors
-/// [`DataError::Factor`], [`DataError::NoBins`].
+/// [`DataError::Factor`] if the factor c is invalid; [`DataError::NoBins`] if no bin is valid.
 pub fn gather(
     name: &str,
     slabs: usize,

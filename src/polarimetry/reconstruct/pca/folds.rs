@@ -31,7 +31,8 @@ pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
 /// Returns the `k` folds of a data set, at most one per material; every material is tested once.
 ///
 /// # Errors
-/// [`DataError::Folds`] if there are fewer than two folds or materials, which would leave one side empty.
+/// [`DataError::Folds`] if there are fewer than two folds or materials, which would leave the training set or
+/// the test set empty.
 pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
     let all = &data.materials;
     if k < 2 || all.len() < 2 {

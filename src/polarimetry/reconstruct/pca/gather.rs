@@ -40,7 +40,8 @@ impl Tally {
     }
 }
 
-/// Maps each element by arctan(c v) (§3.2). The map expands small elements, in which most materials differ.
+/// Maps each element by arctan(c v) (Baek & Heide 2021, §3.2). The map expands small elements, in which most
+/// materials differ.
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }

@@ -20,7 +20,6 @@ impl Trouble {
     /// Noise precedes every reply.
     pub const NOISE: u8 = 3;
 
-    /// Sets the fault.
     pub fn set(&self, trouble: u8) {
         self.0.store(trouble, Ordering::SeqCst);
     }
@@ -30,7 +29,7 @@ impl Trouble {
     }
 }
 
-/// A motion of the stage: start, goal, start time, duration.
+/// A motion of the stage: start position, goal, start time and duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,
@@ -130,7 +129,7 @@ impl Controller {
     }
 }
 
-/// Runs a controller until the line's other end closes. The stage starts at 40°, not homed.
+/// Runs a controller until the line's other end closes. Initially the stage is at 40° and is not homed.
 pub fn run(mut line: impl Line, model: Model, trouble: Trouble) {
     let mut parser = Parser::new(CONTROLLER);
     let mut controller = Controller {

@@ -35,7 +35,7 @@ pub mod bits {
 pub struct Status {
     /// Position, in encoder counts.
     pub position: i32,
-    /// Additional encoder counts. For DC controllers: the velocity (i16) and a reserved word.
+    /// Additional encoder counts. For DC controllers, the velocity (i16) and a reserved word.
     pub extra: u32,
     /// Status bits, see [`bits`].
     pub bits: u32,
@@ -79,11 +79,11 @@ pub enum Message {
     MoveStopped(Option<Status>),
     /// MGMSG_MOT_REQ_STATUSUPDATE: requests [`Self::Status`].
     RequestStatus,
-    /// MGMSG_MOT_GET_STATUSUPDATE.
+    /// MGMSG_MOT_GET_STATUSUPDATE: returns the status of the stage.
     Status(Status),
     /// MGMSG_MOT_REQ_DCSTATUSUPDATE: requests [`Self::DcStatus`].
     RequestDcStatus,
-    /// MGMSG_MOT_GET_DCSTATUSUPDATE.
+    /// MGMSG_MOT_GET_DCSTATUSUPDATE: returns the status of a stage with a DC motor.
     DcStatus(Status),
     /// MGMSG_MOT_ACK_DCSTATUSUPDATE: reports that the host is alive; USB controllers require this message
     /// every second.
@@ -92,7 +92,7 @@ pub enum Message {
     Other(u16, [u8; 2], Vec<u8>),
 }
 
-/// Messages without data, their ids and parameters.
+/// The messages without data, with their ids and parameters.
 static PLAIN: [(Message, u16, [u8; 2]); 14] = [
     (Message::RequestInfo, 0x0005, [0, 0]),
     (Message::Identify, 0x0223, [0, 0]),

@@ -10,7 +10,7 @@ const ASK: Duration = Duration::from_millis(100);
 /// Number of consecutive equal positions, different from the goal, after which a stage counts as stalled.
 const STANDS: u32 = 3;
 
-/// Units and limits of a model.
+/// Units of a stage model, and limits of its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     pub counts_per_degree: f64,
@@ -57,7 +57,8 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Stops status updates and enables the channel, but does not move the stage.
+    /// Creates a stage on a line. Stops automatic status updates and enables the channel, but does not move
+    /// the stage.
     ///
     /// # Errors
     /// [`Failure`] if the line is disconnected.
@@ -87,7 +88,7 @@ impl AptStage {
         self.line.send(&bytes).map_err(|e| self.lost(e))
     }
 
-    /// Returns the next message before the deadline.
+    /// Waits until the deadline `until` for the next message, and returns it.
     fn next(&mut self, until: Instant) -> Result<Message, Failure> {
         loop {
             if let Some(message) = self.parser.next_message() {

@@ -1,6 +1,5 @@
 //! Commands of pattern mode with their codes (the guide's CMD2 and CMD3 as one number) and data.
 
-/// Source of the patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// Patterns are bit planes of the video port.
@@ -9,7 +8,7 @@ pub enum Source {
     Flash,
 }
 
-/// State of the pattern sequence.
+/// State to which the host sets the pattern sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Run {
     /// The sequence is stopped. A start command restarts the sequence at its first pattern.
@@ -42,7 +41,7 @@ pub struct Entry {
     /// Plane of the flash image, 0 to 23 from the lowest bit of green for one-bit patterns, or
     /// [`Self::WHITE`].
     pub plane: u8,
-    /// Bits per pixel, 1 to 8.
+    /// Number of bits per pixel, 1 to 8.
     pub bits: u8,
     /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
     pub leds: u8,
@@ -101,32 +100,33 @@ pub enum Mailbox {
 pub enum Command {
     /// Selects pattern mode if true, video mode if false.
     PatternMode(bool),
-    /// Source of the patterns.
+    /// Selects the source of the patterns.
     Source(Source),
-    /// Trigger mode. 0: video frames begin sequences; 1: internal or external triggers begin patterns.
+    /// Sets the trigger mode: 0 if video frames begin sequences, 1 if triggers begin patterns.
     TriggerMode(u8),
-    /// Output 1, once per pattern: edges are 0 to 213 steps of 107.2 ns from 20.05 µs before the pattern.
+    /// Sets trigger output 1, which is active once per pattern. Edges are 0 to 213 steps of 107.2 ns from
+    /// 20.05 µs before the pattern.
     TriggerOut1 {
         /// Whether the output is active low.
         inverted: bool,
         rise: u8,
         fall: u8,
     },
-    /// Output 2, active once per sequence; only its rising edge is set.
+    /// Sets trigger output 2, which is active once per sequence. Only its rising edge is set.
     TriggerOut2 {
         /// Whether the output is active low.
         inverted: bool,
         rise: u8,
     },
-    /// Delay of input 1 in steps of 107.2 ns (19 bits).
+    /// Sets the delay of trigger input 1 in steps of 107.2 ns (19 bits).
     TriggerIn1(u32),
-    /// Resumes the sequence at a falling edge of input 2 (only in trigger mode 2).
+    /// Sets trigger input 2: whether the sequence resumes at a falling edge (only in trigger mode 2).
     TriggerIn2(bool),
     /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Times of every pattern, µs; the period equals the exposure or exceeds the exposure by ≥ 230 µs.
+    /// Sets the times of every pattern, µs. The period equals the exposure, or exceeds it by at least 230 µs.
     Exposure { exposure_us: u32, period_us: u32 },
-    /// Shape of the sequence; counts start at 1.
+    /// Configures the sequence. All numbers are at least 1.
     Config {
         /// Number of patterns, 1 to 128.
         entries: u8,
@@ -139,16 +139,16 @@ pub enum Command {
     },
     /// Opens a mailbox for the data that follow.
     Open(Mailbox),
-    /// Write offset in the open mailbox.
+    /// Sets the write offset in the open mailbox.
     Address(u8),
-    /// Numbers of the sequence's images in flash. TI's program writes two numbers in reverse order; this
-    /// driver writes only one.
+    /// Sets the numbers of the sequence's images in flash. TI's program writes two numbers in reverse order;
+    /// this driver writes only one.
     ImageTable(Vec<u8>),
-    /// Patterns of the sequence.
+    /// Sets the patterns of the sequence.
     PatternTable(Vec<Entry>),
     /// Validates the sequence; [`Question::Validation`] returns the result.
     Validate,
-    /// LEDs: 1 red, 2 green, 4 blue under manual control; 8 lets the sequence control them.
+    /// Sets the LEDs: 1 red, 2 green, 4 blue under manual control; 8 lets the sequence control the LEDs.
     Leds(u8),
 }
 
@@ -182,26 +182,26 @@ impl Command {
     }
 }
 
-/// A query from the host; its value is the code.
+/// A query from the host. The value of each variant is the code of the query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Question {
-    /// State of initialization and errors of the sequencer.
+    /// Requests the state of initialization and the errors of the sequencer.
     Hardware = 0x1A0A,
-    /// Bit mask: 1 mirrors parked, 2 sequence running, 4 frames frozen.
+    /// Requests a bit mask: 1 if the mirrors are parked, 2 if the sequence runs, 4 if frames are frozen.
     Main = 0x1A0C,
-    /// Result of [`Command::Validate`]: 0x80 while validation runs, then a bit mask of faults.
+    /// Requests the result of [`Command::Validate`]: 0x80 while validation runs, then a bit mask of faults.
     Validation = 0x1A1A,
-    /// Number of images in flash.
+    /// Requests the number of images in flash.
     Images = 0x1A42,
-    /// Four versions of four bytes, the application's first: patch (16 bits), minor, major.
+    /// Requests four versions of four bytes, the application's first: patch (16 bits), minor, major.
     Version = 0x0205,
-    /// Tag that the firmware's author assigned.
+    /// Requests the tag that the firmware's author assigned.
     Tag = 0x1AFF,
 }
 
-/// Returns messages for the bits of a validation result; the first two messages are errors, the others
-/// are warnings.
+/// Returns messages for the bits of a validation result; the first two messages are errors, all other
+/// messages are warnings.
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
         "exposure or period is out of range",

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Fault of the emulator.
+/// A fault that the emulator can simulate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
     #[default]
@@ -22,14 +22,12 @@ pub enum Trouble {
     Noise,
     /// The cable is disconnected.
     Out,
-    /// Sequences are aborted.
     Aborts,
 }
 
-/// Pattern on the mirrors.
+/// The pattern that the mirrors display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Light {
-    /// Image number in flash.
     pub image: u8,
     pub entry: Entry,
 }

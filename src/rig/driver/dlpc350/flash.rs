@@ -21,7 +21,7 @@ fn place(plane: usize) -> (usize, usize) {
 /// Reads flash images: PNG files with 8 bits per colour and the size of the mirror array.
 ///
 /// # Errors
-/// A message that names the file.
+/// A message that names the file, if it cannot be read or does not have this format.
 pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
     let image = |path: &P| -> Result<Vec<Pattern>, String> {
         let path = path.as_ref();
@@ -83,7 +83,7 @@ pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     kept.chunks(PLANES).map(image).collect()
 }
 
-/// Encodes an image as PNG; returns `None` if its size differs from that of the mirror array.
+/// Encodes an image as PNG; returns `None` if the image's size differs from that of the mirror array.
 pub fn to_png(rgb: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = vec![];
     let mut encoder = png::Encoder::new(&mut bytes, SIZE[0], SIZE[1]);

@@ -17,23 +17,24 @@ pub trait HidLine: Send {
     /// Sends one report.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the device is disconnected.
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError>;
 
     /// Waits for one report.
     ///
     /// # Errors
-    /// [`LineError`], at the latest after `within`.
+    /// [`LineError`] if no report arrives within the time `within`, or if the device is disconnected.
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError>;
 
     /// Reopens the device after a disconnection.
     ///
     /// # Errors
-    /// [`LineError`].
+    /// [`LineError`] if the device cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
-/// A message. The host's payload begins with the command code; the controller's payload is the reply data.
+/// A message between host and controller. The host's payload begins with the command code; the controller's
+/// payload is the reply data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
     /// Whether the message requests data or returns them.
@@ -47,14 +48,14 @@ pub struct Message {
 }
 
 impl Message {
-    /// Creates a command or query of the host. Both request a reply.
+    /// Creates a command or query of the host. Commands and queries both request a reply.
     pub fn host(read: bool, number: u8, code: u16, data: &[u8]) -> Self {
         let mut payload = code.to_le_bytes().to_vec();
         payload.extend(data);
         Self { read, refused: false, number, payload }
     }
 
-    /// Encodes reports: flags, number, payload length (little-endian), payload, padded with zeros.
+    /// Encodes reports: flags, number, payload length (little-endian) and payload, padded with zeros.
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };
         let mut bytes = vec![flags, self.number];

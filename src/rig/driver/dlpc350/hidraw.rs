@@ -21,7 +21,7 @@ impl HidRaw {
     /// Opens the first device with this vendor and product ID.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with advice.
+    /// [`LineError::Gone`] with advice if no such device is found or the device cannot be opened.
     pub fn open(ids: [u16; 2]) -> Result<Self, LineError> {
         let mut line = Self { ids, open: None };
         line.reopen()?;

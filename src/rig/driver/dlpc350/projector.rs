@@ -24,7 +24,7 @@ const PLANES: usize = 24;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Flash(pub Vec<Vec<Pattern>>);
 
-/// Location of a pattern in the controller.
+/// The location of a pattern in the controller's flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Place {
     image: u8,
@@ -49,8 +49,8 @@ impl Dlpc350 {
     /// Creates a projector on an open line. `leds` is a bit mask of the LEDs to use (1 red, 2 green, 4 blue).
     /// A pattern repeats every `period`.
     ///
-    /// # Errors [`Failure`] with limit: too many images or planes, invalid pixel values, no LED, or a
-    /// period out of range.
+    /// # Errors
+    /// [`Failure`] of kind limit for too many images, invalid pixel values, no LED, or an invalid period.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -88,11 +88,11 @@ impl Dlpc350 {
         })
     }
 
-    /// Adds triggers.
+    /// Sets the triggers of the projector.
     ///
     /// # Errors
-    /// [`Failure`] with limit: a time is out of range, or the period is too short for an input trigger,
-    /// which requires 230 µs of black after a pattern.
+    /// [`Failure`] of kind limit if a time is out of range, or if the period is too short for an input
+    /// trigger, which requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -154,7 +154,7 @@ impl Dlpc350 {
         Ok(answer)
     }
 
-    /// Finds a pattern or its negative.
+    /// Returns the place in flash of a pattern or of its negative; `None` if the flash contains neither.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {

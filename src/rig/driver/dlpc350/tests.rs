@@ -211,7 +211,7 @@ fn device_files_are_found_by_their_ids() {
     assert!(missing.to_string().contains("ffff:fffe"), "{missing}");
 }
 
-/// A line that returns fixed reports regardless of input, then nothing.
+/// A line that returns fixed reports regardless of its input, and then times out.
 struct Garbage(Vec<[u8; REPORT]>);
 
 impl HidLine for Garbage {

@@ -28,7 +28,7 @@ impl AnalogGalvo {
     /// Creates a scanner on `card` with `wiring`. The scanner's name is that of the card.
     ///
     /// # Errors
-    /// [`Failure`] with limit if the card cannot drive the mirrors.
+    /// [`Failure`] of kind limit if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
         wiring.check(&limits).map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;
@@ -39,7 +39,8 @@ impl AnalogGalvo {
         until.saturating_sub(self.clock.now())
     }
 
-    /// Moves to voltages within the card's range, and returns how long the mirrors take from now on.
+    /// Moves to voltages within the card's range, and returns the time that the mirrors take from now on
+    /// until they have settled.
     fn travel(&mut self, goal: [f64; 2], until: Duration) -> Result<Duration, Failure> {
         if self.running {
             let left = self.left(until);

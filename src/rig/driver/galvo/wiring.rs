@@ -54,7 +54,6 @@ impl Wiring {
         std::array::from_fn(|i| volts[i] / self.volts_per_degree[i] * 2.0)
     }
 
-    /// Returns the settings of the card.
     pub fn settings(&self) -> AnalogSettings {
         AnalogSettings { channels: self.channels.to_vec(), rate_hz: self.rate_hz }
     }
@@ -79,8 +78,8 @@ impl Wiring {
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
     }
 
-    /// Returns the samples of a path per channel. Both axes start and arrive together; the last sample is
-    /// `to`.
+    /// Returns the samples of a path, one list per channel. Both axes start and arrive together; the last
+    /// sample is `to`.
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);
         let axis = |i: usize| {
@@ -95,7 +94,7 @@ impl Wiring {
     /// Checks that a card can drive the mirrors over their full range.
     ///
     /// # Errors
-    /// A message with the cause and how to fix it.
+    /// If the card cannot drive the mirrors; the message states the cause and the fix.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(

@@ -22,7 +22,7 @@ pub struct GenICamCamera {
     settings: Option<CameraSettings>,
     /// Whether the camera acquires or may acquire: an earlier program or connection may not have stopped it.
     acquiring: bool,
-    /// Whether an exposure was started whose frame has not arrived.
+    /// Whether the frame of a started exposure has not arrived yet.
     pending: bool,
 }
 
@@ -35,11 +35,11 @@ fn common_multiple(a: u32, b: u32) -> u32 {
 }
 
 impl GenICamCamera {
-    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which the camera
-    /// does not report.
+    /// Opens a camera and reads its limits. `row_time` is the readout time of one row, which the camera does
+    /// not report.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
+    /// [`Failure`] of kind disconnected, timeout or refused (camera in use or a feature missing).
     pub fn new(
         name: &str,
         control: Control,
@@ -127,7 +127,8 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// Starts acquisition in the order of USB3 Vision: stream registers, lock, command, reception.
+    /// Starts the acquisition in the order of USB3 Vision: sets the stream registers, locks features, sends
+    /// the start command, and starts reception.
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
         self.acquiring = true;

@@ -14,7 +14,7 @@ const MANIFEST: usize = 0x1000;
 const FILE: usize = 0x2000;
 const REGISTERS: usize = 0x20000;
 
-/// Fault of the simulated camera.
+/// A fault that the camera can simulate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
     #[default]
@@ -40,7 +40,7 @@ pub struct State {
     pub written: Vec<(usize, u32)>,
     pub trouble: Trouble,
     pub opened: bool,
-    /// Whether the camera has enabled the stream, and whether the host receives it.
+    /// Whether the camera has enabled the stream, and whether the host receives the stream.
     pub streaming: [bool; 2],
     acquiring: bool,
     begun: Instant,

@@ -41,7 +41,7 @@ impl Nodes {
     /// Opens the line and reads the camera's feature description.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (camera in use, or invalid XML).
+    /// [`Failure`] of kind disconnected, timeout or refused (camera in use, or invalid XML).
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
         let message = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
@@ -65,7 +65,6 @@ impl Nodes {
         Err(self.failure(fault, what))
     }
 
-    /// Creates a failure of this camera.
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
@@ -92,7 +91,7 @@ impl Nodes {
         ParamsCtxt { ctrl: self.control.as_mut(), ctxt: &mut self.context }
     }
 
-    /// Calls `f` with a feature. `f` returns `None` if the feature has an unexpected type.
+    /// Calls `f` with a feature of the camera. `f` returns `None` if the feature has an unexpected type.
     fn with<T>(
         &mut self,
         feature: &str,
@@ -109,7 +108,6 @@ impl Nodes {
         }
     }
 
-    /// Returns the value of an integer feature.
     pub fn integer(&mut self, feature: &str) -> Result<i64, Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
     }
@@ -117,12 +115,12 @@ impl Nodes {
     /// Sets an integer feature.
     ///
     /// # Errors
-    /// [`Failure`]: limit (outside the feature's present range), and errors of the line.
+    /// [`Failure`] of kind limit if the value is out of the feature's range, or an error of the line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
     }
 
-    /// Returns the increment of an integer feature; 1 if it has none.
+    /// Returns the increment of an integer feature; 1 if the feature has no increment.
     pub fn step(&mut self, feature: &str) -> Result<u32, Failure> {
         let step = self.with(feature, |n, p| n.as_integer(p).map(|n| n.inc(p)))?;
         Ok(u32::try_from(step.unwrap_or(1)).unwrap_or(1).max(1))
@@ -152,7 +150,7 @@ impl Nodes {
     /// Sets a numeric feature.
     ///
     /// # Errors
-    /// [`Failure`]: limit, and errors of the line.
+    /// [`Failure`] of kind limit if the value is outside the feature's range, or an error of the line.
     pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -162,7 +160,6 @@ impl Nodes {
         })
     }
 
-    /// Returns the value of a string feature.
     pub fn text(&mut self, feature: &str) -> Result<String, Failure> {
         let text = self.with(feature, |n, p| n.as_string(p).map(|n| n.value(p)))?;
         Ok(text.trim_end_matches('\0').trim().to_owned())
@@ -180,7 +177,7 @@ impl Nodes {
     ///
     /// # Errors
     ///
-    /// [`Failure`]: limit (no such entry), and errors of the line.
+    /// [`Failure`] of kind limit if the feature has no such entry, or an error of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {

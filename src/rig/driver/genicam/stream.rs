@@ -13,7 +13,6 @@ const POLL: Duration = Duration::from_millis(1);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Region of the sensor.
     pub region: Region,
     /// Pixel format, or `None` if the format is not supported.
     pub format: Option<PixelFormat>,
@@ -34,34 +33,34 @@ pub fn fault(error: &StreamError) -> Fault {
 }
 
 pub trait Frames: Send {
-    /// Opens the line; has no effect if it is open.
+    /// Opens the line; has no effect if the line is open.
     ///
     /// # Errors
-    /// [`StreamError`].
+    /// [`StreamError`] if the line cannot be opened.
     fn open(&mut self) -> Result<(), StreamError>;
 
     /// Closes the line.
     ///
     /// # Errors
-    /// [`StreamError`].
+    /// [`StreamError`] if the line cannot be closed.
     fn close(&mut self) -> Result<(), StreamError>;
 
-    /// Starts receiving; discards earlier frames.
+    /// Starts receiving frames, and discards earlier frames.
     ///
     /// # Errors
-    /// [`StreamError`].
+    /// [`StreamError`] if the line is closed or disconnected.
     fn start(&mut self, control: &mut dyn DeviceControl) -> Result<(), StreamError>;
 
     /// Returns the next frame, or `None` if none arrives before the deadline.
     ///
     /// # Errors
-    /// [`StreamError`].
+    /// [`StreamError`] if the frame is damaged or the line is disconnected.
     fn next(&mut self, within: Duration) -> Result<Option<Block>, StreamError>;
 
-    /// Stops receiving; has no effect if it was not started.
+    /// Stops receiving frames; has no effect if no reception was started.
     ///
     /// # Errors
-    /// [`StreamError`].
+    /// [`StreamError`] if the line is disconnected.
     fn stop(&mut self) -> Result<(), StreamError>;
 }
 

@@ -33,7 +33,8 @@ fn a_camera_conforms() {
     conformance::area_camera(&mut camera(&Fake::new())).assert_passed("GenICam camera", 18);
 }
 
-/// Features reach their registers in the registers' units: stream layout, then the lock, then the start.
+/// Features reach their registers in the registers' units: first the stream layout, then the lock, then the
+/// start command.
 #[test]
 fn features_reach_their_registers() {
     let fake = Fake::new();

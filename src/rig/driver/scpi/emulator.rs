@@ -6,7 +6,7 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Fault of the emulator.
+/// A fault that the emulator can simulate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
     #[default]
@@ -15,11 +15,9 @@ pub enum Trouble {
     Silent,
     /// Replies are delayed by this time.
     Late(Duration),
-    /// Replies are noise.
     Noise,
     /// The laser closes the connection instead of replying.
     HangsUp,
-    /// The interlock is open.
     Interlock,
 }
 
@@ -43,7 +41,7 @@ impl Default for Emulator {
 }
 
 impl Emulator {
-    /// Returns the table of the emulator's commands, with `address` as its address.
+    /// Returns the table of the emulator's commands; `address` is the network address in this table.
     pub fn table(address: &str) -> String {
         format!(
             "address = \"{address}\"\nnm = 635\nrate_hz = [1.0, 8e7]\nset_rate = \"SOUR:FREQ {{hz}}\"\n\

@@ -1,4 +1,4 @@
-//! A pulsed laser, or a delay generator that triggers one, driven by a table of its commands.
+//! A pulsed laser, or a delay generator that triggers one, controlled through a table of commands.
 
 use super::super::line::{Line, StreamLine, left};
 use super::table::LaserTable;
@@ -20,7 +20,7 @@ impl ScpiLaser {
     /// Connects to the table's address.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout.
+    /// [`Failure`] of kind disconnected if the connection fails.
     pub fn connect(name: &str, table: LaserTable) -> Result<Self, Failure> {
         let line = StreamLine::tcp(&table.address)
             .map_err(|e| Failure::new(Fault::Disconnected, name, e.to_string()))?;

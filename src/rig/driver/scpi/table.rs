@@ -80,7 +80,7 @@ impl LaserTable {
     /// Parses and checks a table.
     ///
     /// # Errors
-    /// A message with the position in the text.
+    /// A message with the position in the text if a key or a value is invalid.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         table.check()?;

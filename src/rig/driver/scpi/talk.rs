@@ -30,7 +30,6 @@ impl Talk {
         &self.name
     }
 
-    /// Creates a failure of this instrument.
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
@@ -43,7 +42,7 @@ impl Talk {
     /// Reopens the line and discards pending replies.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout.
+    /// [`Failure`] of kind disconnected or timeout.
     pub fn reopen(&mut self) -> Result<(), Failure> {
         self.held.clear();
         let opened = self.line.reopen();
@@ -54,7 +53,7 @@ impl Talk {
     /// Sends a command that has no reply.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not a single line), disconnected, timeout.
+    /// [`Failure`] of kind refused (the command is not a single line), disconnected or timeout.
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
             let what = format!("{command:?} is not a command: a command must be a single line");
@@ -75,7 +74,7 @@ impl Talk {
     /// Sends a query and returns the reply as text without the newline.
     ///
     /// # Errors
-    /// [`Failure`]: timeout after `within`, disconnected (also if the reply is not text).
+    /// [`Failure`] of kind timeout (no reply in time) or disconnected (also if the reply is not text).
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -109,7 +108,7 @@ impl Talk {
         }
     }
 
-    /// Waits until all commands are complete (`*OPC?`).
+    /// Waits until the instrument has completed all commands (`*OPC?`).
     pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
         match self.ask("*OPC?", within)?.as_str() {
             "1" | "+1" => Ok(()),
@@ -121,8 +120,8 @@ impl Talk {
     /// any.
     ///
     /// # Errors
-    /// [`Failure`]: limit (-222, -224 and similar: value out of range), refused (unknown or currently
-    /// impossible command), disconnected (-400 and below: query errors), timeout.
+    /// [`Failure`] of kind limit (-222, -224 and similar: value out of range), refused (unknown or currently
+    /// impossible command), disconnected (-400 and below: query errors) or timeout.
     pub fn errors(&mut self, question: &str, after: &str, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let mut first = None;

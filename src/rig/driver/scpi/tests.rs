@@ -157,7 +157,7 @@ fn commands_of_another_vendor_work() {
     assert_eq!(message.concat(), "TRAT 2.5E4\n*OPC?\nLERR?\nTSRC 0\n*OPC?\nLERR?\nTSRC?\n");
 }
 
-/// A line that replies with the same bytes to every query, then with nothing.
+/// A line that replies with the same bytes to a number of queries, and then does not reply.
 struct Garbage(Vec<u8>);
 
 impl Line for Garbage {

@@ -6,13 +6,13 @@ use crate::instrument::Fault;
 pub const DEVICES: i32 = 4;
 /// Number of bins of the longest histogram.
 pub const LONGEST_HISTOGRAM: usize = 32_768;
-/// `TH260_Initialize`: histogramming mode.
+/// Argument of `TH260_Initialize` for histogramming mode.
 pub const MODE_HISTOGRAM: i32 = 0;
-/// `TH260_GetFlags`: a histogram bin overflowed.
+/// Flag of `TH260_GetFlags`: a histogram bin overflowed.
 pub const FLAG_OVERFLOW: i32 = 0x0001;
-/// `TH260_GetFlags`: hardware error.
+/// Flag of `TH260_GetFlags`: a hardware error occurred.
 pub const FLAG_SYSTEM_ERROR: i32 = 0x0010;
-/// `TH260_GetFlags`: software error.
+/// Flag of `TH260_GetFlags`: a software error occurred.
 pub const FLAG_SOFTWARE_ERROR: i32 = 0x0020;
 /// Longest acquisition time, in milliseconds.
 pub const LONGEST_MS: i32 = 360_000_000;
@@ -21,7 +21,7 @@ pub const GREATEST_OFFSET_NS: i32 = 100_000_000;
 /// Maximum absolute offset of a channel, in picoseconds.
 pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 
-/// `TH260_OpenDevice`: no board at this index.
+/// Error of `TH260_OpenDevice`: there is no board at this index.
 pub const OPEN_FAIL: i32 = -1;
 
 /// Returns the fault for an error code. Codes that a reconnection can clear map to [`Fault::Disconnected`].

@@ -31,7 +31,7 @@ pub struct Th260Counter {
     running: Option<Instant>,
     /// Earliest time at which rates are valid.
     rates_from: Instant,
-    /// Creation time: the origin of histogram timestamps.
+    /// Creation time of the counter, from which the timestamps of histograms are measured.
     made: Instant,
     taken: u64,
 }
@@ -40,7 +40,7 @@ impl Th260Counter {
     /// Loads PicoQuant's library, from the given file or from its usual locations, and opens a board.
     ///
     /// # Errors
-    /// [`Failure`]: refused (library not found), disconnected (no board), limit (invalid settings).
+    /// [`Failure`] of kind refused (library not found), disconnected (no board) or limit (invalid settings).
     pub fn load(name: &str, library: Option<&Path>, settings: Th260Settings) -> Result<Self, Failure> {
         let library = load(library).map_err(|e| Failure::new(Fault::Refused, name, e))?;
         Self::new(name, Box::new(library), settings)
@@ -49,7 +49,7 @@ impl Th260Counter {
     /// Opens a board through a loaded library.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected (no board), refused (board in use), limit (invalid settings).
+    /// [`Failure`] of kind disconnected (no board), refused (board in use) or limit (invalid settings).
     pub(super) fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()
@@ -87,7 +87,7 @@ impl Th260Counter {
         self.failure(code::fault(number), what)
     }
 
-    /// Calls the library for the open board.
+    /// Calls the library with the index of the open board.
     fn call<T>(
         &mut self,
         doing: &str,

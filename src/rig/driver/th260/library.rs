@@ -9,51 +9,51 @@ use std::error::Error;
 use std::ffi::{c_char, c_double, c_int, c_uint};
 use std::path::{Path, PathBuf};
 
-/// A command to a board, with its arguments as in the library's manual.
+/// A command to a board. Each variant calls the library's function of the given name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
-    /// `CloseDevice`
+    /// Calls `CloseDevice`.
     Close,
-    /// `Initialize`: mode
+    /// Calls `Initialize` with the mode.
     Initialize(i32),
-    /// `SetSyncDiv`
+    /// Calls `SetSyncDiv` with the divider.
     SyncDivider(i32),
-    /// `SetSyncCFD`: level, zero crossing (P)
+    /// Calls `SetSyncCFD` with the trigger level and the zero-crossing level (TimeHarp 260 P).
     SyncCfd(i32, i32),
-    /// `SetSyncEdgeTrg`: level, edge (N)
+    /// Calls `SetSyncEdgeTrg` with the trigger level and the edge (TimeHarp 260 N).
     SyncEdge(i32, i32),
-    /// `SetSyncChannelOffset`: picoseconds
+    /// Calls `SetSyncChannelOffset` with the offset in picoseconds.
     SyncOffset(i32),
-    /// `SetInputCFD`: channel, level, zero crossing (P)
+    /// Calls `SetInputCFD` with the channel, the trigger level and the zero-crossing level (TimeHarp 260 P).
     InputCfd(i32, i32, i32),
-    /// `SetInputEdgeTrg`: channel, level, edge (N)
+    /// Calls `SetInputEdgeTrg` with the channel, the trigger level and the edge (TimeHarp 260 N).
     InputEdge(i32, i32, i32),
-    /// `SetStopOverflow`: stop at this count in a bin
+    /// Calls `SetStopOverflow` to stop the acquisition when a bin reaches this count.
     StopAt(u32),
-    /// `SetBinning`
+    /// Calls `SetBinning` with the binning code.
     Binning(i32),
-    /// `SetOffset`: nanoseconds
+    /// Calls `SetOffset` with the offset in nanoseconds.
     Offset(i32),
-    /// `ClearHistMem`
+    /// Calls `ClearHistMem`.
     Clear,
-    /// `StartMeas`: milliseconds
+    /// Calls `StartMeas` with the acquisition time in milliseconds.
     Start(i32),
-    /// `StopMeas`
+    /// Calls `StopMeas`.
     Stop,
 }
 
 /// A query to a board that returns an integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Question {
-    /// `GetNumOfInputChannels`
+    /// Calls `GetNumOfInputChannels`, which returns the number of input channels.
     Inputs,
-    /// `CTCStatus`: 0 while the acquisition runs
+    /// Calls `CTCStatus`, which returns 0 while the acquisition runs.
     Done,
-    /// `GetSyncRate`: pulses per second
+    /// Calls `GetSyncRate`, which returns the pulses per second.
     SyncRate,
-    /// `GetFlags`
+    /// Calls `GetFlags`, which returns the status flags.
     Flags,
-    /// `SetHistoLen`: length code; returns the number of bins
+    /// Calls `SetHistoLen` with the length code, which returns the number of bins.
     Length(i32),
 }
 
@@ -83,7 +83,7 @@ pub(super) trait Th260: Send {
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
     /// Returns the duration of the last measurement, in milliseconds.
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
-    /// Returns [`LONGEST_HISTOGRAM`] counts of an input, of which the configured length is valid.
+    /// Returns [`LONGEST_HISTOGRAM`] counts of an input, which are valid up to the configured length.
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
@@ -168,7 +168,7 @@ functions! {
 /// Loads the given library or, if none is given, the first of [`names`] that loads.
 ///
 /// # Errors
-/// A message with the files tried, the reason why each failed, and where to get the library.
+/// If no library loads; the message lists the files tried, why each failed, and the library's source.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];

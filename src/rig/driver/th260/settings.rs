@@ -4,7 +4,7 @@ use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOG
 use crate::instrument::CounterSettings;
 use serde::Deserialize;
 
-/// Slope of a pulse that triggers (TimeHarp 260 N), with the number that the library uses.
+/// The edge of a pulse that triggers a TimeHarp 260 N; the value is the library's number for this edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
@@ -54,7 +54,7 @@ impl Th260Settings {
     /// Checks that a board supports these settings.
     ///
     /// # Errors
-    /// A message that names the invalid setting and its range.
+    /// If a setting is invalid; the message names this setting and its range.
     pub fn check(&self) -> Result<(), String> {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
@@ -86,7 +86,7 @@ pub struct Measurement {
     pub bins: usize,
     /// Acquisition time, in milliseconds.
     pub dwell_ms: i32,
-    /// Start of the histogram after the sync pulse, in nanoseconds.
+    /// Time from the sync pulse to the start of the histogram, in nanoseconds.
     pub offset_ns: i32,
     /// Additional delay of the sync, in picoseconds.
     pub sync_offset_ps: i32,
@@ -96,7 +96,7 @@ impl Measurement {
     /// Converts settings for a board with base resolution `base_ps` and `binnings` binnings.
     ///
     /// # Errors
-    /// A message that names the setting that the board does not support.
+    /// If the board does not support a setting; the message names this setting.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(

@@ -36,7 +36,7 @@ fn both_boards_conform() {
     }
 }
 
-/// Calls follow the manual's order: initialize, inputs, settings; clear before start, stop before reading.
+/// Calls follow the manual's order: initialize, set inputs, apply settings, clear, start, stop, read.
 #[test]
 fn calls_follow_the_order_of_the_manual() {
     let fake = Fake::new("P");

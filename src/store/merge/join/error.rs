@@ -75,7 +75,6 @@ pub enum JoinError {
     /// The store is not a part of a render.
     #[error("{path} is not a part of a render: pass only parts of one render")]
     NoPart { path: PathBuf },
-    /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
     #[error(transparent)]

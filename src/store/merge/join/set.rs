@@ -10,7 +10,7 @@ use tensor::part::{self, Part};
 /// Maximum number of parts or tiles that a message lists.
 const NAMED: usize = 12;
 
-/// Root attributes whose values may differ between the parts of one render.
+/// Names of root attributes whose values may differ between the parts of one render.
 const OWN: [&str; 4] = [part::ATTRIBUTE, "discarded_samples", "rays", "wall_time_s"];
 
 pub(super) struct Set(Vec<(Part, TensorStore)>);
@@ -58,7 +58,6 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> 
     Ok((part, store))
 }
 
-/// Returns the number of tiles of the render.
 fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
         return Err(AccessError::NoSamples { path: store.path().to_owned() }.into());

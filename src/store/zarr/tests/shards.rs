@@ -232,8 +232,8 @@ fn exchanged_frames_are_detected() {
     assert_eq!(verify(&path).expect("a store").faults, ["a/c.0: was changed after it was written"]);
 }
 
-/// Measures how the cost of a shard's chunks depends on the chunk size: `SUNSTONE_STORE=PATH cargo test
-/// --release -p sunstone-store -- --ignored --nocapture costs`.
+/// Prints how the cost of a shard's chunks depends on the chunk size. The command is `SUNSTONE_STORE=PATH
+/// cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
 #[test]
 #[ignore = "a measurement"]
 fn costs_of_small_chunks() {

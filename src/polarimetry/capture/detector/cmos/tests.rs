@@ -244,7 +244,7 @@ fn images_of_another_size_are_refused() {
     assert!(take(&[], [0, 0]).expect("is taken").radiance.is_empty());
 }
 
-/// Valid and invalid numbers.
+/// Generates valid and invalid values of a setting.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 1e-3..1e4,

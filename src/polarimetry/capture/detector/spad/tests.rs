@@ -147,7 +147,7 @@ fn settings_read_from_toml_and_are_checked_by_name() {
     }
 }
 
-/// Valid and invalid numbers.
+/// Generates valid and invalid values of a setting.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 1e-3..1e3,
