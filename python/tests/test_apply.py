@@ -154,7 +154,7 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
         (lambda: apply.normals(both, np.ones((3, 2, 1))), "rows, columns"),
         (lambda: apply.polarization_cues(np.ones((3, 4, 4))), "rows, columns, 4, 4"),
         (lambda: apply.polarization_cues(np.ones((3, 2, 4, 4)), 0.9), "index"),
-        (lambda: apply.Devices({**camera, "fov": 3}), "no `fov`"),
+        (lambda: apply.Devices({**camera, "fov": 3}), "unknown key `fov`"),
         (lambda: apply.Devices({"resolution": [3, 2]}), "`focal` is missing"),
         (lambda: apply.Devices({**camera, "focal": [0.0, 1.0]}), "focal lengths"),
     ):
