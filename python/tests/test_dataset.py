@@ -179,9 +179,9 @@ def test_inconsistent_requests_are_refused(three: Path, tmp_path: Path) -> None:
         made(tmp_path / "b.zarr", 1, command="nothing-of-this-name")
     with pytest.raises(dataset.DatasetError, match="variant 0 of .* was not rendered: .*stedy"):
         made(tmp_path / "c.zarr", 1, slices=["stedy"])
-    with pytest.raises(NotAStoreError, match=r"no dataset\.json"):
+    with pytest.raises(NotAStoreError, match=r"dataset\.json is missing"):
         made(rendered.store(), 1)
-    with pytest.raises(NotAStoreError, match=r"no dataset\.json"):
+    with pytest.raises(NotAStoreError, match=r"dataset\.json is missing"):
         open_dataset(tmp_path / "none")
     with pytest.raises(dataset.DatasetError, match="no slice `full`; available slices: steady, timed"):
         MuellerImages(three, "full")
