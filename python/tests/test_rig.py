@@ -259,7 +259,7 @@ def test_invalid_limits_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown format `RGB8`; supported: Mono8, "):
         session.cost()
     session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
-    with pytest.raises(ps.InputError, match="camera: limit: exposure 10ms is outside 20ms to 1s"):
+    with pytest.raises(ps.InputError, match="camera: limit: exposure time 10ms is outside the range 20ms to 1s"):
         session.cost()
 
 
