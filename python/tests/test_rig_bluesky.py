@@ -125,7 +125,7 @@ def test_a_failed_move_is_reported_as_a_stall(engine: RunEngine, session: rig.Se
     assert outcome.taken == 60 and outcome.retries > 0
     assert len(homed) == 1 + outcome.retries
     retries = [e["failure"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "retry"]
-    assert set(retries) == {"retarder_2: stalled: its move failed: the gear slips"}
+    assert set(retries) == {"retarder_2: stalled: the move failed: the gear slips"}
 
 
 def test_a_device_that_does_not_answer_times_out() -> None:
