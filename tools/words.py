@@ -24,6 +24,7 @@ WORDS = {
     "lumber": "(delete)",
     "surer": "more reliable",
     "hangs? on": "depends on",
+    "hardly": "barely",
     "beside each other": "concurrently; next to each other",
     "who wants": "to ..., use ...",
     "for want of": "because ... is missing",

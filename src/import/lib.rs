@@ -29,7 +29,6 @@ pub mod mtl;
 mod notes;
 mod obj;
 mod part;
-pub mod photo;
 pub mod picture;
 pub mod places;
 mod ply;

@@ -61,7 +61,7 @@ const HUBER: f64 = 1.5;
 /// RMS of the residual distances, in pixels, below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
 /// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost function
-/// of rational lenses has flat valleys, in which many steps with small gains hardly change the projection.
+/// of rational lenses has flat valleys, in which many steps with small gains barely change the projection.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
 /// Maximum RMS of the residual distances in a valid fit, relative to the image width.

@@ -1,8 +1,7 @@
 //! Gray images for corner detection, from PNG of 8 or 16 bits, JPEG, or .npy.
 
-use image::ImageFormat;
-use import::photo::Photo;
-use std::io::Read;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use store::numpy::NumpyReader;
 
@@ -116,12 +115,55 @@ fn extension(path: &Path) -> String {
     extension.unwrap_or("").to_ascii_lowercase()
 }
 
+/// Returns whether a JPEG ends within its last scan. The decoder would fill the missing part.
+fn is_cut_off(jpeg: &[u8]) -> bool {
+    let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
+    let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
+    scan.is_some_and(|scan| end.is_none_or(|end| end < scan))
+}
+
 fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let mut bytes = vec![];
     base::input::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(|e| e.to_string())?;
-    let Photo { width, height, values, orientation } = Photo::decode(&bytes, format)?;
-    let image = Image::new(width, height, values).ok_or("the file is damaged: copy the file again")?;
-    Ok(Loaded { image, orientation })
+    let name = match format {
+        ImageFormat::Jpeg => "JPEG",
+        _ => "PNG",
+    };
+    let other = image::guess_format(&bytes).ok().filter(|found| *found != format);
+    if let Some(other) = other {
+        return Err(format!("the file contains {other:?} data, not {name}: change the extension"));
+    }
+    if format == ImageFormat::Jpeg && is_cut_off(&bytes) {
+        return Err("the JPEG file is truncated: copy the file again".into());
+    }
+    let bad = |e: image::ImageError| format!("cannot read the file as {name}: {e}");
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(8 * MOST as u64);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(bad)?;
+    let orientation = decoder.orientation().map_err(bad)?;
+    let mut photo = DynamicImage::from_decoder(decoder).map_err(bad)?;
+    photo.apply_orientation(orientation);
+    let samples: Vec<f32> = match photo.color() {
+        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
+            photo.as_bytes().iter().map(|b| f32::from(*b)).collect()
+        }
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
+            photo.as_bytes().as_chunks().0.iter().map(|b| f32::from(u16::from_ne_bytes(*b))).collect()
+        }
+        other => {
+            return Err(format!("unsupported pixel format {other:?}: convert the image to 8 or 16 bits"));
+        }
+    };
+    // The mean of the colour channels, without opacity.
+    let channels = usize::from(photo.color().channel_count());
+    let colours = if channels < 3 { 1 } else { 3 };
+    let mean = |p: &[f32]| p[..colours].iter().sum::<f32>() / colours as f32;
+    let values = samples.chunks_exact(channels).map(mean).collect();
+    let image = Image::new(photo.width() as usize, photo.height() as usize, values)
+        .ok_or("the file is damaged: copy the file again")?;
+    Ok(Loaded { image, orientation: orientation.to_exif() })
 }
 
 fn npy(path: &Path) -> Result<Image, String> {
@@ -157,9 +199,7 @@ pub fn png_bytes(width: u32, height: u32, values: &[u8]) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::DynamicImage;
     use proptest::prelude::*;
-    use std::io::Cursor;
 
     proptest! {
         #[test]
