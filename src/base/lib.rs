@@ -7,6 +7,7 @@ pub mod journal;
 pub mod length;
 pub mod locate;
 pub mod lock;
+pub mod npy;
 pub mod positioned;
 pub mod spectral_table;
 pub mod staging;

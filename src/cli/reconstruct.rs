@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 use std::time::Instant;
+use sunstone::base::npy::NumpyNumber;
 use sunstone::base::whole_file;
 use sunstone::polarimetry::capture::directions::Directions;
 use sunstone::polarimetry::capture::element::Ray;
@@ -105,7 +106,7 @@ fn one_place(a: &Arguments) -> Layout {
     Layout { height: 1, width: 1, times: 1, lanes: a.wavelengths.len() }
 }
 
-fn go<T: PixelNumber + npyz::AutoSerialize>(
+fn go<T: PixelNumber + NumpyNumber>(
     a: &Arguments,
     scheme: &Scheme,
     intensities: NumpyReader,

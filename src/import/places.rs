@@ -1,7 +1,7 @@
 //! Parses files with the transforms of many copies: text, or NumPy's `.npy`.
 
+use base::npy::{Element, Header};
 use glam::{DAffine3, DMat3, DVec3};
-use npyz::{DType, NpyFile, Order, TypeChar};
 
 /// Returns the transforms that a file lists. The content determines the format: a `.npy` array of n
 /// × 3 × 4 or n × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
@@ -49,38 +49,18 @@ fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
 }
 
 fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
-    let wrong = |e: std::io::Error| format!(": {e}");
-    let file = NpyFile::new(bytes).map_err(wrong)?;
-    let shape = file.shape().to_vec();
-    let (n, rows) = match shape[..] {
-        [n, rows @ (3 | 4), 4] => (n as usize, rows as usize),
-        _ => {
-            return Err(format!(": expected the shape [n, 3, 4] or [n, 4, 4], got {shape:?}"));
-        }
+    let mut elements = bytes;
+    let header = Header::read(&mut elements).map_err(|e| format!(": {e}"))?;
+    let [n, rows @ (3 | 4), 4] = header.shape[..] else {
+        return Err(format!(": expected the shape [n, 3, 4] or [n, 4, 4], got {:?}", header.shape));
     };
-    // Check the size before allocating memory, because a damaged header can declare any shape.
-    if shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k)).is_none_or(|n| n > bytes.len() as u64) {
-        return Err(": the file is truncated".into());
+    if !matches!(header.element(), Some((Element::Float4 | Element::Float8, _))) {
+        return Err(": expected numbers of type f4 or f8".into());
     }
-    let by_column = file.order() == Order::Fortran;
-    let size = match file.dtype() {
-        DType::Plain(plain) if plain.type_char() == TypeChar::Float => plain.size_field(),
-        _ => 0,
-    };
-    let values: Vec<f64> = match size {
-        8 => file.into_vec().map_err(wrong)?,
-        4 => {
-            let values: Vec<f32> = file.into_vec().map_err(wrong)?;
-            values.into_iter().map(f64::from).collect()
-        }
-        _ => return Err(": expected numbers of type f4 or f8".into()),
-    };
-    if n.checked_mul(4 * rows) != Some(values.len()) {
-        return Err(": the file is truncated".into());
-    }
+    let values = header.numbers(elements).ok_or(": the file is truncated")?;
     let copy = |i: usize| -> Vec<f64> {
         let at = |r: usize, c: usize| {
-            if by_column { values[i + n * (r + rows * c)] } else { values[(i * rows + r) * 4 + c] }
+            if header.column_major { values[i + n * (r + rows * c)] } else { values[(i * rows + r) * 4 + c] }
         };
         (0..4 * rows).map(|k| at(k / 4, k % 4)).collect()
     };

@@ -5,6 +5,7 @@
 //! (`numpy.load(f)["object_names"][3]`).
 
 use super::numpy::write;
+use base::npy::write_header;
 use base::whole_file;
 use std::io::{self, Write};
 use std::path::Path;
@@ -12,20 +13,10 @@ use tensor::layers::{LayerSet, LayerValues};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Writes texts as a `.npy` array (format version 1.0) of little-endian UCS-4 texts of equal width (see
-/// numpy.lib.format).
+/// Writes texts as a `.npy` array of little-endian UCS-4 texts of equal width.
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
-    let mut header =
-        format!("{{'descr': '<U{width}', 'fortran_order': False, 'shape': ({},), }}", texts.len());
-    // The data begins at a multiple of 64 bytes; ten bytes precede the header.
-    while (10 + header.len() + 1) % 64 != 0 {
-        header.push(' ');
-    }
-    header.push('\n');
-    out.write_all(b"\x93NUMPY\x01\x00")?;
-    out.write_all(&(header.len() as u16).to_le_bytes())?;
-    out.write_all(header.as_bytes())?;
+    write_header(out, &format!("<U{width}"), &[texts.len()])?;
     for text in texts {
         let mut letters = text.chars().map(u32::from).chain(std::iter::repeat(0));
         for _ in 0..width {

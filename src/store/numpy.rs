@@ -2,9 +2,9 @@
 
 mod bytes;
 
+use base::npy::{Element, Header, NumpyNumber, write_header};
 use base::{positioned, whole_file};
 use bytes::{Bytes, row_major};
-use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, WriterBuilder};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -58,25 +58,6 @@ pub struct NumpyReader {
     start: u64,
 }
 
-/// Supported element types.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Element {
-    Float4,
-    Float8,
-    Unsigned(usize),
-    Signed(usize),
-}
-
-impl Element {
-    fn size(self) -> usize {
-        match self {
-            Self::Float4 => 4,
-            Self::Float8 => 8,
-            Self::Unsigned(n) | Self::Signed(n) => n,
-        }
-    }
-}
-
 impl NumpyReader {
     /// Opens a `.npy` file and checks its header and size.
     ///
@@ -88,28 +69,24 @@ impl NumpyReader {
         let bytes = file.metadata().map_err(failed)?.len();
         // Elements are read at arbitrary positions, and a buffered reader would read more bytes than needed.
         let mut buffered = BufReader::new(file);
-        let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
+        let header = Header::read(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
         let mut file = buffered.into_inner();
-        let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
-        let elements = |found: String| NumpyError::Elements { path: path.to_owned(), found };
-        let DType::Plain(plain) = header.dtype() else {
-            return Err(elements("records".to_owned()));
+        // Integers of 8 bytes are not exact as `f64`.
+        let exact =
+            |(element, _): &(Element, bool)| !matches!(element, Element::Unsigned(8) | Element::Signed(8));
+        let Some((element, big_endian)) = header.element().filter(exact) else {
+            let found = header.kind.map_or("records".to_owned(), |kind| format!("of type '{kind}'"));
+            return Err(NumpyError::Elements { path: path.to_owned(), found });
         };
-        let element = match (plain.type_char(), plain.size_field()) {
-            (TypeChar::Float, 4) => Element::Float4,
-            (TypeChar::Float, 8) => Element::Float8,
-            (TypeChar::Uint, n @ (1 | 2 | 4)) => Element::Unsigned(n as usize),
-            (TypeChar::Int, n @ (1 | 2 | 4)) => Element::Signed(n as usize),
-            _ => return Err(elements(format!("of type '{plain}'"))),
-        };
+        let shape = header.shape;
         // Check the size before allocating, because the header of a damaged file may claim any length.
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
         let length = count
             .and_then(|n| n.checked_mul(element.size() as u64))
             .filter(|all| all.checked_add(start).is_some_and(|end| end <= bytes))
             .ok_or_else(|| NumpyError::Short { path: path.to_owned(), shape: shape.clone() })?;
-        let column_major = header.order() == Order::Fortran && shape.iter().filter(|n| **n > 1).count() > 1;
+        let column_major = header.column_major && shape.iter().filter(|n| **n > 1).count() > 1;
         let (bytes, start) = if column_major && length > 0 {
             let order = || NumpyError::Order { path: path.to_owned() };
             let mut all = vec![];
@@ -125,14 +102,7 @@ impl NumpyReader {
         } else {
             (Bytes::File(file), start)
         };
-        Ok(Self {
-            path: path.to_owned(),
-            bytes,
-            shape,
-            element,
-            big_endian: plain.endianness() == Endianness::Big,
-            start,
-        })
+        Ok(Self { path: path.to_owned(), bytes, shape, element, big_endian, start })
     }
 
     pub fn len(&self) -> usize {
@@ -179,21 +149,7 @@ impl NumpyReader {
             let bytes = &mut buffer[..part.len() * size];
             self.bytes.read_at(at + ((i * size) << 14) as u64, bytes)?;
             for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
-                // The element is little-endian and occupies the low bytes of the word.
-                let mut word = [0_u8; 8];
-                word[..size].copy_from_slice(bytes);
-                if self.big_endian {
-                    word[..size].reverse();
-                }
-                let bits = u64::from_le_bytes(word);
-                *value = match self.element {
-                    Element::Float4 => T::new(f64::from(f32::from_bits(bits as u32))),
-                    Element::Float8 => T::new(f64::from_bits(bits)),
-                    Element::Unsigned(_) => T::new(bits as f64),
-                    Element::Signed(1) => T::new(f64::from(bits as u8 as i8)),
-                    Element::Signed(2) => T::new(f64::from(bits as u16 as i16)),
-                    Element::Signed(_) => T::new(f64::from(bits as u32 as i32)),
-                };
+                *value = T::new(self.element.number(bytes, self.big_endian));
             }
         }
         Ok(())
@@ -233,18 +189,25 @@ impl NumpyArray {
 ///
 /// # Errors
 /// Returns an error if the writer fails, or the number of values does not match the shape.
-pub fn write<T: npyz::AutoSerialize>(
+pub fn write<T: NumpyNumber>(
     writer: impl Write,
     shape: &[usize],
     values: impl IntoIterator<Item = T>,
 ) -> io::Result<()> {
-    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     // The iterator yields elements one by one, so the output is buffered.
     let mut buffered = BufWriter::with_capacity(1 << 20, writer);
-    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
-    let mut npy = options.writer(&mut buffered).begin_nd()?;
-    npy.extend(values)?;
-    npy.finish()?;
+    begin::<T>(&mut buffered, shape)?;
+    let mut count = 0;
+    for value in values {
+        value.write(&mut buffered)?;
+        count += 1;
+    }
+    if count != shape.iter().product::<usize>() {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!("{count} values do not fill the shape {shape:?}"),
+        ));
+    }
     // Dropping the buffer would ignore write errors.
     buffered.flush()
 }
@@ -253,11 +216,8 @@ pub fn write<T: npyz::AutoSerialize>(
 ///
 /// # Errors
 /// Returns an error if the writer fails.
-pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
-    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
-    // Drop the unfinished writer after the header, because npyz writes elements one by one, which is slow.
-    options.writer(writer).begin_nd().map(drop)
+pub fn begin<T: NumpyNumber>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
+    write_header(writer, T::TYPE, shape)
 }
 
 /// Appends elements to an array that [`begin`] has started.
@@ -282,11 +242,7 @@ pub fn write_at<T: bytemuck::Pod>(file: &File, start: u64, first: usize, values:
 ///
 /// # Errors
 /// Returns an error if the file cannot be written.
-pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
-    path: &Path,
-    shape: &[usize],
-    values: &[T],
-) -> io::Result<()> {
+pub fn save<T: NumpyNumber + bytemuck::Pod>(path: &Path, shape: &[usize], values: &[T]) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         begin::<T>(file, shape)?;
         append(file, values)

@@ -1,6 +1,8 @@
 //! Gray images for corner detection, from PNG of 8 or 16 bits, JPEG, or .npy.
 
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::codecs::jpeg::JpegDecoder;
+use image::codecs::png::PngDecoder;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use store::numpy::NumpyReader;
@@ -137,11 +139,15 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
         return Err("the JPEG file is truncated: copy the file again".into());
     }
     let bad = |e: image::ImageError| format!("cannot read the file as {name}: {e}");
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     let mut limits = Limits::default();
     limits.max_alloc = Some(8 * MOST as u64);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(bad)?;
+    // An `ImageReader` would compile the decoders of all formats again.
+    let bytes = Cursor::new(&bytes);
+    let mut decoder: Box<dyn ImageDecoder> = match format {
+        ImageFormat::Jpeg => Box::new(JpegDecoder::new(bytes).map_err(bad)?),
+        _ => Box::new(PngDecoder::with_limits(bytes, limits.clone()).map_err(bad)?),
+    };
+    decoder.set_limits(limits).map_err(bad)?;
     let orientation = decoder.orientation().map_err(bad)?;
     let mut photo = DynamicImage::from_decoder(decoder).map_err(bad)?;
     photo.apply_orientation(orientation);

@@ -1,10 +1,13 @@
 //! Minimizers of smooth functions of angles: Adam, and L-BFGS from the argmin crate.
 
+mod vector;
+
 use argmin::core::{CostFunction, Error, Executor, Gradient, IterState, State};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
+use vector::Vector;
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
@@ -102,18 +105,18 @@ impl<F: Smooth> Remembered<'_, F> {
 }
 
 impl<F: Smooth> CostFunction for &Remembered<'_, F> {
-    type Param = Vec<f64>;
+    type Param = Vector;
     type Output = f64;
-    fn cost(&self, x: &Vec<f64>) -> Result<f64, Error> {
-        Ok(self.at(x)?.0)
+    fn cost(&self, x: &Vector) -> Result<f64, Error> {
+        Ok(self.at(&x.0)?.0)
     }
 }
 
 impl<F: Smooth> Gradient for &Remembered<'_, F> {
-    type Param = Vec<f64>;
-    type Gradient = Vec<f64>;
-    fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Error> {
-        Ok(self.at(x)?.1)
+    type Param = Vector;
+    type Gradient = Vector;
+    fn gradient(&self, x: &Vector) -> Result<Vector, Error> {
+        Ok(Vector(self.at(&x.0)?.1))
     }
 }
 
@@ -133,7 +136,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         .and_then(|s| s.with_tolerance_cost(0.0));
     if let Ok(solver) = solver {
         let configured = Executor::new(&problem, solver).configure(|state: IterState<_, _, _, _, _, _>| {
-            state.param(start.to_vec()).max_iters(iterations).target_cost(f64::NEG_INFINITY)
+            state.param(Vector(start.to_vec())).max_iters(iterations).target_cost(f64::NEG_INFINITY)
         });
         // If a line search finds no improvement, argmin ends with an error. The best point is kept.
         let _ = configured.run().map(|result| result.state().get_iter());

@@ -1,6 +1,6 @@
 //! Reads NumPy archives (`.npz`) to a JSON tree with one array per key.
 
-use npyz::{DType, NpyFile, Order, TypeChar};
+use base::npy::Header;
 use serde_json::{Map, Value};
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
@@ -33,31 +33,19 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
 
 /// Converts a small numeric array or a string of an archive to JSON; returns `None` for any other content.
 fn array(bytes: &[u8]) -> Option<Value> {
-    let file = NpyFile::new(bytes).ok()?;
-    let shape = file.shape().to_vec();
-    let count = shape.iter().try_fold(1_u64, |n, k| n.checked_mul(*k))?;
+    let mut elements = bytes;
+    let header = Header::read(&mut elements).ok()?;
+    let count = header.shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64))?;
     if count == 0 || count > MOST {
         return None;
     }
-    let column_major = file.order() == Order::Fortran;
-    let DType::Plain(plain) = file.dtype() else {
-        return None;
-    };
-    let values: Vec<f64> = match (plain.type_char(), plain.size_field()) {
-        (TypeChar::Float, 8) => file.into_vec::<f64>().ok()?,
-        (TypeChar::Float, 4) => file.into_vec::<f32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Int, 8) => file.into_vec::<i64>().ok()?.into_iter().map(|v| v as f64).collect(),
-        (TypeChar::Int, 4) => file.into_vec::<i32>().ok()?.into_iter().map(f64::from).collect(),
-        (TypeChar::Uint, 8) => file.into_vec::<u64>().ok()?.into_iter().map(|v| v as f64).collect(),
-        (TypeChar::Uint, 4) => file.into_vec::<u32>().ok()?.into_iter().map(f64::from).collect(),
-        _ => return None,
-    };
-    if values.len() as u64 != count || values.iter().any(|v| !v.is_finite()) {
+    let values = header.numbers(elements)?;
+    if values.iter().any(|v| !v.is_finite()) {
         return None;
     }
-    let mut shape: Vec<usize> = shape.iter().map(|n| *n as usize).collect();
+    let mut shape = header.shape;
     let mut strides: Vec<usize> = vec![1; shape.len()];
-    if column_major {
+    if header.column_major {
         for k in 1..shape.len() {
             strides[k] = strides[k - 1] * shape[k - 1];
         }
