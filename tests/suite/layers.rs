@@ -66,7 +66,7 @@ fn layers_are_written_as_arrays_and_as_a_store() {
     let (_, numbers) = read("behind.npz", "object.npy");
     assert!(numbers.iter().all(|b| *b == 0), "the wall is behind it");
     let (header, letters) = read("truth.npz", "object_names.npy");
-    assert!(header.contains("'<U10'") && header.contains("(2,)"), "{header}");
+    assert!(header.contains("'<U10'") && header.contains("(2, )"), "{header}");
     let letters: String = letters
         .chunks_exact(4)
         .filter_map(|b| char::from_u32(u32::from_le_bytes([b[0], b[1], b[2], b[3]])))

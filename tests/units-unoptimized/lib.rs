@@ -1,0 +1,1 @@
+//! Unit tests of other crates: see Cargo.toml.
