@@ -155,7 +155,9 @@ pub fn seen<S>(
     let all = |of: &[Observation]| of.iter().map(&see).collect::<Result<Vec<_>, _>>();
     let both = [all(train)?, all(test)?];
     if both.iter().any(Vec::is_empty) {
-        return Err(ApplyError::Empty("pass variants for training and for testing".into()));
+        return Err(ApplyError::Empty(
+            "variants are missing; pass at least one variant for training and one for testing".into(),
+        ));
     }
     Ok(both)
 }

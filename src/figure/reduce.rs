@@ -55,7 +55,7 @@ impl<'a> Source<'a> {
                 AxisKind::Bounces => ("bounces", "bounces = true"),
                 AxisKind::Component => ("component", "split_first_bounce = true"),
                 AxisKind::Label => ("label", "labels = true"),
-                AxisKind::Wavelength => ("wavelength", "a list of wavelengths in its scene"),
+                AxisKind::Wavelength => ("wavelength", "wavelengths_nm = […]"),
             };
             FigureError::MissingAxis { slice: self.slice.to_owned(), axis, fix }
         })

@@ -22,11 +22,11 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
-    #[error("the mean T00 of the matrices is not positive; use matrices of a lit scene")]
+    #[error("the mean M00 of the matrices is not positive; use matrices of a lit scene")]
     Dark,
     /// A prior needs the noise level, which is unknown.
     #[error(
-        "a prior needs the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
+        "a prior requires the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
     )]
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.
@@ -35,7 +35,7 @@ pub enum TrialError {
     )]
     Oblique,
     /// `repeat` is 0.
-    #[error("the number of trials is 0; use at least 1")]
+    #[error("the number of trials is 0; use at least 1 trial")]
     NoTries,
     /// The simulation rejected its settings or data.
     #[error(transparent)]

@@ -44,7 +44,7 @@ pub enum RoundsError {
     /// A store of a round cannot be removed.
     #[error(transparent)]
     Store(#[from] RemoveError),
-    #[error("cannot remove {path}: {cause}")]
+    #[error("cannot remove {path}: {cause}; check the permissions of the folder")]
     Remove { path: PathBuf, cause: std::io::Error },
 }
 
@@ -253,7 +253,7 @@ impl ToError<'_> {
         match &standing.next {
             Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
             _ => Err(RoundsError::Goal(format!(
-                "round {round} is not needed: the render ends after {} rounds",
+                "round {round} is not needed, because the render ends after {} rounds; skip this round",
                 standing.round
             ))),
         }

@@ -135,7 +135,7 @@ impl<'a> Vary<'a> {
                 self.error(at.clone(), format!("`{written}` is not a valid path"), help)
             })?;
             if FIXED.contains(&keys[0].as_str()) {
-                let message = format!("`{written}`: `{}` cannot be varied", keys[0]);
+                let message = format!("`{written}`: the key `{}` cannot be varied", keys[0]);
                 return Err(self.error(at.clone(), message, "choose a path that affects the rendered scene"));
             }
             let slot = find(document, &keys).map_err(|known| {

@@ -76,14 +76,14 @@ impl Goal {
         }
         if !(GROUPS..=1 << 20).contains(&self.first) {
             return Some(format!(
-                "{dashes}spp is {}; give {GROUPS} to {} samples per pixel for the first round",
+                "{dashes}spp is {}; give a number of samples per pixel from {GROUPS} to {} for the first round",
                 self.first,
                 1 << 20
             ));
         }
         if !(self.first..=1 << 30).contains(&self.most) {
             return Some(format!(
-                "{dashes}most-spp is {}; give {} to {} samples per pixel (at least those of the first round)",
+                "{dashes}most-spp is {}; give a number of samples per pixel from {} to {} (at least the number of the first round)",
                 self.most,
                 self.first,
                 1 << 30

@@ -94,7 +94,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
             outcome.pictures.extend(pictures(method.name, probe, seen));
         }
         outcome.notes.push(format!(
-            "{}, seed {}: {:.2}° of the errors are not due to sampling noise",
+            "{}, seed {}: an error of {:.2}° is not due to sampling noise",
             method.name,
             test[0].seed,
             floor.to_degrees()

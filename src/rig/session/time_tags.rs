@@ -50,7 +50,9 @@ impl Tags {
                     photons.push(time << 21 | u64::from(dtime) << 6 | u64::from(channel & 63));
                 }
                 Event::Photon { time, .. } => {
-                    return Err(format!("got a photon at pulse {time} of {pulses}"));
+                    return Err(format!(
+                        "a photon has pulse number {time}, but the acquisition has only {pulses} pulses"
+                    ));
                 }
                 Event::Unknown { record } => {
                     return Err(format!("record {record:#010x} has an unknown type"));

@@ -24,7 +24,8 @@ impl GalvoScanner for Simulated<Scanner> {
         self.use_of(within)?;
         self.world.clock().sleep(self.limits.settle.min(within));
         if self.limits.settle > within {
-            return self.fail(Fault::Timeout, "the mirrors are still moving");
+            return self
+                .fail(Fault::Timeout, "the mirrors are still moving at the deadline; allow more time");
         }
         let step = self.limits.resolution_deg;
         let reached = angles_deg.map(|a| (a / step).round() * step);

@@ -275,8 +275,10 @@ fn unused(importer: &mut Importer) {
         };
         if alone && !node.id.as_deref().is_some_and(|id| named.contains(&id)) {
             let id = node.id.as_deref().map_or(String::new(), |id| format!(" (id `{id}`)"));
-            importer
-                .note(format!("the {} `{}`{id} is not used: no element refers to it", node.tag, node.kind));
+            importer.note(format!(
+                "the {} `{}`{id} is not used, because no element refers to it",
+                node.tag, node.kind
+            ));
         }
     }
 }

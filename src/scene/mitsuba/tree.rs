@@ -119,7 +119,10 @@ impl Node {
             return Ok(None);
         };
         convert(&p.value).map(Some).ok_or_else(|| {
-            let message = format!("expected {wanted} for `{}` of {} `{}`", p.name, self.tag, self.kind);
+            let message = format!(
+                "the value of `{}` of {} `{}` has the wrong type: expected {wanted}",
+                p.name, self.tag, self.kind
+            );
             source.error(&p.span, message, "correct the name or the value of the element")
         })
     }

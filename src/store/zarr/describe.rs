@@ -236,7 +236,7 @@ pub(super) fn read_layout(
     let names = mean.names();
     if names.len() != mean.shape().len() {
         return Err(damaged(format!(
-            "the array has {} names for {} dimensions",
+            "the array has {} dimension names, but {} dimensions",
             names.len(),
             mean.shape().len()
         )));
@@ -247,19 +247,19 @@ pub(super) fn read_layout(
     fetched.map_err(|e| OpenError::of_read(&mean.path, &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let kind = AxisKind::from_name(name).ok_or_else(|| damaged(format!("unknown dimension `{name}`")))?;
+        let kind = AxisKind::from_name(name)
+            .ok_or_else(|| damaged(format!("the array has an unknown dimension `{name}`")))?;
         let order = |k: AxisKind| AxisKind::ALL.iter().position(|a| *a == k);
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
-            return Err(damaged(format!("dimensions {names:?} are not in storage order")));
+            return Err(damaged(format!("the dimensions {names:?} are not in storage order")));
         }
         axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk[i]])?);
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
-        Some(value) => value
-            .as_f64()
-            .map(Some)
-            .ok_or_else(|| damaged(format!("attribute `{key}` of the slice is {value}, expected a number"))),
+        Some(value) => value.as_f64().map(Some).ok_or_else(|| {
+            damaged(format!("the attribute `{key}` of the slice is {value}, expected a number"))
+        }),
     };
     let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
     let layout = SliceLayout {

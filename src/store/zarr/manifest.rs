@@ -241,7 +241,7 @@ fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
 }
 
 fn damaged(path: &Path) -> OpenError {
-    OpenError::damaged(path, "the lines differ from those written")
+    OpenError::damaged(path, "the lines of the manifest differ from the lines that were written")
 }
 
 /// Returns the last line of a manifest, which is the checksum of all lines before it.

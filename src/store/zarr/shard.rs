@@ -140,14 +140,14 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let mut end = 0;
     for (number, piece) in there {
         if piece.offset != end {
-            return Some(format!("chunk {number} begins at byte {}, expected {end}", piece.offset));
+            return Some(format!("chunk {number} begins at byte {}, expected byte {end}", piece.offset));
         }
         end = piece.range().end;
         if let Some(reason) = piece.fault(&bytes[piece.offset as usize..end as usize]) {
             return Some(format!("chunk {number}: {reason}"));
         }
     }
-    (end != data).then(|| format!("the chunks end at byte {end}, expected {data}"))
+    (end != data).then(|| format!("the chunks end at byte {end}, expected byte {data}"))
 }
 
 /// The files of a store that are shards, with the number of frames of each, from the metadata of arrays.

@@ -116,7 +116,7 @@ impl Pinhole {
                 let back = self.normalized(p).ok_or_else(|| refused(p))?;
                 if (back - n).length() > 1e-6 * (1.0 + n.length_squared()) {
                     return Err(format!(
-                        "the distortion maps two directions to pixel ({:.0}, {:.0}): the distortion folds the image",
+                        "the distortion maps two directions to pixel ({:.0}, {:.0}), so the distortion cannot be inverted",
                         p.x, p.y
                     ));
                 }

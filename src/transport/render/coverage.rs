@@ -27,7 +27,7 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     if !both && lit.mirror + lit.split > 0.0 {
         out.push(format!(
             "{} of the projector's pixels illuminate mirrors or crystals, and integrator = \"path\" does not find the light \
-             redirected there; remove `integrator`, or set it to \"caustics\"",
+             redirected there; remove `integrator`, or set `integrator = \"caustics\"`",
             percent(lit.mirror + lit.split)
         ));
     }

@@ -44,7 +44,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
         return Err(format!(
-            "got {} images, but the sequence for {} × {} pixels with {} shifts has {} patterns",
+            "got {} images, but the sequence for {} × {} pixels with {} shifts has {} patterns; pass one image per pattern",
             images.len(),
             sequence.size[0],
             sequence.size[1],
@@ -55,7 +55,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let (width, height) = (images[0].width, images[0].height);
     if let Some(i) = images.iter().position(|i| i.width != width || i.height != height) {
         return Err(format!(
-            "image {} has {} × {} pixels, but the first image has {width} × {height}",
+            "image {} has {} × {} pixels, but the first image has {width} × {height} pixels; use images of one size",
             i + 1,
             images[i].width,
             images[i].height

@@ -47,7 +47,7 @@ impl SharedLight {
 
     pub(super) fn warn(&self, what: &str, e: &io::Error) {
         tracing::warn!(
-            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths",
+            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths again",
             self.folder.display()
         );
     }
