@@ -66,8 +66,8 @@ impl Observation {
     /// Returns a slice as pixels.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice has no camera rows
-    /// and columns, or has no matrices although `mueller` requires them; [`ApplyError::Sizes`] if the
+    /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice has no camera rows
+    /// and columns, or has no matrices although `mueller` requires matrices. [`ApplyError::Sizes`] if the
     /// standard errors and the means have different shapes.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;

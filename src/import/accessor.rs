@@ -1,9 +1,9 @@
 //! Checked access to glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
 //!
-//! The crate `gltf` decodes the container and the JSON. Its accessor readers and its validation are
-//! not used because they panic on invalid files (a `POSITION` index out of range, an empty
-//! accessor, an unsuitable component type, a percent-encoded URI that is not UTF-8). This module
-//! checks every index, offset and count against the available bytes.
+//! The crate `gltf` decodes the container and the JSON. The accessor readers and the validation of this crate
+//! are not used because they panic on invalid files (a `POSITION` index out of range, an empty accessor, an
+//! unsuitable component type, a percent-encoded URI that is not UTF-8). This module checks every index,
+//! offset and count against the available bytes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -296,7 +296,7 @@ impl Importer<'_> {
     }
 }
 
-/// Returns the node-to-world transforms of all nodes; `None` for nodes in a cycle.
+/// Returns the node-to-world transforms of all nodes, or `None` for nodes in a cycle.
 fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     let mut out = vec![None; root.nodes.len()];
     let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();

@@ -1,5 +1,5 @@
-//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the
-//! results with the truth.
+//! Runs trials of capture schemes. A trial captures known Mueller matrices, reconstructs the matrices, and
+//! compares the results with the truth.
 //!
 //! A scheme of rank 16 uses least squares. Below rank 16, a trial uses the prior if there is one,
 //! otherwise the minimum-norm solution. All errors are relative to the mean T00 of the truth.
@@ -92,7 +92,7 @@ pub struct SchemeResult {
     pub predicted: Option<f64>,
     /// Root mean square error of all elements, divided by the mean T00 and averaged over all trials.
     pub rmse: f64,
-    /// Standard error of `rmse`; NaN for a single trial.
+    /// Standard error of `rmse`, or NaN for a single trial.
     pub rmse_error: f64,
     /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over bright pixels.
     pub normalized: f64,

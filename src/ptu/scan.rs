@@ -7,7 +7,7 @@ use super::header::Header;
 pub struct Sweep {
     /// Duration of a pixel in counts of the time tag (in T3: sync pulses); the mean with [`Self::sine`].
     pub pixel_time: u64,
-    /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
+    /// Fraction of a sine's amplitude that a line covers, in (0, 1], or `None` for equal durations.
     ///
     /// The position follows `sinusoidal_correction` of `ptufile` (`ImgHdr_SinCorrection`: amplitude in
     /// percent).

@@ -21,7 +21,7 @@ pub struct Description {
     /// Duration of a count of the time tag in seconds: the laser's period in T3, the clock's period in T2.
     pub global_resolution_s: f64,
     pub sync_rate: i64,
-    /// Additional tags. They follow the standard tags.
+    /// Additional tags. The additional tags follow the standard tags.
     pub tags: Vec<Tag>,
 }
 

@@ -4,7 +4,7 @@
 //! vertical angles cover the lower hemisphere, the upper hemisphere or both. The horizontal angles in
 //! degrees depend on the luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
 
-/// A luminaire's intensity profile, divided by its maximum.
+/// A luminaire's intensity profile, divided by the maximum of the profile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ies {
     /// Vertical angles in degrees, increasing within 0..180.

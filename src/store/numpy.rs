@@ -37,7 +37,7 @@ pub enum NumpyError {
     /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: the elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
-    /// The file is shorter than its header states.
+    /// The file is shorter than the header states.
     #[error("{}: the file ends before the end of the array of shape {shape:?}; save the array again", path.display())]
     Short { path: PathBuf, shape: Vec<usize> },
 }

@@ -105,7 +105,7 @@ pub struct ToError<'a> {
     pub begins: &'a dyn Fn(&Standing),
     /// Additional attributes of the store.
     pub attributes: Vec<(&'a str, Value)>,
-    /// Number of threads; 0 for all.
+    /// Number of threads, or 0 for all.
     pub threads: usize,
 }
 

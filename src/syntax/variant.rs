@@ -325,7 +325,7 @@ fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     Spanned::new(span.clone(), value)
 }
 
-/// Returns the numbers of a TOML number or list of numbers; `None` for other values.
+/// Returns the numbers of a TOML number or list of numbers, or `None` for other values.
 fn numbers(value: &toml::Value) -> Option<Vec<f64>> {
     let one = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
     match value {

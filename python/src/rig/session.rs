@@ -19,8 +19,8 @@ use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python owns. It contains the clock and the connections of a
-    /// simulated bench.
+    /// The rig without its instruments, which Python owns. The rig contains the clock and the connections of
+    /// a simulated bench.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }

@@ -14,8 +14,8 @@ use std::cmp::Ordering;
 /// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference, written as a sum of squares so that rounding errors cannot make it negative:
-/// Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in which the root mean squares of the first feature and of y are 1.
+/// The mean squared difference as a sum of squares, Σᵢ (rowᵢ · (W, Σ W b, -1))², which rounding errors cannot
+/// make negative. The root mean squares of the first feature and of y are 1 in the units used.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -40,7 +40,8 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // Regularization makes the matrix positive definite. It is increased if rounding errors require it.
+        // Regularization makes the matrix positive definite. The regularization is increased if rounding
+        // errors require this.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();

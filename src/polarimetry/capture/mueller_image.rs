@@ -218,7 +218,7 @@ impl MuellerImage {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
-    /// Returns the mean of all finite T00, in the unit of the matrices; NaN if none is finite.
+    /// Returns the mean of all finite T00, in the unit of the matrices, or NaN if none is finite.
     pub fn mean(&self) -> f64 {
         let lit = self.matrices.iter().step_by(16).filter(|v| v.is_finite());
         let (n, sum) = lit.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));

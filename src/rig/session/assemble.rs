@@ -277,7 +277,8 @@ fn analog_galvo(
     AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(failed)
 }
 
-/// Opens a USB camera. Its size must equal that of the rig file, as frames cover the whole sensor.
+/// Opens a USB camera. The size of the camera must equal the size in the rig file, because frames cover the
+/// whole sensor.
 #[cfg(feature = "usb3_vision")]
 fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);

@@ -233,8 +233,8 @@ impl Run {
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
-    /// Returns the diode of a scan, with the bins and the mean number of pulses of the counter; `None`
-    /// for a camera run.
+    /// Returns the diode of a scan, with the bins and the mean number of pulses of the counter, or `None` for
+    /// a camera run.
     ///
     /// # Errors
     /// [`ImageError`] if the stored parameters of the diode are damaged.

@@ -7,7 +7,7 @@ use crate::calibrate::temporal::captures::{Capture, Counter};
 use polarimetry::capture::detector::spad::Mode;
 use polarimetry::capture::directions::Directions;
 
-/// Speed of light in meters per picosecond.
+/// Speed of light in metres per picosecond.
 const C: f64 = 299_792_458e-12;
 
 pub struct Histograms {

@@ -80,7 +80,7 @@ pub struct CameraWork {
 pub enum MaskPlan {
     /// A mask in which all projector pixels are on.
     Full,
-    /// A mask in which all projector pixels are off. It measures stray light and dark signal.
+    /// A mask in which all projector pixels are off. This mask measures stray light and dark signal.
     Dark,
     /// A set of stripes of epipolar lines.
     Stripes {

@@ -208,8 +208,8 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Returns the direction of a scan point in optical degrees (x, y). It is the direction through the pixel
-/// center of a pinhole camera.
+/// Returns the direction of a scan point in optical degrees (x, y). This direction goes through the pixel
+/// centre of a pinhole camera.
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
     let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);

@@ -24,7 +24,8 @@ const FOLDER: &str = "time_tags";
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Record type of the files. It has the largest range of `dtime` of all types that PicoQuant's programs read.
+/// Record type of the files. This type has the largest range of `dtime` of all types that PicoQuant's
+/// programs read.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
 /// Time tags of one point: the number of pulses in the dwell time, and every photon.

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
-/// The device at the terminals. It receives the voltages of all channels at every change.
+/// The device at the terminals. The device receives the voltages of all channels at every change.
 pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
 
 pub struct SimulatedCard {

@@ -4,7 +4,7 @@ use super::{Device, Simulated};
 use crate::instrument::{Failure, Fault, GalvoLimits, GalvoScanner, Instrument};
 use std::time::Duration;
 
-/// A simulated scanner. Its direction is stored in the bench.
+/// A simulated scanner. The direction of the scanner is stored in the bench.
 pub struct Scanner;
 
 impl Device for Scanner {

@@ -178,7 +178,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// Creates a device. Errors in its values are located at the Mitsuba plugin.
+/// Creates a device. Errors in the values of this file are located at the Mitsuba plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(node.at(fov_x_deg));

@@ -156,7 +156,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Returns a spectrum (one number, one per wavelength, or a table); `None` if the property is absent.
+    /// Returns a spectrum (one number, one per wavelength, or a table), or `None` if the property is absent.
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {

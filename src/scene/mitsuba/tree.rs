@@ -78,7 +78,7 @@ fn tokens(text: &str) -> impl Iterator<Item = &str> {
     text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty())
 }
 
-/// Parses numbers separated by spaces or commas; returns `None` if a word is not a number.
+/// Parses numbers separated by spaces or commas. Returns `None` if a word is not a number.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     tokens(text).map(number).collect()
 }

@@ -265,7 +265,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// Returns the pattern averaged over the pixels of every entry (v, u); `None` without a contraction.
+/// Returns the pattern averaged over the pixels of every entry (v, u), or `None` without a contraction.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,

@@ -1,6 +1,6 @@
-//! The metadata of an array, which is a `zarr.json` file (Zarr v3 core specification, "Array metadata"),
-//! limited to the features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs
-//! of [`super::coding`]. Other features are refused.
+//! The metadata of an array: a `zarr.json` file (Zarr v3 core specification, "Array metadata"). Only the
+//! features of Sunstone's stores are supported: a regular grid of chunks, fill value zero, and the codecs of
+//! [`super::coding`]. Other features are refused.
 
 use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};

@@ -58,7 +58,7 @@ pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
     Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
 
-/// Returns the attributes of a group's metadata; `None` if the attributes are not a table.
+/// Returns the attributes of a group's metadata, or `None` if the attributes are not a table.
 pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     match json.get("attributes") {
         None => Some(Map::new()),
@@ -66,7 +66,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Returns the names of the slices from the root's metadata; `None` if the metadata is not that of a
+/// Returns the names of the slices from the root's metadata, or `None` if the metadata is not that of a
 /// Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;

@@ -333,7 +333,7 @@ impl FrameStore {
             .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
-    /// Reads a map; returns `None` if the store has no map of this name.
+    /// Reads a map. Returns `None` if the store has no map of this name.
     ///
     /// # Errors
     /// Returns an error if the map is damaged.
@@ -367,7 +367,7 @@ impl FrameStore {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
-    /// Reads a column written by [`Self::write_column`]; returns `None` if the store has no column of this
+    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of this
     /// name.
     ///
     /// # Errors

@@ -72,7 +72,7 @@ impl Source {
         self.path.parent().unwrap_or(Path::new("")).join(name)
     }
 
-    /// Returns the width of the figure in millimetres; `None` if the width is invalid.
+    /// Returns the width of the figure in millimetres, or `None` if the width is invalid.
     pub fn width_mm(&self) -> Option<f64> {
         match self.file.width.as_str() {
             "single" => Some(COLUMN_MM[0]),

@@ -99,7 +99,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     Ok(Decoded { width, height, u: axis(Axis::Column), v: axis(Axis::Row) })
 }
 
-/// Returns the coordinate that Gray code bits encode; NaN if the code is invalid. `steps` holds the
+/// Returns the coordinate that Gray code bits encode, or NaN if the code is invalid. `steps` holds the
 /// difference between each bit and its inverse relative to the contrast, most significant bit first.
 fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let (mut code, mut bits, mut unsure) = (0_u32, 0_u32, None);

@@ -164,7 +164,7 @@ impl Dlpc350 {
         Ok(answer)
     }
 
-    /// Returns the place in flash of a pattern or of its negative; `None` if the flash contains neither.
+    /// Returns the place in flash of a pattern or of its negative, or `None` if the flash contains neither.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {

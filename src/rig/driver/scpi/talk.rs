@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// Whether a late reply may be pending. It would be mistaken for the reply to the next query.
+    /// Whether a late reply may be pending. A late reply would be mistaken for the reply to the next query.
     out_of_step: bool,
 }
 
