@@ -236,7 +236,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "cable_out", "camera", 13, None),
     ("camera.toml", "cable_gone", "camera", 14, Some("connect the instrument and resume")),
     ("camera.toml", "power_cut", "camera", 15, None),
-    ("camera.toml", "interlock", "camera", 16, Some("interlock open")),
+    ("camera.toml", "interlock", "camera", 16, Some("the interlock is open")),
     ("camera.toml", "clock_back", "camera", 17, None),
     ("camera.toml", "clock_forward", "camera", 18, None),
     ("camera.toml", "stall", "retarder_2", 3, None),
@@ -254,7 +254,7 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("scan.toml", "timeout", "galvo", 11, None),
     ("scan.toml", "cable_out", "counter", 12, None),
     ("scan.toml", "power_cut", "counter", 30, None),
-    ("scan.toml", "interlock", "laser", 1, Some("interlock open")),
+    ("scan.toml", "interlock", "laser", 1, Some("the interlock is open")),
     ("scan.toml", "stall", "retarder_3", 3, None),
     ("scan.toml", "clock_back", "counter", 40, None),
     ("tags.toml", "disk_full", "disk", 33, Some("resume")),
@@ -408,7 +408,7 @@ fn a_laser_without_a_table_is_refused() {
     let rig = RIG.replace("[laser]\nnm = 550", "[laser]\ndriver = \"scpi\"\nnm = 550");
     bench.write("rig.toml", rig);
     let output = bench.run("scan.toml", "s.zarr", &[]);
-    refused(&output, 2, "needs a table");
+    refused(&output, 2, "requires the key `table`");
     assert!(!bench.path("s.zarr").exists());
 }
 
@@ -450,7 +450,7 @@ fn an_analog_galvo_takes_the_same_frames() {
     assert!(output.status.success(), "{}", text(&output));
     for (galvo, words) in [
         ("driver = \"analog\"\nvolts_per_degree = 2", "reduce the range"),
-        ("driver = \"analog\"\ncard = { bits = 0 }", "invalid setting in `card`"),
+        ("driver = \"analog\"\ncard = { bits = 0 }", "a setting in `card` is outside the supported range"),
         ("channels = [0, 1]", "applies only to driver"),
     ] {
         let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{galvo}\n")));
@@ -561,7 +561,7 @@ fn a_scanned_plane_calibrates_the_counter() {
             vec!["calibrate", "counter", "--distance=1,2"],
             "got 2 values for 1 runs; pass one distance per run",
         ),
-        (vec!["calibrate", "sensor"], "this is a scan"),
+        (vec!["calibrate", "sensor"], "the run is a scan"),
     ] {
         let mut command = program();
         let output =

@@ -281,7 +281,7 @@ def refusals(server):
     """Check that stores that cannot be read give a message of one line, with the fix."""
     for address, changed, words in (
         (f"s3://{BUCKET}/stores/nothing.zarr", {}, ["does not exist"]),
-        ("s3://no-such-bucket/a.zarr", {}, ["bucket not found", "AWS_ENDPOINT"]),
+        ("s3://no-such-bucket/a.zarr", {}, ["the bucket does not exist", "AWS_ENDPOINT"]),
         (f"s3://{BUCKET}/stores/a.zarr", {"AWS_ALLOW_HTTP": "false"}, ["AWS_ALLOW_HTTP"]),
         (f"http://127.0.0.1:{free_port()}/a.zarr", {}, ["cannot connect"]),
         ("s4://bucket/a.zarr", {}, ["s3://"]),

@@ -125,7 +125,8 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
     lost = int(((drive != 0) & ~np.outer(kept_rows, kept_columns)).sum())
     if lost:
         warnings.warn(
-            f"the pattern drives {lost} projector pixels that the slice does not keep: their light is missing", stacklevel=2
+            f"the pattern uses {lost} projector pixels that the slice does not keep, so the light of these pixels is missing",
+            stacklevel=2,
         )
     dims = ("pattern", "v", "u")[-drive.ndim :]
     return xr.DataArray(total_drive / area, dims=dims, coords={"v": data["v"], "u": data["u"]})

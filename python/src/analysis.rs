@@ -22,7 +22,9 @@ pub enum Either<'py> {
 
 /// Returns the values of a contiguous array; the Python package always passes contiguous arrays.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
-    a.as_slice().map_err(|_| input(format!("{what}: the array is not contiguous")))
+    a.as_slice().map_err(|_| {
+        input(format!("{what}: the array is not C-contiguous; pass numpy.ascontiguousarray(array)"))
+    })
 }
 
 /// Decompose C-contiguous matrices (..., 4, 4). Return arrays by name, and the number of matrices without
@@ -39,7 +41,9 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        _ => bail!("std_error: its dtype differs from that of the matrices; pass both with one dtype"),
+        _ => bail!(
+            "std_error: the dtype of std_error differs from the dtype of the matrices; pass both arrays with one dtype"
+        ),
     }
 }
 
@@ -51,10 +55,12 @@ fn all<'py, T: Real + Element>(
 ) -> PyResult<(Bound<'py, PyDict>, usize)> {
     let shape = matrices.shape();
     let [leading @ .., 4, 4] = shape else {
-        bail!("the shape of the matrices is {shape:?}; expected (..., 4, 4)");
+        bail!("matrices: the shape of the matrices is {shape:?}; expected (..., 4, 4)");
     };
     if let Some(other) = sigmas.map(|s| s.shape()).filter(|s| *s != shape) {
-        bail!("std_error: its shape {other:?} differs from that of the matrices, {shape:?}");
+        bail!(
+            "std_error: the shape of std_error is {other:?}, but the shape of the matrices is {shape:?}; pass arrays of equal shape"
+        );
     }
     let mut wanted = vec![];
     for name in only {

@@ -69,7 +69,10 @@ pub fn run_application<'py>(
     })?;
     let plan = &application.plan;
     if asked.chain.is_some() && plan.slices.is_empty() {
-        bail!("capture: `{}` captures its own input; remove this argument", asked.name);
+        bail!(
+            "capture: the application `{}` captures its own input; remove the argument `capture`",
+            asked.name
+        );
     }
     let scenes = match asked.scenes {
         Some(folder) => folder,

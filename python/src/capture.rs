@@ -128,10 +128,10 @@ pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
 /// Checks that there is at least one wavelength and that all are valid.
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
-        bail!("the wavelength {bad} is not a positive number of nm");
+        bail!("wavelengths_nm: expected positive numbers, in nm, got {bad}");
     }
     if nm.is_empty() {
-        bail!("expected at least one wavelength");
+        bail!("wavelengths_nm: expected at least one wavelength, got none");
     }
     Ok(())
 }
@@ -151,7 +151,10 @@ pub fn simulate<'py>(
     let values = slice("matrices", &matrices)?;
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
-        bail!("the last axis before the matrices must have one entry per wavelength");
+        bail!(
+            "matrices: the number of matrices is not a multiple of the number of wavelengths; pass an array whose last axis before \
+             the matrices has one entry per wavelength"
+        );
     }
     let layout = Layout { height: 1, width: pixels / rays.len(), times: 1, lanes: rays.len() };
     let noise = Noise::Gaussian { sigma: noise };
@@ -186,7 +189,9 @@ pub fn reconstruct<'py>(
     }
     let prior = prior.as_ref().map(moment).transpose()?;
     if prior.is_some() && noise.is_none() {
-        bail!("prior: a prior requires the standard deviation of the intensities; pass it as noise");
+        bail!(
+            "prior: a prior requires the standard deviation of the intensities; pass the standard deviation with the argument `noise`"
+        );
     }
     let options = Options { noise, saturation, realizable, prior };
     let lanes = wavelengths_nm.len();
@@ -211,7 +216,9 @@ pub fn reconstruct<'py>(
         (Either::Double(i), Some(Either::Double(v))) => {
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
-        _ => bail!("variance: its dtype differs from that of the intensities; pass both with one dtype"),
+        _ => bail!(
+            "variance: the dtype of the variance differs from the dtype of the intensities; pass both arrays with one dtype"
+        ),
     }
 }
 
@@ -235,17 +242,21 @@ fn solve<'py, T: PixelNumber + Element>(
 ) -> PyResult<Solved<'py>> {
     let shape = intensities.shape();
     let [measurements, pixels] = *shape else {
-        bail!("the shape of the intensities is {shape:?}; expected (measurements, pixels)");
+        bail!("intensities: the shape of the intensities is {shape:?}; expected (measurements, pixels)");
     };
     if measurements != scheme.0.measurements() || pixels % rays.len().max(1) != 0 {
         bail!(
-            "the shape of the intensities is {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
+            "intensities: the shape of the intensities is {shape:?}, but the scheme has {} measurements, and there are {} \
+             wavelengths; pass one row per measurement, and one column per pixel and wavelength",
             scheme.0.measurements(),
             lanes
         );
     }
     if let Some(other) = variances.map(|v| v.shape()).filter(|s| *s != shape) {
-        bail!("variance: its shape {other:?} differs from that of the intensities, {shape:?}");
+        bail!(
+            "variance: the shape of the variance is {other:?}, but the shape of the intensities is {shape:?}; pass arrays of equal \
+             shape"
+        );
     }
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;
@@ -261,7 +272,8 @@ fn solve<'py, T: PixelNumber + Element>(
     .map_err(|e: sunstone::polarimetry::capture::design_matrix::RankError| input(e))?;
     if lost > 0 {
         let text = format!(
-            "{lost} of {pixels} pixels are NaN: saturated or unknown measurements leave them undetermined"
+            "{lost} of {pixels} pixels are NaN, because saturated or missing measurements leave the matrices of these pixels \
+             undetermined"
         );
         PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &CString::new(text)?, 1)?;
     }

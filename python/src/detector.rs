@@ -48,7 +48,7 @@ pub fn capture<'py>(
 ) -> PyResult<(Numbers<'py>, Option<Numbers<'py>>, Vec<usize>)> {
     check_wavelengths(&wavelengths_nm)?;
     let [leading @ .., 4, 4] = matrices.shape() else {
-        bail!("expected matrices of shape (..., 4, 4)");
+        bail!("matrices: expected an array of shape (..., 4, 4)");
     };
     let values = slice("matrices", &matrices)?.to_vec();
     let listed = if lanes { &wavelengths_nm[..] } else { &[] };
@@ -109,11 +109,14 @@ fn noise(image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
                 Ok(Noise::Gaussian { sigma })
             } else {
                 Err(input(
-                    "relative_noise: the mean M00 of the matrices is not positive; use noise, in the unit of the matrices",
+                    "relative_noise: the mean M00 of the matrices is not positive; pass noise, in the unit of the matrices, instead \
+                     of relative_noise",
                 ))
             }
         }
         (None, None, None) => Ok(Noise::None),
-        _ => bail!("pass only one of detector, noise and relative_noise"),
+        _ => {
+            bail!("got more than one of detector, noise and relative_noise; pass only one of these arguments")
+        }
     }
 }

@@ -16,7 +16,7 @@ impl Lanes {
     /// Creates the sets for wavelengths in nanometres.
     pub fn new(asked_nm: &[f64]) -> PyResult<Self> {
         if asked_nm.is_empty() {
-            bail!("wavelengths_nm: expected at least one wavelength");
+            bail!("wavelengths_nm: expected at least one wavelength, got none");
         }
         let mut rising = asked_nm.to_vec();
         rising.sort_by(f64::total_cmp);
@@ -40,7 +40,7 @@ pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
         (Some(name), _) => bail!("name: unknown {what} `{name}`; available: {known}"),
         (None, [one]) => Ok(one.clone()),
-        (None, []) => bail!("there is no {what}; add one"),
-        (None, _) => bail!("there are several {several}; pass the name of one of {known}"),
+        (None, []) => bail!("there is no {what}; add at least one"),
+        (None, _) => bail!("name: there are several {several}; pass the name of one of {known}"),
     }
 }

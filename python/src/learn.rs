@@ -119,16 +119,20 @@ pub fn learn<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Found<'py>> {
     if template.0.motors().is_empty() {
-        bail!("template: no setting changes between captures; list angles or retardances");
+        bail!(
+            "template: no setting of the scheme changes between captures; list angles or retardances in the scheme"
+        );
     }
     if !(1e-9..=1e6).contains(&asked.noise) {
         bail!("noise: expected a number from 1e-9 to 1e6, got {}", asked.noise);
     }
     if !(0.0..=90.0).contains(&asked.angle_error_deg) {
-        bail!("angle_error_deg: expected 0 to 90 degrees");
+        bail!("angle_error_deg: expected a number from 0 to 90, in degrees");
     }
     if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
-        bail!("expected at most 100000 starts, and 10000000 iterations or adam_steps");
+        bail!(
+            "starts, iterations, adam_steps: expected at most 100000 starts, 10000000 iterations and 10000000 adam_steps"
+        );
     }
     let search = Search {
         starts: asked.starts,
@@ -151,7 +155,7 @@ pub fn learn<'py>(
             pool.install(|| learn_and_validate(&template.0, &objective, &search, folds, onlooker))
         })
     })?;
-    let found = found.map_err(|e| failed(format!("cannot start threads: {e}")))?;
+    let found = found.map_err(|e| failed(format!("cannot start threads: {e}; use fewer threads")))?;
     let descents = found.descents.into_iter();
     Ok((
         Scheme(found.scheme),
@@ -165,13 +169,13 @@ pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
     let view = given.as_array();
     if view.shape() != [16, 16] {
         bail!(
-            "the shape of the second moment is {:?}; expected (16, 16), or the path of a file",
+            "prior: the shape of the second moment is {:?}; expected (16, 16), or the path of a file",
             view.shape()
         );
     }
     let s = Moment::from_fn(|i, j| view[(i, j)]);
     match second_moment::fault(&s) {
         None => Ok(s),
-        Some(fault) => bail!("the second moment {fault}"),
+        Some(fault) => bail!("prior: the second moment {fault}"),
     }
 }

@@ -115,7 +115,9 @@ impl Material {
         let name = choose("material", "materials", &known, name)?;
         let place = |asked: &f64| match nm.iter().position(|own| (own - asked).abs() < 1e-6) {
             Some(lane) => Ok((0, lane)),
-            None => bail!("wavelengths_nm: the scene has {nm:?} nm, not {asked} nm; use its wavelengths"),
+            None => bail!(
+                "wavelengths_nm: the scene has the wavelengths {nm:?} nm, but {asked} nm is requested; pass wavelengths of the scene"
+            ),
         };
         Ok(Self {
             places: wavelengths_nm.iter().map(place).collect::<PyResult<_>>()?,
@@ -135,7 +137,11 @@ impl Material {
         let incoming = directions("incoming", &incoming)?;
         let outgoing = directions("outgoing", &outgoing)?;
         if incoming.len() != outgoing.len() {
-            bail!("got {} incoming but {} outgoing directions", incoming.len(), outgoing.len());
+            bail!(
+                "got {} incoming directions, but {} outgoing directions; pass arrays of equal length",
+                incoming.len(),
+                outgoing.len()
+            );
         }
         let lanes = self.places.len();
         let mut out = vec![0.0_f32; incoming.len() * lanes * 16];

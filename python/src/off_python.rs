@@ -19,7 +19,7 @@ pub fn imported() {
 /// Runs work on `threads` new threads; 0 means one thread per core.
 fn on_own_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| failed(format!("cannot start threads: {e}")))?;
+    let pool = pool.map_err(|e| failed(format!("cannot start threads: {e}; use fewer threads")))?;
     Ok(pool.install(work))
 }
 

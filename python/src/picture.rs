@@ -20,7 +20,7 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
         _ => bail!("the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)"),
     };
     if height == 0 || width == 0 {
-        bail!("an image of shape {shape:?} has no pixels");
+        bail!("an image of shape {shape:?} has no pixels; pass at least one row and one column");
     }
     let size =
         |n: usize| u32::try_from(n).map_err(|_| input("an image must have less than 2^32 rows and columns"));

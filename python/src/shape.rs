@@ -81,7 +81,8 @@ fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
     }
     let [w, h] = camera.resolution;
     Err(input(format!(
-        "{what}: got {} rows of {} pixels, but the camera has {h} rows of {w}",
+        "{what}: the map has {} rows of {} pixels, but the camera has {h} rows of {w} pixels; pass maps with the resolution of the \
+         camera",
         map.height, map.width
     )))
 }
@@ -101,11 +102,11 @@ enum Code {
 impl Code {
     fn of(name: &str, columns: usize, periods: Option<Vec<f64>>) -> PyResult<Self> {
         if !(1..=65_536).contains(&columns) {
-            bail!("columns: expected 1 to 65536");
+            bail!("columns: expected a number from 1 to 65536");
         }
         let unused = || match &periods {
             None => Ok(()),
-            Some(_) => bail!("periods: the code `{name}` has none; remove this argument"),
+            Some(_) => bail!("periods: the code `{name}` has no periods; remove the argument `periods`"),
         };
         match name {
             "gray" => unused().map(|()| Self::Gray),
@@ -115,7 +116,8 @@ impl Code {
             "micro-phase-shift" => match periods {
                 Some(periods) => Ok(Self::MicroPhaseShift(periods)),
                 None => bail!(
-                    "periods: micro phase shifting needs its periods, in columns; the paper uses seven of about 16"
+                    "periods: the code `micro-phase-shift` requires a list of periods, in projector columns; the paper uses seven \
+                     periods of about 16 columns"
                 ),
             },
             other => bail!(

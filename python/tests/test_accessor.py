@@ -42,7 +42,7 @@ def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
 
 @pytest.mark.parametrize("state", ["horizontal", "right", (2.0, 0.3, -0.4, 1.1), None])
 @pytest.mark.parametrize("name", ["full", "binned", "some"])
-@pytest.mark.filterwarnings("ignore:the pattern drives")
+@pytest.mark.filterwarnings("ignore:the pattern uses")
 def test_contraction_equals_the_command(name: str, state: Any) -> None:
     """Contracts with a mask, a Stokes state, and both. The mask is black and white, so the transfer function is irrelevant."""
     lit = written(mask(), "mask.png")

@@ -199,12 +199,12 @@ def of_frame(**changes: Any) -> Callable[[rig.Frame], Any]:
 
 #: Invalid frames, and the error messages.
 LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
-    (lambda f: None, "its pixels are None; expected a NumPy array"),
-    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); expected a NumPy array \(rows, columns\) of uint8 or uint16"),
-    (lambda f: f.pixels.ravel(), r"its pixels are uint16 of shape \(120,\)"),
-    (lambda f: f.pixels.astype(np.int16) - 1, "its pixels are int16"),
+    (lambda f: None, "the pixels of the frame are None; expected a NumPy array"),
+    (lambda f: f.pixels.astype(float), r"the pixels of the frame are float64 of shape \(10, 12\); expected a NumPy array \(rows, columns\) of uint8 or uint16"),
+    (lambda f: f.pixels.ravel(), r"the pixels of the frame are uint16 of shape \(120,\)"),
+    (lambda f: f.pixels.astype(np.int16) - 1, "the pixels of the frame are int16"),
     (lambda f: f.pixels.T, r"timeout: `frame` returned an array of shape \(12, 10\), but .* 10 rows and 12 columns"),
-    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, but Mono12p holds 0 to 4095"),
+    (lambda f: np.full_like(f.pixels, 4096), "a pixel has the value 4096, but the pixel format Mono12p holds values from 0 to 4095"),
     (of_frame(number="seven"), "`number` is 'seven'; expected the camera's frame number, or None"),
     (of_frame(number=-1), "`number` is -1"),
     (of_frame(timestamp_ns=None), "`timestamp_ns` is None; expected an integer number of nanoseconds"),
@@ -230,7 +230,7 @@ def replaced(of: Any, method: str, answer: Callable[[Any], Any]) -> Any:
 
 #: Plan, instrument, method, changed result, and error message.
 ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
-    ("camera", "retarder_2", "read", lambda r: None, "`read` returned None: it has no `angle_deg`; expected a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: None, "`read` returned None: the attribute `angle_deg` is missing; expected a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; expected a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
     ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: the stage is at .*, expected"),
@@ -256,7 +256,7 @@ def test_invalid_answers_are_reported(
 def test_invalid_limits_are_reported(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = replaced(rigs.Camera(session["camera"]), "limits", lambda _: rig.CameraLimits((12, 10), formats=("RGB8",)))
-    with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown format `RGB8`; supported: Mono8, "):
+    with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown pixel format `RGB8`; supported: Mono8, "):
         session.cost()
     session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
     with pytest.raises(ps.InputError, match="camera: limit: exposure time 10ms is outside the range 20ms to 1s"):
@@ -271,7 +271,7 @@ def test_invalid_instruments_are_refused(tmp_path: Path) -> None:
         session["camra"] = session["camera"]
     with pytest.raises(ps.InputError, match="unknown sample `glass`"):
         rig.Session(tmp_path / "camera.toml", sample="glass")
-    with pytest.raises(ps.InputError, match="is, or contains, an input"):
+    with pytest.raises(ps.InputError, match="this output is or contains an input"):
         session.run(tmp_path, force=True)
     del session["camera"]
     with pytest.raises(ps.InputError, match="the plan needs a camera, but the rig has none"):
@@ -282,7 +282,7 @@ def test_instruments_can_be_implemented_in_python(tmp_path: Path, sound: dict[st
     lent = rig.Session(rigs.write(tmp_path) / "camera.toml")
     text = rigs.RIG.replace("[camera]\nsize = [12, 10]\n", '[camera]\ndriver = "python"\nsize = [12, 10]\n')
     (tmp_path / "rig.toml").write_text(text)
-    with pytest.raises(ps.RenderError, match="`camera` is implemented in Python; pass it to"):
+    with pytest.raises(ps.RenderError, match="`camera` is implemented in Python; pass the instrument to"):
         rig.Session(tmp_path / "camera.toml")
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
     # The camera of another bench captures that bench, so frames are dark, but the run finishes.
@@ -406,8 +406,8 @@ def test_instruments_cannot_be_used_during_a_run(tmp_path: Path) -> None:
     session["camera"] = Curious(session["camera"])
     session.run(tmp_path / "s.zarr")
     assert messages == [
-        "projector: in use by a running session; wait until it ends",
-        "the session is running; wait until it ends",
+        "projector: the instrument is in use by a running session; wait until the session ends",
+        "the session is already running; wait until the session ends",
     ]
     session["projector"].dark(1.0)
 

@@ -2,7 +2,7 @@
 //! compares, and its metrics.
 //!
 //! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses only tensors and maps. It does not read scenes or files, and does not render.
+//! uses only tensors and maps. An application does not read scenes or files, and does not render.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -24,7 +24,7 @@ pub struct Application {
     /// All metrics. The first is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Function that learns the task of the first method from training observations; `None` unless this
+    /// Function that learns the task of the first method from training observations. `None` unless this
     /// method computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
     pub task: Option<Learn>,
 }
@@ -63,8 +63,8 @@ pub enum Truth {
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Index of the object, from 0, at each pixel's centre; NaN if there is no object. Smooth glass and water
-    /// in front of the object are ignored.
+    /// Index of the object, from 0, at each pixel's centre, or NaN if there is no object. Smooth glass and
+    /// water in front of the object are ignored.
     Object(&'static str),
     /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
     Texture(&'static str),

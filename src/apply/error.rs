@@ -28,6 +28,6 @@ pub enum ApplyError {
     #[error("{0}")]
     Empty(String),
     /// A method found no solution.
-    #[error("{method} found no solution: {cause}")]
+    #[error("the method {method} found no solution: {cause}")]
     Unsolved { method: &'static str, cause: String },
 }

@@ -66,8 +66,8 @@ impl Observation {
     /// Returns a slice as pixels.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice has no camera rows
-    /// and columns, or has no matrices although `mueller` requires them; [`ApplyError::Sizes`] if the
+    /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice has no camera rows
+    /// and columns, or has no matrices although `mueller` requires matrices. [`ApplyError::Sizes`] if the
     /// standard errors and the means have different shapes.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
@@ -155,7 +155,9 @@ pub fn seen<S>(
     let all = |of: &[Observation]| of.iter().map(&see).collect::<Result<Vec<_>, _>>();
     let both = [all(train)?, all(test)?];
     if both.iter().any(Vec::is_empty) {
-        return Err(ApplyError::Empty("pass variants for training and for testing".into()));
+        return Err(ApplyError::Empty(
+            "variants are missing; pass at least one variant for training and one for testing".into(),
+        ));
     }
     Ok(both)
 }

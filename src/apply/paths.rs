@@ -50,8 +50,8 @@ impl Path {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// Returns whether the path has two reflections, one by a mirror and one by a matte surface, in any
-    /// order: light from a mirror on a wall, or light from a wall reflected by a mirror.
+    /// Returns whether the path has one reflection by a mirror and one by a matte surface, in any order.
+    /// Examples are light from a mirror on a wall, and light from a wall that a mirror reflects.
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }

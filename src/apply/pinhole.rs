@@ -1,7 +1,7 @@
 //! Calibrations of camera and projector as pinhole devices without distortion. The caller must remove
 //! distortion from images beforehand.
 //!
-//! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, metres. Its pixel is
+//! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, metres. The pixel of p is
 //! f·(q_x/q_z, q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
@@ -50,7 +50,7 @@ impl Pinhole {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Returns the pixel coordinate of a world point; `None` if the point is not in front of the device.
+    /// Returns the pixel coordinate of a world point, or `None` if the point is not in front of the device.
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
         let at = |k: usize| self.focal[k] * q[k] / q.z + self.principal[k];

@@ -90,7 +90,10 @@ impl std::fmt::Display for PutError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Input(e) => e.fmt(f),
-            Self::Held(who) => write!(f, "locked by {who}; wait until it finishes, then retry"),
+            Self::Held(who) => write!(
+                f,
+                "the calibration file is locked by {who}; wait until that process ends, then run the command again"
+            ),
             Self::Io(e) => e.fmt(f),
         }
     }

@@ -84,7 +84,7 @@ impl Header {
         match reader.read_exact(&mut start) {
             Err(e) if e.kind() != io::ErrorKind::UnexpectedEof => return Err(e),
             Ok(()) if start.starts_with(b"\x93NUMPY") => {}
-            _ => return Err(invalid("magic not found for NPY file")),
+            _ => return Err(invalid("the file does not begin with the signature of the NPY format")),
         }
         let length = match start[6..] {
             [1, 0] => {

@@ -22,7 +22,9 @@ pub enum FitError {
     TooFew { residuals: usize, parameters: usize },
     #[error("a measurement or a prediction is not a finite number; exclude saturated and dark regions")]
     NotFinite,
-    #[error("the fit does not converge: the initial values are too far off, or samples are mislabeled")]
+    #[error(
+        "the fit does not converge; improve the initial values, and check that every sample has the correct label"
+    )]
     Unsettled,
 }
 

@@ -70,7 +70,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bail!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds);
     }
     if a.capture.is_some() && application.plan.slices.is_empty() {
-        bail!("`{}` captures its own input; remove --capture", a.name);
+        bail!("--capture: the application `{}` captures its own input; remove --capture", a.name);
     }
     let scene = application.plan.scene;
     let scenes = match &a.scenes {

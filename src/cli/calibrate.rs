@@ -225,10 +225,14 @@ impl Target {
             eprintln!("note: {note}");
         }
         for (v, c) in fit.outliers.iter().take(10) {
-            eprintln!("note: view {}, corner {} excluded: the residual is an outlier", v + 1, c + 1);
+            eprintln!(
+                "note: view {}: corner {} is excluded, because the residual is an outlier",
+                v + 1,
+                c + 1
+            );
         }
         if fit.outliers.len() > 10 {
-            eprintln!("note: {} corners excluded in total", fit.outliers.len());
+            eprintln!("note: {} corners are excluded in total", fit.outliers.len());
         }
         for (title, d) in ["camera", "projector"].iter().zip(0..fit.devices.len()) {
             let (device, errors) = (&fit.devices[d], fit.errors(d));
@@ -255,7 +259,7 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     let message = found
         .into_iter()
         .zip(images)
-        .map(|(found, (name, _))| found.map_err(|why| eprintln!("note: {name} excluded: {why}")).ok());
+        .map(|(found, (name, _))| found.map_err(|why| eprintln!("note: {name} is excluded: {why}")).ok());
     message.collect()
 }
 
@@ -270,14 +274,14 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
         if other.image.size() != one.image.size() {
             let [w, h] = other.image.size();
             bail!(
-                "{name} has {w} × {h} pixels, but {first} has {} × {} pixels; use images of one camera",
+                "{name} has {w} × {h} pixels, but {first} has {} × {} pixels; use images of one size from one camera",
                 one.image.width,
                 one.image.height
             );
         }
         if other.orientation != one.orientation {
             bail!(
-                "{name} has EXIF orientation {}, but {first} has {}; use images with one EXIF orientation",
+                "{name} has the EXIF orientation {}, but {first} has the EXIF orientation {}; use images with one orientation",
                 other.orientation,
                 one.orientation
             );
@@ -285,7 +289,7 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
     }
     if one.orientation != 1 {
         eprintln!(
-            "note: images are rotated by their EXIF orientation, {}, to {} × {} pixels, as OpenCV does",
+            "note: the images are rotated by their EXIF orientation, {}, to {} × {} pixels, as in OpenCV",
             one.orientation, one.image.width, one.image.height
         );
     }
@@ -339,7 +343,7 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
     for (i, pattern) in all.iter().enumerate() {
         let path = a.output.join(format!("{i:03}.png"));
         let bytes = png_bytes(w, h, &sequence.bytes(*pattern));
-        let bytes = bytes.ok_or_else(|| Failure::failed("cannot encode a pattern as PNG"))?;
+        let bytes = bytes.ok_or_else(|| Failure::failed("internal error: cannot encode a pattern as PNG"))?;
         whole_file::write(&path, &bytes).map_err(Failure::at(&path))?;
     }
     print(&format!("{}: {} patterns", a.output.display(), all.len()))
@@ -361,7 +365,7 @@ fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     }
     if others > 0 {
         eprintln!(
-            "note: {}: ignored {others} files that are not .png, .jpg or .npy images",
+            "note: {}: {others} files are ignored, because they are not .png, .jpg or .npy images",
             folder.display()
         );
     }
@@ -384,12 +388,14 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         let name = folder.display().to_string();
         let decoded = decode(&sequence, &images).map_err(|e| {
             Failure::input(format!(
-                "{name}: {e}; capture one image per pattern of `sunstone calibrate patterns`, in the same order"
+                "{name}: {e}; capture one image of each pattern that `sunstone calibrate patterns` writes, in the same order"
             ))
         })?;
         let here = images[0].size();
         if *size.get_or_insert(here) != here {
-            bail!("{name}: the images differ in size from those of the first folder; use images of one size");
+            bail!(
+                "{name}: the images differ in size from the images of the first folder; use images of one size"
+            );
         }
         let white = [(
             format!("{name}, white"),
@@ -401,13 +407,17 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         let reach = a.reach.unwrap_or((0.5 * found.smallest).clamp(6.0, 40.0));
         let thrown = at_corners(&decoded, &found.corners, reach);
         let lit = thrown.iter().flatten().count();
-        info!("{name}: {} pixels decoded, {lit} of {} corners lit", decoded.count(), board.len());
+        info!(
+            "{name}: the projector pixel is decoded at {} camera pixels, and {lit} of {} corners are lit",
+            decoded.count(),
+            board.len()
+        );
         if lit < board.len() && lit >= 8 {
-            eprintln!("note: {name}: projector pixels decoded at {lit} of {} corners", board.len());
+            eprintln!("note: {name}: projector pixels are decoded at only {lit} of {} corners", board.len());
         }
         if lit < 8 {
             eprintln!(
-                "note: {name} excluded: projector pixels decoded at only {lit} of its corners; at least 8 are needed"
+                "note: {name} is excluded: projector pixels are decoded at only {lit} of its corners, but at least 8 are needed"
             );
             continue;
         }
@@ -419,7 +429,9 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
-        bail!("no folder shows the complete board lit by the projector; capture such images");
+        bail!(
+            "none of the folders shows the complete board lit by the projector; capture images of the complete, fully lit board"
+        );
     };
     let setups = [a.target.setup(size, a.target.lens), a.target.setup(sequence.size, a.projector_lens)];
     let fitted = fit(&setups, &views, a.target.robust).map_err(Failure::input)?;

@@ -91,7 +91,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     let (counter, points) = (all[0].counter, all[0].points);
     if let Some(k) = all.iter().position(|h| h.counter != counter || h.points != points) {
         bail!(
-            "{}: the counter settings or scan points differ from those of {}; pass only runs of one plan",
+            "{}: the counter settings or the scan points differ from the settings or points of {}; pass only runs of one plan",
             a.runs[k].display(),
             a.runs[0].display()
         );

@@ -88,7 +88,7 @@ impl NoiseArguments {
             let sigma = good("--relative-noise", relative)? * target.mean();
             if !(sigma >= 0.0 && sigma.is_finite()) {
                 bail!(
-                    "--relative-noise: the mean T00 of the matrices is not positive; use --noise, in the unit of the matrices"
+                    "--relative-noise: the mean M00 of the matrices is not positive; use --noise, in the unit of the matrices"
                 );
             }
             return Ok(Noise::Gaussian { sigma });
@@ -116,7 +116,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let captured = target.capture(&scheme, &noise, a.noise.seed).map_err(Failure::input)?;
     let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
     if unknown == captured.intensities.len() {
-        bail!("{}: no matrix gives a finite intensity; no file was written", a.from.source.display());
+        bail!(
+            "{}: no matrix gives a finite intensity, so no file was written; use matrices of a lit scene with finite elements",
+            a.from.source.display()
+        );
     }
     if unknown > 0 {
         eprintln!("note: {unknown} of {} intensities are not finite", captured.intensities.len());
@@ -129,7 +132,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.variance {
         let Some(variances) = &captured.variances else {
             bail!(
-                "--variance: only a camera model provides variances; use --detector with [cmos], or pass --noise to `reconstruct`"
+                "--variance: only a camera model provides variances; use --detector with [cmos], or pass --noise to `sunstone \
+                 reconstruct`"
             );
         };
         save(path, &shape, variances)?;

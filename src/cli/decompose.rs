@@ -39,7 +39,7 @@ pub struct Arguments {
 fn quantity(text: &str) -> Result<Quantity, String> {
     Quantity::ALL.into_iter().find(|q| q.name() == text).ok_or_else(|| {
         let names: Vec<&str> = Quantity::ALL.iter().map(|q| q.name()).collect();
-        format!("no such array; choose from {}", names.join(", "))
+        format!("unknown array; choose from {}", names.join(", "))
     })
 }
 
@@ -58,7 +58,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
-        _ => bail!("--errors: the dtype differs from that of the matrices; save both arrays with one dtype"),
+        _ => bail!(
+            "--errors: the dtype of the errors differs from the dtype of the matrices; save both arrays with one dtype"
+        ),
     };
     if missing == all {
         bail!(
@@ -114,7 +116,8 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         bail!(
-            "{}: expected errors of leading shape {shape:?}, like the matrices, got {other:?}; pass one error per element",
+            "{}: the leading shape of the errors must be {shape:?}, as in the matrices, but is {other:?}; pass one error per matrix \
+             element",
             path.display()
         );
     }

@@ -128,7 +128,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             slice,
             pixel: match a.pixel[..] {
                 [x, y] => [x, y],
-                _ => bail!("--view profile needs --pixel X,Y"),
+                _ => bail!("--view profile requires the option --pixel; pass --pixel X,Y"),
             },
             element: a.element,
         }),

@@ -54,7 +54,9 @@ impl Options {
     /// Refuses the options for figure files when a store is drawn.
     pub fn refuse(&self) -> Result<(), Failure> {
         if self.preview || self.renders.is_some() || self.scenes.is_some() {
-            bail!("--preview, --renders and --scenes apply only to figure files (.toml), not to stores");
+            bail!(
+                "--preview, --renders and --scenes apply only to figure files (.toml), not to stores; remove these options"
+            );
         }
         Ok(())
     }
@@ -131,7 +133,7 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
         entries.flatten().map(|e| e.path()).filter(|p| is_toml(p) && p.is_file()).collect();
     all.sort();
     if all.is_empty() {
-        bail!("--all {shown}: the folder contains no figure file (.toml)");
+        bail!("--all {shown}: the folder contains no figure file (.toml); pass a folder of figure files");
     }
     Ok(all)
 }

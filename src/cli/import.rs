@@ -142,7 +142,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let c = &a.calibration;
     if !a.define.is_empty() {
-        bail!("-D applies only to Mitsuba scenes; a calibration has no parameters");
+        bail!("-D applies only to Mitsuba scenes, because a calibration has no parameters; remove -D");
     }
     let options = Options {
         camera: c.camera.clone(),
@@ -168,8 +168,11 @@ fn write(input: &Path, output: &Path, text: &str, force: bool) -> Result<(), Fai
         bail!("{shown} is both the input and the output; choose another output");
     }
     if output.exists() && !force {
-        bail!("{shown} exists; choose another name, or pass --force to replace it");
+        bail!("{shown} exists; choose another output, or pass --force to replace the existing file");
     }
-    whole_file::write(output, text.as_bytes())
-        .map_err(|e| Failure::failed(format!("cannot write {shown}: {e}")))
+    whole_file::write(output, text.as_bytes()).map_err(|e| {
+        Failure::failed(format!(
+            "cannot write {shown}: {e}; check that the folder is writable and the disk is not full"
+        ))
+    })
 }

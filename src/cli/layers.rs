@@ -53,7 +53,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let shown = a.output.display();
     if !is_file && !a.force && std::fs::symlink_metadata(&a.output).is_ok() {
-        bail!("{shown} exists; choose another name, or pass --force to replace it");
+        bail!("{shown} exists; choose another output, or pass --force to replace the existing store");
     }
     let scene = sunstone::scene::load(&a.scene)?;
     for note in &scene.notes {

@@ -143,7 +143,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let left_out = t.holes + t.dark + t.unreal;
         if left_out > 0 {
             eprintln!(
-                "note: {}: excluded {left_out} of {} bins: {} without values, {} dark, {} with elements larger than M00",
+                "note: {}: {left_out} of {} bins are excluded: {} without values, {} without light, {} with elements larger than M00",
                 a.data.name(),
                 left_out + t.valid,
                 t.holes,
@@ -200,10 +200,12 @@ fn check(a: &Arguments) -> Result<(), Failure> {
         bail!("--noise: expected a number from 1e-9 to 1e6, got {}", a.noise);
     }
     if !(0.0..=90.0).contains(&a.angle_error) {
-        bail!("--angle-error: expected 0 to 90 degrees, got {}", a.angle_error);
+        bail!("--angle-error: expected a number from 0 to 90, in degrees, got {}", a.angle_error);
     }
     if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
-        bail!("expected at most 100000 --starts and 10000000 --iterations or --adam-steps");
+        bail!(
+            "--starts, --iterations, --adam-steps: expected at most 100000 starts, 10000000 iterations and 10000000 Adam steps"
+        );
     }
     match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
         Some(k) => bail!("-k: expected 1 to 256 captures, got {k}"),
@@ -246,7 +248,10 @@ fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
     if let Some(path) = &a.template {
         let scheme = load(path)?;
         if scheme.motors().is_empty() {
-            bail!("{}: no setting changes between captures; list angles or retardances", path.display());
+            bail!(
+                "{}: no setting of the scheme changes between captures; list angles or retardances in the scheme",
+                path.display()
+            );
         }
         return Ok(vec![scheme]);
     }

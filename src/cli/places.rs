@@ -21,7 +21,7 @@ pub fn files<'a>(
 ) -> Result<(), Failure> {
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     if let Some(folder) = outputs.iter().find(|o| o.is_dir()) {
-        bail!("{}: expected a file, found a folder; choose a file name", folder.display());
+        bail!("{}: the output must be a file, but is a folder; choose a file name", folder.display());
     }
     check(inputs, outputs)
 }
@@ -34,7 +34,7 @@ pub fn folders<'a>(
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     for output in &outputs {
         if output.exists() && !output.is_dir() {
-            bail!("{}: expected a folder, found a file; choose another name", output.display());
+            bail!("{}: the output must be a folder, but is a file; choose another name", output.display());
         }
         let extension = lower_extension(output);
         if OF_FILES.contains(&extension.as_str()) && !output.is_dir() {
@@ -53,7 +53,7 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
         return folders(inputs.into_iter().map(Some), [Some(output)]);
     }
     if inputs.into_iter().any(|input| input == output) {
-        bail!("{}: is both an input and the output; choose another output", output.display());
+        bail!("{}: this path is both an input and the output; choose another output", output.display());
     }
     Ok(())
 }
@@ -71,7 +71,7 @@ pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Res
 
 fn lies_in(output: &Path, store: &Path) -> Failure {
     Failure::input(format!(
-        "{}: is inside the store {}; choose an output outside this store",
+        "{}: this output is inside the store {}; choose an output outside the store",
         output.display(),
         store.display()
     ))
@@ -87,7 +87,11 @@ pub fn extension<'a>(
     let is_known = |path: &&PathBuf| path.extension().is_some_and(|e| known.iter().any(|k| e == *k));
     if let Some(path) = paths.into_iter().find(|path| !is_known(path)) {
         let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();
-        bail!("{}: {what} written as {}; change the extension", path.display(), known.join(" or "));
+        bail!(
+            "{}: unsupported extension: {what} written as {}; change the extension",
+            path.display(),
+            known.join(" or ")
+        );
     }
     Ok(())
 }
@@ -109,29 +113,32 @@ fn check<'a>(
             bail!("the name of an output is empty; set a file or a folder");
         }
         if text == "-" {
-            return refused("cannot write to standard output; choose a file name".into());
+            return refused("this output cannot be written to standard output; choose a file name".into());
         }
         if is_address(output) {
-            return refused(
-                "is an address, but this output must be a local file; choose a local path".into(),
-            );
+            return refused("this output must be a local file, not an address; choose a local path".into());
         }
         if is_special(output) {
-            return refused("is a device or a pipe; choose a file name".into());
+            return refused("this output is a device or a pipe; choose a file name".into());
         }
         let above = output.ancestors().skip(1).find(|a| a.exists());
         if let Some(file) = above.filter(|a| !a.is_dir()) {
-            return refused(format!("{} is a file, not a folder; choose another output", file.display()));
+            return refused(format!(
+                "the output cannot be inside {}, which is a file; choose another output",
+                file.display()
+            ));
         }
         let real = real(output);
         for input in &inputs {
             let read = input.display();
             if is_same(input, output) {
-                return refused(format!("is both an input ({read}) and the output; choose another output"));
+                return refused(format!(
+                    "this path is both an input ({read}) and the output; choose another output"
+                ));
             }
             if is_within(&real, input) {
                 return refused(format!(
-                    "is inside the input store ({read}); choose an output outside this store"
+                    "this output is inside the input store ({read}); choose an output outside the store"
                 ));
             }
             if input.exists() && is_within(&self::real(input), output) {
@@ -143,7 +150,7 @@ fn check<'a>(
         }
         for other in &outputs[..i] {
             if is_same(other, output) || self::real(other) == real {
-                return refused("is used for two outputs; choose different names".into());
+                return refused("this path is used for two outputs; choose different names".into());
             }
         }
     }

@@ -105,13 +105,16 @@ fn report(r: &ProbeResult) -> Result<(), Failure> {
     ] {
         let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
         if sum != 0.0 {
-            eprintln!("note: light that {name} is not included: sum {sum:.6e}");
+            eprintln!("note: the result does not include the light that {name}, whose sum is {sum:.6e}");
         }
     }
     let values = &r.mean.data;
     let unknown = values.iter().filter(|v| !v.is_finite()).count();
     if unknown == values.len() {
-        bail!("all values are NaN: the selected region is not rendered, or the selection is empty");
+        bail!(
+            "all values of the result are NaN, because the selected region is not rendered or the selection is empty; change the \
+             selection, or finish the render"
+        );
     }
     if unknown > 0 {
         eprintln!("note: {unknown} of {} values are unknown (NaN)", values.len());

@@ -173,7 +173,7 @@ fn count(a: &Histogram) -> Result<(), Failure> {
         );
     }
     if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
-        bail!("--channel: a channel is listed twice; list each channel once");
+        bail!("--channel: the list contains a channel twice; list each channel once");
     }
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
     let plan = Plan { bin, bins, channels, scan };
@@ -243,12 +243,15 @@ fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> 
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
         let fix = "remove --bin-ps";
-        bail!("{}: the header has no resolution; {fix}", a.file.display());
+        bail!("{}: the header does not contain the time resolution; {fix}", a.file.display());
     };
     let counts = wanted / (resolution * 1e12);
     if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
         let resolution = resolution * 1e12;
-        bail!("--bin-ps {wanted}: expected a multiple of the file's resolution, {resolution:.6} ps");
+        bail!(
+            "--bin-ps {wanted}: the width is not a multiple of the file's resolution, {resolution:.6} ps; pass a multiple of the \
+             resolution"
+        );
     }
     Ok(counts.round() as u32)
 }
@@ -263,7 +266,10 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     let markers = |begin: &u8, end: u8| {
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
-            bail!("--pixel-marker: begin, end and frame need different markers");
+            bail!(
+                "--pixel-marker, --frame-marker: two of the markers are equal; pass different markers for the begin, the end and the \
+                 frame"
+            );
         }
         Ok(Clock { begin, end, frame, sweep: None })
     };
@@ -286,7 +292,7 @@ fn of_header(
     let file = a.file.display();
     let scan = Scan::of_header(reader.header()).map_err(|why| {
         Failure::input(format!(
-            "{file}: {why}; if each pixel has a marker, pass its number with --pixel-marker"
+            "{file}: {why}; if each pixel has a marker, pass the number of the marker with --pixel-marker"
         ))
     })?;
     if (scan.width, scan.height) != (width, height) {

@@ -32,15 +32,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return of_run::run(a);
     }
     if !a.source.exists() {
-        bail!("{}: file not found", a.source.display());
+        bail!(
+            "{}: file not found; pass an existing .npy file of intensities or the store of a run",
+            a.source.display()
+        );
     }
     places::files(inputs, outputs)?;
     places::extension(outputs.into_iter().flatten(), "arrays are", &["npy"])?;
     let Some(scheme) = &a.scheme else {
-        bail!("--scheme is missing; pass the capture scheme with --scheme");
+        bail!("the capture scheme is missing; pass the scheme file with --scheme");
     };
     if !a.masks.is_empty() || a.superpixel {
-        bail!("--mask and --superpixel apply only to runs, not to intensities");
+        bail!(
+            "--mask and --superpixel apply only to runs, not to arrays of intensities; remove these options"
+        );
     }
     let scheme = load(scheme)?;
     if let Some(n) = a.noise.filter(|n| !(1e-18..=1e18).contains(n)) {
@@ -50,7 +55,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         bail!("--saturation: expected a positive number, in the unit of the intensities, got {s}");
     }
     if a.prior.is_some() && a.noise.is_none() {
-        bail!("--prior needs the standard deviation of the intensities; pass the value with --noise");
+        bail!(
+            "--prior requires the standard deviation of the intensities; pass the standard deviation with --noise"
+        );
     }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
     let reader = NumpyReader::open(&a.source).map_err(Failure::input)?;
@@ -69,8 +76,8 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     if !shape.starts_with(want) {
         let want = if channels == 1 { format!("({k}, ...)") } else { format!("({k}, {channels}, ...)") };
         bail!(
-            "{} has shape {shape:?}, but {} captures need shape {want}; pass the scheme of these captures, with the captures on \
-             the first axis",
+            "{} has shape {shape:?}, but the captures of scheme {} need shape {want}; pass the scheme of these captures, with the \
+             captures on the first axis",
             a.source.display(),
             scheme.name
         );
@@ -79,7 +86,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     let lanes = a.wavelengths.len();
     if lanes != 1 && pixels.last() != Some(&lanes) {
         bail!(
-            "{}: the last axis of shape {shape:?} must have length {lanes}, the number of --wavelengths",
+            "{}: the last axis of shape {shape:?} must have length {lanes}, the number of --wavelengths; pass one wavelength per entry",
             a.source.display()
         );
     }
@@ -94,7 +101,7 @@ fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
     };
     let [height, width, ..] = *leading else {
         bail!(
-            "--view: the intensities have no row and column axes after captures and channels; remove the option"
+            "--view: the intensities have no row and column axes after the axes of captures and channels; remove --view"
         );
     };
     let layout = Layout { height, width, ..one_place(a) };
@@ -117,7 +124,7 @@ fn go<T: PixelNumber + NumpyNumber>(
     let variances = a.variance.as_deref().map(NumpyReader::open).transpose().map_err(Failure::input)?;
     if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
         bail!(
-            "--variance: the shape {:?} differs from that of the intensities, {:?}",
+            "--variance: the shape of the variances is {:?}, but the shape of the intensities is {:?}; pass arrays of equal shape",
             other.shape,
             intensities.shape
         );
@@ -193,7 +200,8 @@ fn go<T: PixelNumber + NumpyNumber>(
 /// Returns the error if the captures determine no pixel.
 fn nothing_left(source: &Path, pixels: usize) -> Failure {
     Failure::input(format!(
-        "{}: none of the {pixels} pixels is determined: all measurements are saturated or not finite; no file was written",
+        "{}: the captures determine none of the {pixels} pixels, because all measurements are saturated or not finite, so no file was \
+         written; reduce the exposure",
         source.display()
     ))
 }

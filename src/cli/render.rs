@@ -50,7 +50,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     check_threads(a.threads)?;
     if let Some(light) = a.light.as_ref().filter(|light| is_address(light)) {
         bail!(
-            "--light is {}, but light paths are stored in a local folder; set a folder that all parts share, or remove --light",
+            "--light: the address {} is not a local folder, but light paths are stored in a local folder; set a folder that all parts \
+             share, or remove --light",
             light.display()
         );
     }
@@ -124,9 +125,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
     let (cores, most) = (cores(), most_threads());
     match threads {
-        Some(0) => bail!("--threads: expected at least 1, got 0"),
+        Some(0) => bail!("--threads: expected at least 1 thread, got 0"),
         Some(n) if n > most => bail!(
-            "--threads: got {n}; this machine has {cores} cores and the limit is {} threads per core, {most}",
+            "--threads: got {n} threads, but this machine has {cores} cores and the limit is {} threads per core, {most} in total; \
+             pass a smaller number",
             most / cores
         ),
         _ => Ok(()),

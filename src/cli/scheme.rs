@@ -96,11 +96,11 @@ struct Matrix {
 }
 
 fn incidence(text: &str) -> Result<f64, String> {
-    places::number(text, |deg| (0.0..90.0).contains(&deg), "expected 0 to less than 90 degrees")
+    places::number(text, |deg| (0.0..90.0).contains(&deg), "expected an angle from 0 to less than 90 degrees")
 }
 
 fn azimuth(text: &str) -> Result<f64, String> {
-    places::number(text, |deg| deg.abs() <= 360.0, "expected -360 to 360 degrees")
+    places::number(text, |deg| deg.abs() <= 360.0, "expected an angle from -360 to 360 degrees")
 }
 
 #[derive(clap::Args)]

@@ -34,7 +34,7 @@ pub fn choose(file: &Path, kind: [&str; 2], names: &[String], name: Option<&str>
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
         (Some(name), _) => bail!("{file} has no {one} `{name}`; available: {known}"),
         (None, [name]) => Ok(name.clone()),
-        (None, _) => bail!("{file} contains several {several}; choose one with --name: {known}"),
+        (None, _) => bail!("{file} contains several {several}; choose one of them with --name: {known}"),
     }
 }
 

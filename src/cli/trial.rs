@@ -79,7 +79,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Values::Double(v) => unknown(v, |x| x.is_finite()),
     };
     if unknown > 0 {
-        eprintln!("note: {}: excluded {unknown} matrices that are not finite", a.from.source.display());
+        eprintln!(
+            "note: {}: excluded {unknown} matrices with elements that are not finite",
+            a.from.source.display()
+        );
     }
     let mut target = image(matrices, &a.wavelengths)?;
     if let Some(degrees) = a.view {
@@ -94,7 +97,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let row = trial.run(scheme).map_err(failure)?;
         if row.lost >= 1.0 {
             bail!(
-                "scheme {}: no pixel is determined: all measurements are saturated or not finite",
+                "scheme {}: no pixel is determined, because all measurements are saturated or not finite; reduce the exposure or the \
+                 noise",
                 row.name
             );
         }
@@ -142,7 +146,7 @@ fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
 fn failure(e: TrialError) -> Failure {
     match e {
         TrialError::NoiseUnknown => Failure::input(
-            "--prior needs the noise of the intensities, which [spad] does not define; set --noise, or use a detector with [cmos]",
+            "--prior requires the noise of the intensities, which [spad] does not define; pass --noise, or use a detector with [cmos]",
         ),
         TrialError::NoTries => Failure::failed(e),
         other => Failure::input(other),

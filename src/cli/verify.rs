@@ -35,7 +35,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         lines.push(format!("  … and {} more", found.faults.len() - SHOWN));
     }
     Err(Failure::failed(format!(
-        "{store} is damaged in {} of {files} files:\n{}\nrender it again, or restore it from a backup",
+        "{store} is damaged in {} of {files} files:\n{}\nrender the scene again, or restore the store from a backup",
         found.faults.len(),
         lines.join("\n")
     )))

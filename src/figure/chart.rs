@@ -223,8 +223,8 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     }
 }
 
-/// Returns the page coordinates of a series' points, with their standard errors (0 if there are none); `None`
-/// for a gap.
+/// Returns the page coordinates of a series' points, with their standard errors (0 if there are none), or
+/// `None` for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
     let all = series.points.iter().enumerate();
     all.map(move |(i, &p)| scales.point(p).map(|at| (at, [p.0, p.1], series.error(i))))

@@ -81,7 +81,7 @@ pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
         .collect()
 }
 
-/// Returns the quantile `q` (0..1) of the finite values; `None` if no value is finite.
+/// Returns the quantile `q` (0..1) of the finite values, or `None` if no value is finite.
 pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     let mut finite: Vec<f32> = values.filter(|v| v.is_finite()).collect();
     if finite.is_empty() {

@@ -6,7 +6,7 @@ pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometr
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The slice does not resolve an axis of the view.
-    #[error("slice `{slice}` has no {axis} axis; draw a slice with `{fix}`")]
+    #[error("slice `{slice}` has no {axis} axis; draw a slice that is defined with `{fix}`")]
     MissingAxis {
         slice: String,
         /// Name of the missing axis.
@@ -14,14 +14,18 @@ pub enum FigureError {
         /// The line of a slice definition that adds the axis.
         fix: &'static str,
     },
-    #[error("slice `{slice}` has no values: axis `{axis}` is empty; keep at least one entry")]
+    #[error(
+        "slice `{slice}` has no values, because axis `{axis}` is empty; keep at least one entry of this axis"
+    )]
     Empty {
         slice: String,
         /// Name of the empty axis.
         axis: &'static str,
     },
     /// The values do not fill the axes, or an axis occurs twice.
-    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; render the scene again")]
+    #[error(
+        "slice `{slice}` is damaged: the slice has {found} values for axes {axes}; render the scene again"
+    )]
     Damaged {
         slice: String,
         found: usize,
@@ -49,7 +53,9 @@ pub enum FigureError {
     Extension { path: String, known: &'static str },
     #[error("cannot encode the image: {0}; draw fewer or smaller panels")]
     Encode(String),
-    #[error("cannot write image {path}: {source}")]
+    #[error(
+        "cannot write image {path}: {source}; check that the folder is writable and the disk is not full"
+    )]
     Write { path: String, source: std::io::Error },
 }
 

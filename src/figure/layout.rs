@@ -121,7 +121,7 @@ impl Measure {
         widest.reduce(f64::max).map_or(0.0, |w| self.tick_length + self.gap + w)
     }
 
-    /// Returns the space in pixels for the label of an axis; 0 for an empty label.
+    /// Returns the space in pixels for the label of an axis, or 0 for an empty label.
     fn name(&self, label: &str) -> f64 {
         if label.is_empty() { 0.0 } else { self.label.em.floor() + self.space }
     }

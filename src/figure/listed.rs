@@ -55,7 +55,7 @@ pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Resul
             error(
                 figure,
                 format!("cannot draw figure `{name}`: {e}"),
-                "correct the view, or change the axes that its slice keeps".to_owned(),
+                "correct the view, or use a slice that keeps the axes of this view".to_owned(),
             )
         })?;
     }

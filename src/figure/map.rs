@@ -82,8 +82,8 @@ impl Scale {
         Bar { label, ticks, colour }
     }
 
-    /// Returns a colour with the hue of `rgb`. Its brightness is the position of the largest channel on
-    /// the scale.
+    /// Returns a colour with the hue of `rgb`. The brightness of the colour is the position of the largest
+    /// channel on the scale.
     fn colour(self, rgb: [f32; 3]) -> Rgb<u8> {
         if !rgb.iter().all(|v| v.is_finite()) {
             return UNDEFINED;

@@ -82,7 +82,7 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
 /// [`FigureError::Extension`] for an unknown extension, [`FigureError::Encode`] if there is no
 /// frame or a frame is too large, [`FigureError::Write`] if the file cannot be written.
 pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
-    let first = frames.first().ok_or_else(|| encode("there are no frames"))?;
+    let first = frames.first().ok_or_else(|| encode("the animation has no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
     match extension(path).as_str() {
         "gif" => {
@@ -144,7 +144,8 @@ impl Drawing {
     pub fn pixels(&self) -> Result<RgbImage, FigureError> {
         let tree = self.tree()?;
         let (w, h) = (self.width(), self.height());
-        let mut page = Pixmap::new(w, h).ok_or_else(|| encode(format!("{w} × {h} pixels are too many")))?;
+        let mut page = Pixmap::new(w, h)
+            .ok_or_else(|| encode(format!("the drawing of {w} × {h} pixels is too large")))?;
         page.fill(Color::WHITE);
         paint_images(tree.root(), &mut page)?;
         resvg::render(&tree, Transform::identity(), &mut page.as_mut());

@@ -55,7 +55,7 @@ impl<'a> Source<'a> {
                 AxisKind::Bounces => ("bounces", "bounces = true"),
                 AxisKind::Component => ("component", "split_first_bounce = true"),
                 AxisKind::Label => ("label", "labels = true"),
-                AxisKind::Wavelength => ("wavelength", "a list of wavelengths in its scene"),
+                AxisKind::Wavelength => ("wavelength", "wavelengths_nm = […]"),
             };
             FigureError::MissingAxis { slice: self.slice.to_owned(), axis, fix }
         })
@@ -151,8 +151,8 @@ fn add(
     }
 }
 
-/// Returns the values at the outer edges of the first and last entry of a uniform axis; `None` if the entries
-/// are not evenly spaced.
+/// Returns the values at the outer edges of the first and last entry of a uniform axis, or `None` if the
+/// entries are not evenly spaced.
 pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
     let (&first, &last) = (coords.first()?, coords.last()?);
     let step = if coords.len() > 1 { (last - first) / (coords.len() - 1) as f64 } else { 1.0 };

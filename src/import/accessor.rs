@@ -1,9 +1,9 @@
 //! Checked access to glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
 //!
-//! The crate `gltf` decodes the container and the JSON. Its accessor readers and its validation are
-//! not used because they panic on invalid files (a `POSITION` index out of range, an empty
-//! accessor, an unsuitable component type, a percent-encoded URI that is not UTF-8). This module
-//! checks every index, offset and count against the available bytes.
+//! The crate `gltf` decodes the container and the JSON. The accessor readers and the validation of this crate
+//! are not used because they panic on invalid files (a `POSITION` index out of range, an empty accessor, an
+//! unsuitable component type, a percent-encoded URI that is not UTF-8). This module checks every index,
+//! offset and count against the available bytes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -67,12 +67,16 @@ impl<'a> Data<'a> {
                 }
                 (Some(uri), _) => Cow::Owned(external(uri, length, base)?),
                 (None, Some(blob)) if i == 0 => Cow::Borrowed(blob),
-                (None, _) => return Err(broken(format!("buffer {i} has neither a uri nor a GLB chunk"))),
+                (None, _) => {
+                    return Err(broken(format!(
+                        "buffer {i} has neither a `uri` nor data in the GLB container"
+                    )));
+                }
             };
             if bytes.len() < length {
                 let found = bytes.len();
                 notes.add(format!(
-                    "buffer {i}: expected {length} bytes, got {found}; the missing bytes are ignored"
+                    "buffer {i}: expected {length} bytes, got {found} bytes; the missing bytes are ignored"
                 ));
             }
             let length = length.min(bytes.len());
@@ -107,7 +111,9 @@ impl<'a> Data<'a> {
         match component(json) {
             Some(ComponentType::U8 | ComponentType::U16 | ComponentType::U32) => {}
             _ => {
-                return Err(broken(format!("accessor {accessor} does not contain unsigned indices")));
+                return Err(broken(format!(
+                    "accessor {accessor} does not contain unsigned integers, which indices require"
+                )));
             }
         }
         let values = self.gather::<u32, 1>(accessor, |t, _, b| decode_unsigned(t, b))?;
@@ -160,7 +166,9 @@ impl<'a> Data<'a> {
             out
         };
         if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
-            return Err(wrong("does not match the compressed data: the count or the type differs"));
+            return Err(wrong(
+                "does not match the compressed data: the element count or the element type differs",
+            ));
         }
         let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
             (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),

@@ -25,7 +25,7 @@ pub(super) enum Wanted<'a> {
 }
 
 impl<'a> Wanted<'a> {
-    /// Parses an attribute's full name; returns `None` for other names.
+    /// Parses an attribute's full name. Returns `None` for other names.
     pub fn new(name: &'a str) -> Option<Self> {
         let vertex = name.strip_prefix("vertex_").map(Self::Vertex);
         vertex.or_else(|| name.strip_prefix("face_").map(Self::Face))

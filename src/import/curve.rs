@@ -71,7 +71,7 @@ pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes,
     }
     Err(ImportError::new(
         format!("the curves need more than {MOST} triangles"),
-        "split the file into several, or use fewer points",
+        "split the file into several files, or use fewer points",
     ))
 }
 
@@ -90,7 +90,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
         };
         let p = place.transform_point3(DVec3::new(x, y, z));
         if !p.as_vec3().is_finite() || !(radius as f32).is_finite() {
-            return wrong("the point has a number that is not finite".into());
+            return wrong("a coordinate or the radius of the point is not a finite number".into());
         }
         if radius < 0.0 {
             return wrong(format!("expected a radius of at least 0, got {radius}"));
@@ -104,7 +104,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     let least = if kind == Kind::BSpline { 4 } else { 2 };
     match curves.iter().position(|c| c.len() < least) {
         Some(i) => Err(ImportError::new(
-            format!("curve {} has {} points, expected at least {least}", i + 1, curves[i].len()),
+            format!("curve {} has {} points, but expected at least {least}", i + 1, curves[i].len()),
             FIX,
         )),
         None if curves.is_empty() => Err(ImportProblem::EmptyFile.into()),

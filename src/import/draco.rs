@@ -74,7 +74,9 @@ pub(super) fn decode<'a>(
                 let elements = attribute
                     .and_then(|id| stream.attribute_by_unique_id(id))
                     .and_then(|a| elements(a, stream.num_points()))
-                    .ok_or_else(|| wrong(&format!("does not contain its {}", semantic.to_string())))?;
+                    .ok_or_else(|| {
+                        wrong(&format!("does not contain the attribute {}", semantic.to_string()))
+                    })?;
                 out.insert(accessor.value(), elements);
             }
         }

@@ -134,8 +134,8 @@ fn errors_name_the_fault() {
         assert!(message.contains(word), "{path}: {message}");
     };
     let extension = format!("/meshes/0/primitives/0/extensions/{DRACO}");
-    fails(&format!("{extension}/attributes/NORMAL"), json!(7), "does not contain its NORMAL");
-    fails(&format!("{extension}/attributes/NORMAL"), json!("x"), "does not contain its NORMAL");
+    fails(&format!("{extension}/attributes/NORMAL"), json!(7), "does not contain the attribute NORMAL");
+    fails(&format!("{extension}/attributes/NORMAL"), json!("x"), "does not contain the attribute NORMAL");
     fails(&format!("{extension}/attributes/POSITION"), json!(0), "does not match the compressed data");
     fails(&format!("{extension}/bufferView"), json!(1), "beyond its buffer");
     fails(&extension, json!({}), "no buffer view");

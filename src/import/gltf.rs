@@ -173,7 +173,9 @@ impl Importer<'_> {
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
             if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.parts.notes.add(format!("{name:?} is invisible and is skipped with its children"));
+                self.parts
+                    .notes
+                    .add(format!("{name:?} is invisible, so this node and its children are skipped"));
                 continue;
             }
             if let Some(mesh) = node.mesh {
@@ -202,7 +204,8 @@ impl Importer<'_> {
             let local = self.read(mesh, &pose)?;
             return self.place(mesh, name, &local, &[DAffine3::IDENTITY]);
         }
-        let world = self.worlds[index].ok_or_else(|| broken(format!("node {index} is part of a cycle")))?;
+        let world = self.worlds[index]
+            .ok_or_else(|| broken(format!("node {index} is part of a cycle of child nodes")))?;
         let maps: Vec<_> = self.instances(node)?.iter().map(|i| world * *i).collect();
         let local = self.read(mesh, &pose)?;
         self.place(mesh, name, &local, &maps)
@@ -252,7 +255,9 @@ impl Importer<'_> {
                     turns.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |r| r[i]),
                     scales.as_ref().map_or([1.0; 3], |s| s[i]),
                 )
-                .ok_or_else(|| broken(format!("{INSTANCING}: instance {i} has no valid rotation")))
+                .ok_or_else(|| {
+                    broken(format!("{INSTANCING}: the rotation of instance {i} is not a unit quaternion"))
+                })
             })
             .collect()
     }
@@ -291,7 +296,7 @@ impl Importer<'_> {
     }
 }
 
-/// Returns the node-to-world transforms of all nodes; `None` for nodes in a cycle.
+/// Returns the node-to-world transforms of all nodes, or `None` for nodes in a cycle.
 fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     let mut out = vec![None; root.nodes.len()];
     let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();
@@ -424,12 +429,12 @@ fn read_primitive(
             return Ok(None);
         }
         Checked::Invalid => {
-            return Err(broken(format!("mesh {name:?} has a primitive of an unknown mode")));
+            return Err(broken(format!("mesh {name:?} has a primitive whose `mode` is unknown")));
         }
     };
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let Some(positions) = attribute(Semantic::Positions) else {
-        parts.notes.add(format!("a primitive of mesh {name:?} has no POSITION and is skipped"));
+        parts.notes.add(format!("a primitive of mesh {name:?} has no attribute POSITION and is skipped"));
         return Ok(None);
     };
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {

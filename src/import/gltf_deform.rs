@@ -32,7 +32,11 @@ pub(super) fn joints(
         None => vec![],
     };
     if json.inverse_bind_matrices.is_some() && inverses.len() < json.joints.len() {
-        let what = format!("skin {skin} has {} matrices for {} joints", inverses.len(), json.joints.len());
+        let what = format!(
+            "skin {skin} has {} inverse bind matrices, but {} joints",
+            inverses.len(),
+            json.joints.len()
+        );
         return Err(broken(what));
     }
     let joint = |(i, node): (usize, &Index<_>)| {
@@ -60,8 +64,11 @@ pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh
             };
             let moves = data.floats::<3>(accessor.value())?;
             if !to.is_empty() && moves.len() != to.len() {
-                let what =
-                    format!("a morph target has {} displacements for {} vertices", moves.len(), to.len());
+                let what = format!(
+                    "a morph target has displacements for {} vertices, but the mesh has {} vertices",
+                    moves.len(),
+                    to.len()
+                );
                 return Err(broken(what));
             }
             for (v, by) in to.iter_mut().zip(moves) {
@@ -91,12 +98,17 @@ pub(super) fn skin(
         };
         let (of, weights) = (data.joints(of)?, data.floats::<4>(weights)?);
         if [of.len(), weights.len()] != [mesh.positions.len(); 2] {
-            return Err(broken("a skinned primitive has different numbers of joints, weights and positions"));
+            return Err(broken(
+                "in a primitive with a skin, the numbers of joints, weights and positions differ",
+            ));
         }
         sets.push((of, weights));
     }
     if sets.is_empty() {
-        return Err(broken("a primitive of a node with a skin has no JOINTS_0 and WEIGHTS_0"));
+        return Err(broken(
+            "a node has a skin, but a primitive of its mesh has no attributes JOINTS_0 and WEIGHTS_0, which assign joints and weights \
+             to vertices",
+        ));
     }
     let mut mirrored = 0;
     for vertex in 0..mesh.positions.len() {
@@ -108,7 +120,7 @@ pub(super) fn skin(
                 }
                 let missing = || {
                     broken(format!(
-                        "vertex {vertex} depends on joint {joint}, which is missing from the skin"
+                        "vertex {vertex} refers to joint {joint}, but the skin has no joint with this index"
                     ))
                 };
                 let map = joints.get(joint as usize).ok_or_else(missing)?;
@@ -119,7 +131,9 @@ pub(super) fn skin(
             }
         }
         if sum == 0.0 {
-            return Err(broken(format!("all weights of vertex {vertex} of a skinned primitive are 0")));
+            return Err(broken(format!(
+                "in a primitive with a skin, the weights of vertex {vertex} are all 0"
+            )));
         }
         // Divide by the sum of the weights, which is 1 only up to rounding.
         let (linear, offset) = (linear * sum.recip(), offset / sum);

@@ -173,7 +173,7 @@ fn modes_and_index_types() {
         let message = indices(mode, Some(5)).unwrap_err().to_string();
         assert!(message.contains("points or lines of mesh \"corner\""), "{message}");
     }
-    assert!(indices(7, Some(5)).unwrap_err().to_string().contains("unknown mode"));
+    assert!(indices(7, Some(5)).unwrap_err().to_string().contains("`mode` is unknown"));
 }
 
 #[test]
@@ -223,7 +223,7 @@ fn errors_name_the_element() {
     fails("/meshes/0/primitives/0/material", json!(7), "material 7");
     fails("/accessors/0/count", json!(4_294_967_295_u64), "beyond its buffer");
     fails("/accessors/0/count", json!(1), "normals for 1 vertices");
-    fails("/accessors/3/componentType", json!(5126), "does not contain unsigned indices");
+    fails("/accessors/3/componentType", json!(5126), "does not contain unsigned integers");
     fails("/accessors/3/byteOffset", json!(99), "vertex 255");
     fails("/accessors/1/type", json!("VEC4"), "3 components");
     fails("/bufferViews/0/byteOffset", json!(u64::MAX), "beyond its buffer");

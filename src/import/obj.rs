@@ -93,7 +93,8 @@ impl Tables {
                     let p = Vec3::new(c[0], c[1], c[2]);
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
-                        let what = format!("position {} divided by w is not finite", rest.trim());
+                        let what =
+                            format!("the position {} divided by its weight w is not finite", rest.trim());
                         return Err(at_line(ImportError::new(what, "remove w or set w to 1")));
                     }
                     tables.positions.push(p);
@@ -272,7 +273,7 @@ impl Reader<'_> {
 
     /// Parses a corner and resolves relative indices.
     fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
-        let bad = || ImportError::new(format!("{word:?} is not a valid face corner"), FIX_FACE);
+        let bad = || ImportError::new(format!("{word:?} is not a valid corner of a face"), FIX_FACE);
         let tables = self.tables;
         let counts = [tables.positions.len(), tables.uvs.len(), tables.normals.len()];
         let mut corner = [0; 3];
@@ -390,7 +391,7 @@ impl Reader<'_> {
         let Lacking { faces, uvs, normals, smooth, missing, short } = self.lacking;
         for (count, what) in missing.into_iter().zip(["texture coordinates", "normals"]) {
             if count > 0 {
-                self.parts.notes.add(format!("{count} face corners refer to missing {what}"));
+                self.parts.notes.add(format!("{count} corners of faces refer to {what} that do not exist"));
             }
         }
         if short > 0 {

@@ -129,7 +129,7 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     if lost > 0 {
         mesh.normals.clear();
         notes.add(format!(
-            "mesh {name:?}: {lost} normals are zero and their faces are degenerate; all normals of the mesh are ignored"
+            "mesh {name:?}: {lost} normals are zero and their faces are degenerate, so all normals of the mesh are ignored"
         ));
     } else {
         let note = format!("mesh {name:?}: a zero normal is replaced by the normal of its faces");

@@ -262,7 +262,7 @@ impl File<'_> {
                 n => {
                     let what = format!("face {number} (counted from 0) has {} corners", corners.len());
                     return Err(format!(
-                        "{what}, but {n} texture coordinate values (expected two per corner)"
+                        "{what}, but {n} texture coordinate values; expected two values per corner"
                     ));
                 }
             };

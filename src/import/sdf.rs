@@ -66,9 +66,10 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
         None => {
             Err(ImportError::new(format!("the surface has more than {MOST} triangles"), "use fewer points"))
         }
-        Some(found) if found.mesh.indices.is_empty() => {
-            Err(ImportError::new("all distances of the grid have the same sign", FIX))
-        }
+        Some(found) if found.mesh.indices.is_empty() => Err(ImportError::new(
+            "all distances of the grid have the same sign, so the grid contains no surface",
+            FIX,
+        )),
         Some(found) => Ok(found),
     }
 }

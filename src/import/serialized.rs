@@ -202,7 +202,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if flags & TANGENTS_5 != 0 {
         parts.notes.add("normals are not used because the file stores them with tangents");
     } else if flags & FACE_NORMALS_5 != 0 {
-        parts.notes.add("the mesh has face normals: set `flat`");
+        parts.notes.add("the mesh has face normals; to use them, set `flat`");
     } else if flags & NORMALS != 0 {
         mesh.normals = records.iter().map(|r| Vec3::new(r[3], r[4], r[5])).collect();
     }

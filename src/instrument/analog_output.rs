@@ -69,16 +69,21 @@ impl AnalogLimits {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
             return Err(format!(
-                "got a buffer of {} lists, expected {channels} lists of equal length",
+                "got a buffer of {} lists, but expected {channels} lists of equal length",
                 buffer.len()
             ));
         }
         if samples == 0 || samples > self.samples {
-            return Err(format!("got {samples} samples; expected 1 to {}", self.samples));
+            return Err(format!(
+                "got {samples} samples per channel, but expected 1 to {} samples",
+                self.samples
+            ));
         }
         let [least, most] = self.volts;
         let beyond = buffer.iter().flatten().find(|v| !(**v >= least && **v <= most));
-        beyond.map_or(Ok(()), |v| Err(format!("voltage {v} V is outside the range {least} to {most} V")))
+        beyond.map_or(Ok(()), |v| {
+            Err(format!("the voltage {v} V is outside the range of the card, {least} to {most} V"))
+        })
     }
 }
 

@@ -103,12 +103,12 @@ impl CameraLimits {
             && u64::from(r.x) + u64::from(r.width) <= u64::from(width)
             && u64::from(r.y) + u64::from(r.height) <= u64::from(height);
         if !inside {
-            return Err(format!("region {r:?} is outside the sensor of {width} x {height} pixels"));
+            return Err(format!("the region {r:?} is outside the sensor of {width} x {height} pixels"));
         }
         let [sx, sy] = self.step.map(|s| s.max(1));
         if r.x % sx + r.width % sx + r.y % sy + r.height % sy > 0 {
             return Err(format!(
-                "position and size of region {r:?} must be multiples of {sx} columns and {sy} rows"
+                "the position and the size of the region {r:?} must be multiples of {sx} columns and {sy} rows"
             ));
         }
         let [least, most] = self.exposure;

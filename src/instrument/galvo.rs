@@ -23,7 +23,7 @@ impl GalvoLimits {
         if angles_deg.iter().zip(self.range_deg).all(|(a, most)| a.abs() <= most) {
             return Ok(());
         }
-        Err(format!("{angles_deg:?}° is outside ±{:?}°", self.range_deg))
+        Err(format!("the mirror angles {angles_deg:?}° are outside the range ±{:?}°", self.range_deg))
     }
 }
 

@@ -22,7 +22,7 @@ impl LaserLimits {
         if hz >= least && hz <= most {
             return Ok(());
         }
-        Err(format!("pulse rate {hz} Hz is outside the range {least} to {most} Hz"))
+        Err(format!("the pulse rate {hz} Hz is outside the range {least} to {most} Hz"))
     }
 }
 

@@ -34,7 +34,7 @@ impl ProjectorLimits {
         if patterns <= self.patterns {
             return Ok(());
         }
-        Err(format!("{patterns} patterns exceed the limit of {}", self.patterns))
+        Err(format!("{patterns} patterns exceed the limit of {} patterns", self.patterns))
     }
 }
 
@@ -44,7 +44,9 @@ impl ProjectorLimits {
 /// Returns a message if the list has no such entry.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
-    found.ok_or_else(|| format!("pattern {pattern} does not exist; {} patterns are loaded", loaded.len()))
+    found.ok_or_else(|| {
+        format!("pattern {pattern} does not exist, because only {} patterns are loaded", loaded.len())
+    })
 }
 
 pub trait PatternProjector: Instrument {

@@ -28,7 +28,7 @@ impl StageLimits {
         if angle_deg.is_finite() && angle_deg >= least && angle_deg <= most {
             return Ok(());
         }
-        Err(format!("angle {angle_deg}° is outside the range {least}° to {most}°"))
+        Err(format!("the angle {angle_deg}° is outside the range {least}° to {most}°"))
     }
 
     /// Returns the duration of a move by an angle of `degrees` with a trapezoidal velocity profile.

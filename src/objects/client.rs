@@ -167,7 +167,8 @@ async fn fetch(
     match read.await {
         Ok((Some(bytes), size)) => Ok(Some((bytes, size))),
         Ok((None, size)) => {
-            let source = format!("{key} has {size} bytes, more than any file of a store");
+            let source =
+                format!("the object {key} has {size} bytes, which is more than any file of a store can have");
             Err(Error::Generic { store: "object", source: source.into() })
         }
         Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => Ok(None),

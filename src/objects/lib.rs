@@ -69,7 +69,7 @@ impl Objects {
         let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
         if host.is_empty() {
             return Err(Refusal::new(
-                "the address contains no bucket or server",
+                "the address contains no name of a bucket or server",
                 format!("write {scheme}://NAME/STORE.zarr"),
             ));
         }
@@ -92,7 +92,7 @@ impl Objects {
                 .map(|s| Arc::new(s) as _),
             "http" | "https" if whole.contains(['?', '#']) => {
                 return Err(Refusal::new(
-                    "an address with `?` or `#` refers to one file, but a store has many",
+                    "an address with `?` or `#` refers to one file, but a store has many files",
                     "use the address of the store's folder",
                 ));
             }
@@ -205,7 +205,10 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
     let [credentials, public, server] = variables(scheme);
     let web = scheme.starts_with("http");
     if says(&["NoSuchBucket", "ContainerNotFound"]) {
-        return Refusal::new("bucket not found", format!("check its name, and {server} for your own server"));
+        return Refusal::new(
+            "the bucket does not exist",
+            format!("check the name of the bucket, and {server} if you use your own server"),
+        );
     }
     if says(&["169.254.169.254", "metadata.google", "MissingCredential", "Account must be"]) {
         return Refusal::new(
@@ -221,18 +224,18 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
     }
     if says(&["501 ", "not supported", "not implemented", "not yet implemented"]) {
         return Refusal::new(
-            "the server does not support the request",
+            "the server does not support this request",
             "use an object store (s3://, gs://, az://)",
         );
     }
     if says(&["301 Moved", "PermanentRedirect", "AuthorizationHeaderMalformed", "bare redirect"]) {
-        return Refusal::new("the bucket is in another region", "set AWS_REGION to its region");
+        return Refusal::new("the bucket is in another region", "set AWS_REGION to the region of the bucket");
     }
     if matches!(error, Error::Unauthenticated { .. } | Error::PermissionDenied { .. })
         || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
     {
         return Refusal::new(
-            "access is denied",
+            "the server denies access",
             if web {
                 "ask the server's administrator for read access".to_owned()
             } else {
@@ -252,7 +255,7 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
             if web {
                 "check the address and the network".to_owned()
             } else {
-                format!("check the network, and {server} for your own server")
+                format!("check the network, and {server} if you use your own server")
             },
         );
     }

@@ -50,7 +50,7 @@ fn calls_work_inside_another_runtime() {
 fn errors_name_the_fix() {
     let generic = |text: &str| Error::Generic { store: "S3", source: text.to_owned().into() };
     for (text, scheme, what, fix) in [
-        ("404: <Code>NoSuchBucket</Code>", "s3", "bucket not found", "AWS_ENDPOINT"),
+        ("404: <Code>NoSuchBucket</Code>", "s3", "the bucket does not exist", "AWS_ENDPOINT"),
         ("GET http://169.254.169.254/latest", "s3", "no credentials", "AWS_SKIP_SIGNATURE"),
         ("MissingCredential", "az", "no credentials", "AZURE_STORAGE_ACCOUNT_NAME"),
         ("operation timed out", "gs", "in time", "network"),

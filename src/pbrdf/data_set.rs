@@ -245,6 +245,6 @@ mod tests {
         made(&at.join("dark.pbsdf"), -1.0);
         assert!(read(at, &[550.0], 8.0).contains("dark: no bin is valid"));
         std::fs::write(at.join("dark.pbsdf"), "nothing").unwrap();
-        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: not a tensor file"));
+        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: the file is not a tensor file"));
     }
 }

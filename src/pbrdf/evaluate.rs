@@ -127,7 +127,7 @@ impl<'a> Specimen<'a> {
         Self { materials, lanes, id, at }
     }
 
-    /// Returns the BRDF for light from `incoming` to `outgoing`; zero if the material scatters no light to
+    /// Returns the BRDF for light from `incoming` to `outgoing`, or zero if the material scatters no light to
     /// `outgoing`.
     pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
         let m = self.mueller(incoming, outgoing);

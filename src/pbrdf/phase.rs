@@ -19,9 +19,9 @@ pub struct PhaseTable {
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
-    /// Mean scattering cross section of a particle, m²; 0 if the medium does not define particles.
+    /// Mean scattering cross section of a particle, m², or 0 if the medium does not define particles.
     pub scattering_cross_section: f64,
-    /// Mean absorption cross section of a particle, m²; 0 if the medium does not define particles.
+    /// Mean absorption cross section of a particle, m², or 0 if the medium does not define particles.
     pub absorption_cross_section: f64,
     /// S11, S12, S22, S33, S34, S44 at each angle, per steradian, with S11 normalized to an integral of 1
     /// over the sphere. The first axis of both Stokes frames is perpendicular to the scattering plane (S12 =

@@ -60,7 +60,7 @@ impl BandedMaterials {
         self.0.iter().take(1).flat_map(|set| set.names.keys())
     }
 
-    /// Returns whether the material has a non-specular lobe; `None` if the name is unknown.
+    /// Returns whether the material has a non-specular lobe, or `None` if the name is unknown.
     pub fn has_extended_lobe(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))

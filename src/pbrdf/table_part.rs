@@ -6,13 +6,13 @@ use transport::material::measured::table::Table;
 /// Approximate number of entries used for statistics. Larger tables are subsampled evenly.
 const LOOKED_AT: usize = 200_000;
 
-/// Returns the index of the node (in radians) nearest to an angle in degrees; 0 if there are no nodes.
+/// Returns the index of the node (in radians) nearest to an angle in degrees, or 0 if there are no nodes.
 pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     let distance = |i: &usize| (nodes[*i] - degrees.to_radians()).abs();
     (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
 
-/// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are no bands.
+/// Returns the index of the band nearest to a wavelength in nanometres, or `None` if there are no bands.
 pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
     let distance = |i: &usize| (f64::from(bands_nm[*i]) - nm).abs();
     (0..bands_nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))

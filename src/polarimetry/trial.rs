@@ -1,5 +1,5 @@
-//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the
-//! results with the truth.
+//! Runs trials of capture schemes. A trial captures known Mueller matrices, reconstructs the matrices, and
+//! compares the results with the truth.
 //!
 //! A scheme of rank 16 uses least squares. Below rank 16, a trial uses the prior if there is one,
 //! otherwise the minimum-norm solution. All errors are relative to the mean T00 of the truth.
@@ -22,11 +22,11 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
-    #[error("the mean T00 of the matrices is not positive; use matrices of a lit scene")]
+    #[error("the mean M00 of the matrices is not positive; use matrices of a lit scene")]
     Dark,
     /// A prior needs the noise level, which is unknown.
     #[error(
-        "a prior needs the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
+        "a prior requires the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
     )]
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.
@@ -35,7 +35,7 @@ pub enum TrialError {
     )]
     Oblique,
     /// `repeat` is 0.
-    #[error("the number of trials is 0; use at least 1")]
+    #[error("the number of trials is 0; use at least 1 trial")]
     NoTries,
     /// The simulation rejected its settings or data.
     #[error(transparent)]
@@ -92,7 +92,7 @@ pub struct SchemeResult {
     pub predicted: Option<f64>,
     /// Root mean square error of all elements, divided by the mean T00 and averaged over all trials.
     pub rmse: f64,
-    /// Standard error of `rmse`; NaN for a single trial.
+    /// Standard error of `rmse`, or NaN for a single trial.
     pub rmse_error: f64,
     /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over bright pixels.
     pub normalized: f64,

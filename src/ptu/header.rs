@@ -37,7 +37,7 @@ impl<R: Read> Bytes<'_, R> {
 
     fn fill(&mut self, out: &mut [u8], what: &str) -> Result<(), PtuError> {
         if self.length - self.at < out.len() as u64 {
-            return Err(self.error(format!("the file ends within {what}"), DAMAGED));
+            return Err(self.error(format!("the file ends inside {what}"), DAMAGED));
         }
         self.source.read_exact(out).map_err(|e| PtuError::io(self.file, self.at, &e))?;
         self.at += out.len() as u64;
@@ -178,7 +178,7 @@ impl Header {
         match self.int("TTResultFormat_BitsPerRecord") {
             None | Some(0 | 32) => {}
             Some(bits) => {
-                return Err(wrong(format!("records have {bits} bits"), "only 32-bit records are supported"));
+                return Err(wrong(format!("records have {bits} bits"), "pass a file with 32-bit records"));
             }
         }
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);

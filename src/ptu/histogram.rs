@@ -55,12 +55,12 @@ impl Plan {
         let channels = record.channels();
         if self.bin == 0 || elements == Some(0) {
             return Some((
-                "the histogram would be empty".into(),
+                "the histogram has no elements".into(),
                 "use at least one channel, one bin and one pixel, and a bin width above 0".into(),
             ));
         }
         if let Some(c) = self.channels.iter().find(|c| **c >= channels) {
-            let what = format!("{} has no channel {c}", record.name());
+            let what = format!("record type {} has no channel {c}", record.name());
             return Some((what, format!("use channels 0 to {}", channels - 1)));
         }
         elements.is_none_or(|n| n > MOST).then(|| {
@@ -342,22 +342,26 @@ fn nothing(plan: &Plan, state: &State, record: RecordType, resolution_s: Option<
     }
     if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
         let what = format!(
-            "marker {}, which begins each {}, never occurs",
+            "marker {}, which begins each {}, does not occur in the file",
             scan.clock.begin.trailing_zeros() + 1,
             if state.beam.is_timed() { "line" } else { "pixel" },
         );
-        return (what, "list the markers with `sunstone ptu info`".into());
+        return (
+            what,
+            "list the markers in the file with `sunstone ptu info`, and pass their numbers".into(),
+        );
     }
     if record.mode() == Mode::T2 && state.syncs == 0 {
         let fix = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
         return (
-            "there are no sync pulses, so the time of a photon since its pulse is unknown".into(),
+            "there are no sync pulses, so the time between a photon and the preceding pulse is unknown"
+                .into(),
             fix.into(),
         );
     }
     (
         format!(
-            "none of the {} photons is in a bin: {}",
+            "none of the {} photons is in a bin of the histogram: {}",
             state.photons,
             state.left_out.describe(resolution_s)
         ),

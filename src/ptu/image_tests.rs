@@ -208,7 +208,7 @@ fn empty_histograms_are_refused() {
             t3,
             vec![marker(5, 2), photon(9, 0)],
             plan(4, Some(scan)),
-            "marker 1, which begins each line, never",
+            "marker 1, which begins each line, does not occur",
         ),
         (
             t3,
@@ -218,7 +218,12 @@ fn empty_histograms_are_refused() {
         ),
         (t2, vec![photon(9, 0), photon(12, 0)], plan(4, None), "there are no sync pulses"),
         (t2, vec![photon(9, 0), Event::Sync { time: 12 }], plan(4, None), "1 before the first sync"),
-        (t3, vec![photon(9, 4)], plan(4, None), "none of the 1 photons is in a bin: 1 after the last"),
+        (
+            t3,
+            vec![photon(9, 4)],
+            plan(4, None),
+            "none of the 1 photons is in a bin of the histogram: 1 after the last",
+        ),
         (t3, vec![photon(9, 0)], Plan { channels: vec![1], ..plan(4, None) }, "1 in other channels"),
     ] {
         let bytes = bytes_of(record, &events);

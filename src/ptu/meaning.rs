@@ -96,7 +96,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
         let names: Vec<String> = unknown.iter().take(10).map(|n| n.escape_default().to_string()).collect();
         let more = unknown.len() - names.len();
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        notes.push(format!("unknown header tags, ignored: {}{more}", names.join(", ")));
+        notes.push(format!("these unknown tags of the header are ignored: {}{more}", names.join(", ")));
     }
     notes
 }

@@ -7,7 +7,7 @@ use super::header::Header;
 pub struct Sweep {
     /// Duration of a pixel in counts of the time tag (in T3: sync pulses); the mean with [`Self::sine`].
     pub pixel_time: u64,
-    /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
+    /// Fraction of a sine's amplitude that a line covers, in (0, 1], or `None` for equal durations.
     ///
     /// The position follows `sinusoidal_correction` of `ptufile` (`ImgHdr_SinCorrection`: amplitude in
     /// percent).
@@ -89,20 +89,22 @@ impl Scan {
     /// # Errors
     /// Returns a message that names the missing or invalid tag.
     pub fn of_header(header: &Header) -> Result<Self, String> {
-        let missing = |name: &str| format!("the header does not describe a scan: {name} is missing");
+        let missing = |name: &str| format!("the header does not describe a scan: the tag {name} is missing");
         let marker = |name: &str| match header.number(name) {
             None | Some(0.0) => Ok(0),
             Some(n) if [1.0, 2.0, 3.0, 4.0].contains(&n) => Ok(1_u8 << (n as u8 - 1)),
-            Some(n) => Err(format!("{name} is {n}: expected a marker from 1 to 4")),
+            Some(n) => Err(format!("the tag {name} is {n}: expected a marker number from 1 to 4")),
         };
         let size = |name: &str| match header.number(name) {
             Some(n) if (1.0..1e9).contains(&n) => Ok(n as usize),
-            Some(n) => Err(format!("{name} is {n}: expected at least one pixel")),
+            Some(n) => Err(format!("the tag {name} is {n}: expected at least one pixel")),
             None => Err(missing(name)),
         };
         let dimensions = header.number("ImgHdr_Dimensions").unwrap_or(3.0);
         if ![2.0, 3.0].contains(&dimensions) {
-            return Err(format!("the header does not describe a scan: ImgHdr_Dimensions is {dimensions}"));
+            return Err(format!(
+                "the header does not describe a scan: the tag ImgHdr_Dimensions is {dimensions}, expected 2 or 3"
+            ));
         }
         let [begin, end, frame] =
             ["ImgHdr_LineStart", "ImgHdr_LineStop", "ImgHdr_Frame"].map(|name| (name, marker(name)));
@@ -113,7 +115,7 @@ impl Scan {
         for (i, j) in [(0, 1), (0, 2), (1, 2)] {
             if markers[i] != 0 && markers[i] == markers[j] {
                 let names = [begin.0, end.0, frame.0];
-                return Err(format!("{} and {} are the same marker", names[i], names[j]));
+                return Err(format!("the tags {} and {} have the same marker number", names[i], names[j]));
             }
         }
         let per_pixel = header.number("ImgHdr_TimePerPixel").filter(|t| *t > 0.0);
@@ -122,7 +124,7 @@ impl Scan {
         let ticks = (per_pixel / tick).round();
         if !(1.0..1e15).contains(&ticks) {
             return Err(format!(
-                "ImgHdr_TimePerPixel is {} ms, expected 1 to 1e15 counts of the clock",
+                "the tag ImgHdr_TimePerPixel is {} ms, expected 1 to 1e15 counts of the clock",
                 per_pixel * 1e3
             ));
         }
@@ -131,7 +133,7 @@ impl Scan {
             percent if percent > 0.0 && percent <= 100.0 => Some(0.01 * percent),
             percent => {
                 return Err(format!(
-                    "ImgHdr_SinCorrection is {percent}: expected a percentage of the amplitude from 0 to 100"
+                    "the tag ImgHdr_SinCorrection is {percent}: expected a percentage of the amplitude from 0 to 100"
                 ));
             }
         };

@@ -248,7 +248,7 @@ fn damaged_files_are_refused_with_a_message() {
     let refusal = |bytes: &[u8]| open(bytes).expect_err("refused").to_string();
     assert!(refusal(b"").contains("too short"));
     assert!(refusal(&[b'x'; 64]).starts_with("f.ptu: byte 0: the file does not begin with PQTTTR; pass"));
-    assert!(refusal(&whole[..100]).contains("byte 80: the file ends within the header"));
+    assert!(refusal(&whole[..100]).contains("byte 80: the file ends inside the header"));
     // Change the type of the second tag.
     let mut wrong = whole.clone();
     wrong[16 + 36] = 9;
@@ -280,7 +280,7 @@ fn damaged_files_are_refused_with_a_message() {
         |plan: Plan| histogram(&mut open(&whole).expect("opens"), &plan).expect_err("refused").to_string();
     assert!(refused(Plan { scan: Some(large), ..plan.clone() }).contains("more than 536870912"));
     assert!(refused(Plan { channels: vec![64], ..plan.clone() }).contains("no channel 64"));
-    assert!(refused(Plan { bin: 0, ..plan }).contains("would be empty"));
+    assert!(refused(Plan { bin: 0, ..plan }).contains("has no elements"));
 }
 
 #[test]
@@ -289,7 +289,7 @@ fn writers_refuse_values_out_of_range() {
     let mut writer = Writer::begin(&mut out, &description(RecordType::PicoHarpT3)).expect("begins");
     writer.photon(9, 4095, 3).expect("writes");
     let refusal = |r: std::io::Result<()>| r.expect_err("refused").to_string();
-    assert!(refusal(writer.photon(8, 0, 0)).contains("time 8 follows 9"));
+    assert!(refusal(writer.photon(8, 0, 0)).contains("the event at time 8 follows an event at time 9"));
     assert!(refusal(writer.photon(9, 4096, 0)).contains("dtime 4096"));
     assert!(refusal(writer.photon(9, 0, 4)).contains("channel 4"));
     assert!(refusal(writer.marker(9, 16)).contains("markers"));

@@ -21,7 +21,7 @@ pub struct Description {
     /// Duration of a count of the time tag in seconds: the laser's period in T3, the clock's period in T2.
     pub global_resolution_s: f64,
     pub sync_rate: i64,
-    /// Additional tags. They follow the standard tags.
+    /// Additional tags. The additional tags follow the standard tags.
     pub tags: Vec<Tag>,
 }
 
@@ -116,7 +116,10 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the overflow records before a time and returns the remaining time count for the event's record.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
-            return Err(refused(format!("time {time} follows {}; sort the events by time", self.last)));
+            return Err(refused(format!(
+                "the event at time {time} follows an event at time {}; sort the events by time",
+                self.last
+            )));
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
@@ -129,7 +132,7 @@ impl<W: Write + Seek> Writer<W> {
         };
         if periods / most > LONGEST_PAUSE {
             return Err(refused(format!(
-                "the gap of {periods} clock overflows before time {time} is too long"
+                "the gap of {periods} clock overflows before time {time} is too long to write"
             )));
         }
         while periods > 0 {
@@ -157,13 +160,13 @@ impl<W: Write + Seek> Writer<W> {
         let (t3, last) = (self.record.mode() == Mode::T3, self.record.channels() - 1);
         if !(first..=last).contains(&channel) {
             return Err(refused(format!(
-                "channel {channel}: expected a channel of {} from {first} to {last}",
+                "channel {channel} does not exist: expected a channel of {} from {first} to {last}",
                 self.record.name()
             )));
         }
         if t3 && u32::from(dtime) >= self.record.dtimes() {
             return Err(refused(format!(
-                "dtime {dtime}: {} supports values below {}",
+                "dtime {dtime} is too large: record type {} supports values below {}",
                 self.record.name(),
                 self.record.dtimes()
             )));
@@ -183,7 +186,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Returns the same errors as [`Self::photon`], and an error in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
-            return Err(refused("T3 has no sync records"));
+            return Err(refused("a T3 file has no sync records; remove the sync events"));
         }
         let time = self.at(time)?;
         self.put(match self.record.family() {
@@ -200,7 +203,9 @@ impl<W: Write + Seek> Writer<W> {
     /// set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
-            return Err(refused(format!("markers {bits:#b}: expected at least one of the four markers")));
+            return Err(refused(format!(
+                "the marker bits are {bits:#b}: expected at least one of the four markers"
+            )));
         }
         let (time, bits) = (self.at(time)?, u32::from(bits));
         self.put(match self.record.family() {

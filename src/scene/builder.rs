@@ -145,8 +145,8 @@ impl SceneBuilder {
         if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {
             self.refuse(fault(
                 &place,
-                "the name of a mesh in memory has the extension of another format".into(),
-                "use a name without .obj, .gltf or .glb",
+                "a mesh in memory has a name with the extension of a file format".into(),
+                "use a name without the extension .obj, .gltf or .glb",
             ));
             return self;
         }

@@ -4,7 +4,7 @@
 //! vertical angles cover the lower hemisphere, the upper hemisphere or both. The horizontal angles in
 //! degrees depend on the luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
 
-/// A luminaire's intensity profile, divided by its maximum.
+/// A luminaire's intensity profile, divided by the maximum of the profile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ies {
     /// Vertical angles in degrees, increasing within 0..180.
@@ -30,7 +30,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         (key.trim() == "TILT").then(|| (i, value.trim().to_owned()))
     });
     let Some((at, tilt)) = tilt else {
-        return Err("the line `TILT=` is missing: not an IES LM-63 file".into());
+        return Err("the line `TILT=` is missing, so the file is not an IES LM-63 file".into());
     };
     let mut numbers = Numbers {
         words: lines
@@ -76,7 +76,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         values.extend(numbers.list(vertical.len(), "a candela value")?);
     }
     if let Some(bad) = values.iter().find(|v| **v < 0.0) {
-        return Err(format!("negative candela value {bad}"));
+        return Err(format!("a candela value is negative: {bad}"));
     }
     let most = values.iter().fold(0.0_f32, |a, v| a.max(*v));
     if most <= 0.0 {
@@ -99,7 +99,7 @@ fn whole(ies: Ies) -> Result<Ies, String> {
     }
     if (first, last) != (90.0, 270.0) {
         return Err(format!(
-            "horizontal angles cover {first} to {last}; expected only 0, or 0..90, 0..180, 90..270 or 0..360"
+            "the horizontal angles cover {first} to {last} degrees; expected only 0, or 0..90, 0..180, 90..270 or 0..360 degrees"
         ));
     }
     // Mirror about the plane of 90 and 270 degrees.
@@ -135,7 +135,7 @@ struct Numbers<'a> {
 impl Numbers<'_> {
     fn next(&mut self, what: &str) -> Result<f32, String> {
         let Some((line, word)) = self.words.next() else {
-            return Err(format!("the file ends after line {}, expected {what}", self.last));
+            return Err(format!("the file ends after line {}, but {what} is expected", self.last));
         };
         self.last = line;
         match word.parse::<f32>() {
@@ -149,7 +149,7 @@ impl Numbers<'_> {
         if n.fract() == 0.0 && n >= 1.0 && n <= MOST as f32 {
             return Ok(n as usize);
         }
-        Err(format!("line {}: invalid number of {what}: {n}", self.last))
+        Err(format!("line {}: the number of {what} is invalid: {n}", self.last))
     }
 
     fn list(&mut self, count: usize, what: &str) -> Result<Vec<f32>, String> {
@@ -163,7 +163,10 @@ impl Numbers<'_> {
         if rising && list[0] >= 0.0 && list[count - 1] <= most {
             return Ok(list);
         }
-        Err(format!("line {}: {what} is out of order; angles must increase within 0..{most}", self.last))
+        Err(format!(
+            "line {}: {what} is out of order; angles must increase within 0..{most} degrees",
+            self.last
+        ))
     }
 }
 
@@ -195,7 +198,7 @@ mod tests {
             ("TILT=NONE", "TILT=lamp.tlt", "line 3: TILT=lamp.tlt"),
             ("1 1000", "1 x", "line 4: expected the lumens per lamp, got `x`"),
             ("3 3 1 2", "3 3 2 2", "line 4: expected photometric type 1 (C), got 2"),
-            ("3 3 1 2", "3 0 1 2", "line 4: invalid number of horizontal angles: 0"),
+            ("3 3 1 2", "3 0 1 2", "line 4: the number of horizontal angles is invalid: 0"),
             ("0 45 90", "0 95 90", "line 6: a vertical angle is out of order"),
             ("90 180 270", "90 180 280", "cover 90 to 280"),
             ("10 2 0\n", "10 2", "the file ends after line 10"),

@@ -98,8 +98,8 @@ pub(crate) struct Parts<'a> {
 /// `wall_time_s`, which is the sum.
 ///
 /// # Errors
-/// Returns an error if the inputs are neither renders of one scene (`scene_sha256`) with the same slices
-/// and different `seeds` nor all parts of one render, or if reading or writing fails.
+/// Returns an error if reading or writing fails, or if the inputs cannot be merged. Valid inputs are renders
+/// of one scene (`scene_sha256`) with the same slices and different `seeds`, or all parts of one render.
 pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     let is_out = |input: &&PathBuf| whole_file::is_same(input, out) || *input == out;
     if let Some(input) = inputs.iter().find(is_out) {
@@ -108,8 +108,8 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     at_once(inputs, out, || merge_all(inputs, out, options))
 }
 
-/// Number of chunks that are merged concurrently. Each needs one chunk of every input in memory, at most
-/// about 100 MB.
+/// Number of chunks that are merged concurrently. Each thread needs one chunk of every input in memory, at
+/// most about 100 MB.
 const THREADS: usize = 8;
 
 /// Runs `work`, which is a merge. If an input or the output is at an address, uses more threads to saturate

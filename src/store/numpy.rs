@@ -29,15 +29,15 @@ pub struct NumpyArray {
 #[derive(Debug, Error)]
 pub enum NumpyError {
     /// The file cannot be read, or is not a NumPy array.
-    #[error("{}: {cause}; pass a .npy file written by numpy.save", path.display())]
+    #[error("{}: cannot read the array: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
-    #[error("{}: the elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
+    #[error("{}: the elements are {found}; save the array as real numbers: numpy.save(file, array.astype('float32'))", path.display())]
     Elements { path: PathBuf, found: String },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: the elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
-    /// The file is shorter than its header states.
+    /// The file is shorter than the header states.
     #[error("{}: the file ends before the end of the array of shape {shape:?}; save the array again", path.display())]
     Short { path: PathBuf, shape: Vec<usize> },
 }

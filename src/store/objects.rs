@@ -2,8 +2,8 @@
 //! function that opens a client.
 //!
 //! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
-//! because they have more dependencies than the rest of the program's input and output. Without a client,
-//! every address is refused.
+//! because these clients have more dependencies than the rest of the program's input and output. Without a
+//! client, every address is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -102,7 +102,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Returns an error if the store refuses the request or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
-    /// Reads an object and its version; returns `None` if the object does not exist.
+    /// Reads an object and its version. Returns `None` if the object does not exist.
     ///
     /// # Errors
     /// Returns an error if the store refuses the request or cannot be reached.

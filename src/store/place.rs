@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
 
-/// Returns the scheme of an address, at least two characters before `://`; `None` for a path.
+/// Returns the scheme of an address, at least two characters before `://`, or `None` for a path.
 pub fn scheme(path: &Path) -> Option<&str> {
     let (scheme, _) = path.to_str()?.split_once("://")?;
     let plain = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
@@ -40,7 +40,7 @@ impl Place {
         }
     }
 
-    /// Reads a local file; `None` if the file does not exist.
+    /// Reads a local file. Returns `None` if the file does not exist.
     pub(crate) fn read_file(path: &Path) -> io::Result<Option<Bytes>> {
         match base::input::read(path) {
             Ok(bytes) => Ok(Some(bytes.into())),

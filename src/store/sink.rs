@@ -54,8 +54,8 @@ pub enum SinkError {
     Denoised(#[from] Denoised),
     /// The store to resume contains another render.
     #[error(
-        "{path} contains another render: {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
-         --force to replace the store"
+        "{path} contains another render: the two renders differ in {what} (the store has {theirs}, this render has {ours}); use the \
+         same scene file and options, another -o, or --force to replace the store"
     )]
     Mismatch {
         path: PathBuf,

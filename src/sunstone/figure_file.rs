@@ -59,7 +59,7 @@ pub fn prepare<'a>(
     for (name, entry) in &source.file.scenes {
         let path = source.beside(&entry.file);
         if !path.is_file() {
-            let message = format!("file {} not found", path.display());
+            let message = format!("the file {} does not exist", path.display());
             let help = "set the path of a scene file, relative to the figure file";
             return Err(source.error(&entry.file, message, help).into());
         }
@@ -82,7 +82,9 @@ pub fn prepare<'a>(
         let scene = studio.scene(&variant, size.pixels, &names)?;
         for panel in panels {
             view::check(panel, &scene).map_err(|e| match &panel.view {
-                Some(at) => source.error(at, e, "correct the view, or change what its slice keeps").into(),
+                Some(at) => source
+                    .error(at, e, "correct the view, or use a slice that keeps the axes of this view")
+                    .into(),
                 None => FigureFileError::Figure(FigureError::Encode(e)),
             })?;
         }
@@ -145,13 +147,17 @@ impl Prepared<'_> {
         let Some(at) = &panel.view else {
             return Ok(None);
         };
-        let fault = |e: String| source.error(at, e, "correct the view");
+        let fault = |e: String| source.error(at, e, "correct the view, or use another slice");
         let stage = panel.scene.as_ref().and_then(|s| self.stages.get(s.as_str()));
         let (mut tile, mut values) = match (&**at, stage) {
             (ViewFile::Apply(view), _) => self.applications.tile(at, view)?,
             (ViewFile::Curves(view), _) => self.applications.chart(at, view)?,
             (view, Some(stage)) => (view::tile(view, stage, &fault)?, stage.values()),
-            (_, None) => return Err(fault("this view needs a scene".into()).into()),
+            (_, None) => {
+                return Err(
+                    fault("this view draws a slice of a scene, but the panel has no scene".into()).into()
+                );
+            }
         };
         if let Some(white) = tile.white {
             let shown = match white {

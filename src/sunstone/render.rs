@@ -171,7 +171,7 @@ impl Choices {
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
-                return Err(format!("{dashes}{name}: expected 1 to {MOST_SAMPLES}, got {n}"));
+                return Err(format!("{dashes}{name}: expected a number from 1 to {MOST_SAMPLES}, got {n}"));
             }
         }
         if let Some(names) = &self.slices {

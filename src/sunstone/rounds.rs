@@ -44,7 +44,7 @@ pub enum RoundsError {
     /// A store of a round cannot be removed.
     #[error(transparent)]
     Store(#[from] RemoveError),
-    #[error("cannot remove {path}: {cause}")]
+    #[error("cannot remove {path}: {cause}; check the permissions of the folder")]
     Remove { path: PathBuf, cause: std::io::Error },
 }
 
@@ -105,7 +105,7 @@ pub struct ToError<'a> {
     pub begins: &'a dyn Fn(&Standing),
     /// Additional attributes of the store.
     pub attributes: Vec<(&'a str, Value)>,
-    /// Number of threads; 0 for all.
+    /// Number of threads, or 0 for all.
     pub threads: usize,
 }
 
@@ -253,7 +253,7 @@ impl ToError<'_> {
         match &standing.next {
             Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
             _ => Err(RoundsError::Goal(format!(
-                "round {round} is not needed: the render ends after {} rounds",
+                "round {round} is not needed, because the render ends after {} rounds; skip this round",
                 standing.round
             ))),
         }

@@ -175,7 +175,8 @@ impl<'a> Studio<'a> {
         let widths = [&camera.fov_x_deg, &camera.fov_y_deg, &camera.orthographic_width];
         if widths.iter().all(|v| v.is_none()) || w == 0 || h == 0 {
             return Err(self.lacks(
-                "the camera has no field of view, so it cannot be rendered at another size".into(),
+                "the scene's camera has no field of view, so the scene cannot be rendered at another size"
+                    .into(),
                 "set fov_x_deg or fov_y_deg".into(),
             ));
         }

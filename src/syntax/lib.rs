@@ -4,8 +4,8 @@
 //! Equality ignores locations: two values are equal if their contents are equal. Keys that a file
 //! omits are also omitted when the file is written again.
 //!
-//! This is a separate crate because serde's generated code for these types is large and does not
-//! need optimization.
+//! The syntax is a separate crate because serde's generated code for these types is large and does not need
+//! optimization.
 
 mod defaults;
 pub mod device;

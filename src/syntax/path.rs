@@ -31,7 +31,9 @@ pub(crate) fn find<'t, 'i>(
     document: &'t mut DeTable<'i>,
     keys: &[String],
 ) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
-    let (first, rest) = keys.split_first().ok_or_else(|| "give a path with at least one key".to_owned())?;
+    let (first, rest) = keys
+        .split_first()
+        .ok_or_else(|| "the path is empty; give a path with at least one key".to_owned())?;
     let known = known(document.keys().map(|k| k.get_ref().as_ref()));
     let mut here = document.get_mut(first.as_str()).ok_or(known)?;
     for key in rest {

@@ -135,7 +135,7 @@ impl<'a> Vary<'a> {
                 self.error(at.clone(), format!("`{written}` is not a valid path"), help)
             })?;
             if FIXED.contains(&keys[0].as_str()) {
-                let message = format!("`{written}`: `{}` cannot be varied", keys[0]);
+                let message = format!("`{written}`: the key `{}` cannot be varied", keys[0]);
                 return Err(self.error(at.clone(), message, "choose a path that affects the rendered scene"));
             }
             let slot = find(document, &keys).map_err(|known| {
@@ -325,7 +325,7 @@ fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     Spanned::new(span.clone(), value)
 }
 
-/// Returns the numbers of a TOML number or list of numbers; `None` for other values.
+/// Returns the numbers of a TOML number or list of numbers, or `None` for other values.
 fn numbers(value: &toml::Value) -> Option<Vec<f64>> {
     let one = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
     match value {

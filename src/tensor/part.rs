@@ -68,7 +68,7 @@ impl Part {
         }
     }
 
-    /// Parses a store attribute written by [`Self::to_json`]; returns `None` for anything else.
+    /// Parses a store attribute written by [`Self::to_json`]. Returns `None` for anything else.
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {

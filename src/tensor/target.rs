@@ -76,14 +76,14 @@ impl Goal {
         }
         if !(GROUPS..=1 << 20).contains(&self.first) {
             return Some(format!(
-                "{dashes}spp is {}; give {GROUPS} to {} samples per pixel for the first round",
+                "{dashes}spp is {}; give a number of samples per pixel from {GROUPS} to {} for the first round",
                 self.first,
                 1 << 20
             ));
         }
         if !(self.first..=1 << 30).contains(&self.most) {
             return Some(format!(
-                "{dashes}most-spp is {}; give {} to {} samples per pixel (at least those of the first round)",
+                "{dashes}most-spp is {}; give a number of samples per pixel from {} to {} (at least the number of the first round)",
                 self.most,
                 self.first,
                 1 << 30
@@ -185,7 +185,7 @@ impl Tile {
 }
 
 impl Survey {
-    /// Returns the relative error that a fraction `share` of lit pixels does not exceed; 0 without lit
+    /// Returns the relative error that a fraction `share` of lit pixels does not exceed, or 0 without lit
     /// pixels.
     pub fn reached(&self, share: f64) -> f64 {
         let errors = sorted(self.lit.iter().map(|p| p.error).collect());
@@ -331,7 +331,7 @@ impl Survey {
 }
 
 /// Returns at least `samples`, rounded up to whole stratified groups of a power-of-two size, so that there
-/// are between 1 and 2 times [`GROUPS`] groups; 0 for few samples.
+/// are between 1 and 2 times [`GROUPS`] groups, or 0 for few samples.
 fn round_count(samples: f64) -> u32 {
     if samples <= f64::from(LEAST_ROUND / 2) {
         return 0;

@@ -1,8 +1,8 @@
 //! The renderer: traces a scene in memory and returns finished tiles of the transport tensor T.
 //!
 //! T contains Mueller matrices, which are independent of the polarization of the illumination. For speed,
-//! this crate uses tables of plain data and enums. It reads no files except measured tables, which it maps
-//! into memory.
+//! this crate uses tables of plain data and enums. The crate reads no files except measured tables, which are
+//! mapped into memory.
 
 pub mod geometry;
 

@@ -14,7 +14,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// Returns the index into `materials` for a material index of the scene; `None` if there is no name.
+    /// Returns the index into `materials` for a material index of the scene, or `None` if there is no name.
     pub fn material(&self, number: u32) -> Option<u32> {
         self.material_of.get(number as usize).copied()
     }

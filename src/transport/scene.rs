@@ -10,7 +10,7 @@ use std::ops::Deref;
 use tensor::axes::Extents;
 use tensor::slice::Slice;
 
-/// A scene that is ready to render: the tables and the quantities that are derived from them.
+/// A scene that is ready to render: the tables and the quantities that are derived from the tables.
 pub struct Scene {
     tables: SceneTables,
     /// True if some material transmits light without deflection, so that connections may cross sheets.
@@ -81,7 +81,7 @@ impl Scene {
         self.tables.variant = Some(variant);
     }
 
-    /// Returns the reason for the choice of [`Settings::integrator`]; `None` if the scene file chose it.
+    /// Returns the reason for the choice of [`Settings::integrator`], or `None` if the scene file chose it.
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }

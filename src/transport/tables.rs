@@ -120,9 +120,9 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Returns the number of samples of a pixel that are stratified together. This is the largest number that
-    /// leaves at least `replicates` independent groups, from which standard errors are estimated (randomized
-    /// quasi-Monte Carlo: Owen 1997).
+    /// Returns the number of samples of a pixel that are stratified together. This number is the largest
+    /// number that leaves at least `replicates` independent groups, from which standard errors are estimated
+    /// (randomized quasi-Monte Carlo: Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

@@ -193,12 +193,12 @@ fn errors_name_the_fault_and_fix() {
         ("NaN on axis `theta_h`", |f| {
             f[2].3[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
         }),
-        ("2 on axis `theta_d` is out of range; expected radians in 0.0000..1.5708", |f| {
+        ("2 on axis `theta_d` is outside the range; expected radians in 0.0000..1.5708", |f| {
             f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
         }),
         ("45 on axis `theta_d`", |f| f[1].3 = bytes(&[0.0, 45.0, 90.0])),
         ("must be strictly increasing", |f| f[1].3 = bytes(&[0.0, 0.5, 0.5])),
-        ("550 followed by 450 on axis `wvls`", |f| {
+        ("550 and 450 on axis `wvls`", |f| {
             f[3].3 = vec![38, 2, 194, 1];
         }),
         ("phi_d covers only 0 to 3", |f| {

@@ -110,7 +110,7 @@ fn files_without_countable_photons_are_refused() {
             RecordType::GenericT3,
             photons(),
             &["--pixels", "2,2", "--pixel-marker", "3"],
-            "marker 3, which begins each pixel, never occurs",
+            "marker 3, which begins each pixel, does not occur",
         ),
         (RecordType::GenericT2, photons(), &[], "there are no sync pulses"),
         (RecordType::GenericT3, vec![], &["--channel", "0"], "contains no photons"),
@@ -152,7 +152,7 @@ fn arrays_without_valid_values_are_refused() {
     assert!(message.contains("1 of 2 pixels are NaN"), "{message}");
     std::fs::remove_file(d.join("M.npy")).expect("a file");
     let message = refused(d, &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat());
-    assert!(message.contains("none of the 2 pixels is determined"), "{message}");
+    assert!(message.contains("the captures determine none of the 2 pixels"), "{message}");
     assert!(!d.join("M.npy").exists() && !d.join("E.npy").exists());
     let decompose = |name: &'static str| ["decompose", name, "-o", "props.npz"];
     let message = refused(d, &decompose("none.npy"));

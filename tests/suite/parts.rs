@@ -340,7 +340,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
     assert!(text.contains("part 1 of 2") && text.contains("not finished"), "{text}");
     for other in [&["--part", "2/2"][..], &["--tiles", "0-9"], &[]] {
         let arguments = [&["render", "scene.toml", "-o", "1", "--resume"], other].concat();
-        assert!(stderr(&run(at, &arguments, 2)).contains("part differs"));
+        assert!(stderr(&run(at, &arguments, 2)).contains("the two renders differ in part"));
     }
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
     let again = run(at, &[&begin[..], &["--resume"]].concat(), 0);

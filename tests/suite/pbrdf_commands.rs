@@ -217,7 +217,7 @@ fn wrong_requests_are_refused() {
         ("pbrdf plot none.pbsdf", "none.pbsdf"),
         ("pbrdf slice not.pbsdf -o x.npy", "tensor file"),
         ("pbrdf pca --data none", "cannot list"),
-        ("pbrdf pca --data .", "not.pbsdf: not a tensor file"),
+        ("pbrdf pca --data .", "not.pbsdf: the file is not a tensor file"),
         ("pbrdf pca --resolution 3x3", "361x91x91"),
         ("pbrdf pca --data . --resolution 3x3x3", "cannot be used with"),
         ("pbrdf pca --bands 550,450", "increasing"),

@@ -92,7 +92,7 @@ fn bad_arguments_are_refused() {
         folder.path(),
         &[
             ("phase eval missing.toml", "missing.toml"),
-            ("phase eval m.toml", "choose one with --name"),
+            ("phase eval m.toml", "choose one of them with --name"),
             ("phase eval m.toml --name beer", "no medium `beer`"),
             ("phase eval none.toml", "no medium"),
             ("phase eval m.toml --name air --angles 1", "got 1"),

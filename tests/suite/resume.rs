@@ -121,9 +121,9 @@ fn a_killed_render_resumes_to_the_same_bytes() {
         stderr(&run(at, &arguments, 2))
     };
     assert!(refused(&[]).contains("--resume"));
-    assert!(refused(&["--resume", "--spp", "64"]).contains("samples_per_pixel differs"));
-    assert!(refused(&["--resume", "--seed", "5"]).contains("seeds differs"));
-    assert!(refused(&["--resume", "--slices", "sum"]).contains("list of slices differs"));
+    assert!(refused(&["--resume", "--spp", "64"]).contains("the two renders differ in samples_per_pixel"));
+    assert!(refused(&["--resume", "--seed", "5"]).contains("the two renders differ in seeds"));
+    assert!(refused(&["--resume", "--slices", "sum"]).contains("the two renders differ in list of slices"));
     assert_eq!(lines(&store), done, "what is refused changes nothing");
 
     run(at, &[&begin[..], &["--resume"]].concat(), 0);

@@ -129,7 +129,7 @@ fn invalid_grids_are_refused() {
     };
     let cases = [
         (with(format!("{negative:?}"), ""), "the value -2"),
-        (with(format!("{pairs:?}"), ""), "per point, got 2"),
+        (with(format!("{pairs:?}"), ""), "2 values per point"),
         (with(format!("{short:?}"), ""), "the 1 values"),
         (with("\"none.vol\"".into(), ""), "none.vol"),
         (with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""), "no volume"),

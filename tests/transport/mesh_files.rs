@@ -68,7 +68,10 @@ fn gltf_and_obj_show_the_same_picture() {
         )
     };
     let (obj, notes) = picture(folder.path(), &object("obj.file = \"square.obj\""));
-    assert!(notes.len() == 1 && notes[0].contains("its materials (painted) are not used"), "{notes:?}");
+    assert!(
+        notes.len() == 1 && notes[0].contains("the file's materials (painted) are not used"),
+        "{notes:?}"
+    );
     let (gltf, notes) = picture(folder.path(), &object("gltf.file = \"square.gltf\""));
     assert!(notes.len() == 1 && notes[0].contains("square.gltf"), "{notes:?}");
     let (rectangle, notes) = picture(folder.path(), &object("rectangle = {}"));
@@ -132,7 +135,7 @@ fn materials_of_files_equal_handwritten_ones() {
     let hand = "p.diffuse.albedo = { image = \"picture.png\", uv = [[2, 0, 0], [0, 1, 0]] }";
     let (ours, _) = picture(folder.path(), &by_hand("obj.file = \"square.obj\"", hand));
     assert_eq!(file.data, ours.data);
-    assert!(notes.iter().any(|n| n.contains("unused keys: Ke")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("keys of the material are not used: Ke")), "{notes:?}");
 }
 
 /// Returns a cube as OBJ with changed triangles.
@@ -185,7 +188,10 @@ fn filled_meshes_must_be_closed_and_are_turned_outward() {
     cube(folder.path(), |faces| faces.iter_mut().for_each(|f| f.swap(0, 1)));
     let (light, notes) = fog(folder.path(), object).expect("a cube inside out");
     assert!((light - want).abs() < 1e-5, "{light}");
-    assert!(notes.len() == 1 && notes[0].contains("point inward: the orientation is reversed"), "{notes:?}");
+    assert!(
+        notes.len() == 1 && notes[0].contains("point inward, so the orientation of the mesh is reversed"),
+        "{notes:?}"
+    );
     cube(folder.path(), |faces| {
         faces.pop();
     });

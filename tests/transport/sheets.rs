@@ -354,7 +354,7 @@ fn errors_have_position_and_fix() {
         ),
         (
             "a.coated_conductor = { metal = \"Al\", films = [{ ior = \"SiO\", k = 1, thickness_nm = 9 }] }",
-            "takes k from the optical constants",
+            "already contain k",
         ),
         (
             "a.coated_conductor = { metal = \"Al\", films = [{ ior = 2, thickness_nm = -9 }] }",

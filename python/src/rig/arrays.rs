@@ -26,7 +26,7 @@ impl Picture {
         let numbers = table::<u16>(array).or_else(|| table::<u8>(array)).or_else(|| table::<u32>(array));
         let (shape, numbers) = numbers.ok_or_else(|| {
             format!(
-                "its pixels are {}; expected a NumPy array (rows, columns) of uint8 or uint16",
+                "the pixels of the frame are {}; expected a NumPy array (rows, columns) of uint8 or uint16",
                 kind(array)
             )
         })?;
@@ -34,7 +34,8 @@ impl Picture {
         if let Some(n) = numbers.iter().find(|n| **n > most) {
             let name = format.name();
             return Err(format!(
-                "a pixel is {n}, but {name} holds 0 to {most}; return digital numbers of that format"
+                "a pixel has the value {n}, but the pixel format {name} holds values from 0 to {most}; return digital numbers of this \
+                 format"
             ));
         }
         let (number, timestamp_ns) = match of_frame {
@@ -72,8 +73,10 @@ fn kind(array: &Bound<'_, PyAny>) -> String {
 
 /// Reads a field of 32-bit integers.
 fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
-    let array =
-        from.0.getattr(name).map_err(|_| format!("it has no `{name}`; expected a NumPy array of uint32"))?;
+    let array = from
+        .0
+        .getattr(name)
+        .map_err(|_| format!("the attribute `{name}` is missing; expected a NumPy array of uint32"))?;
     let found = list::<u32>(&array)
         .or_else(|| list::<u16>(&array))
         .or_else(|| list::<i64>(&array))

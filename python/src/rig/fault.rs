@@ -8,8 +8,8 @@ use sunstone::rig::instrument::{Failure, Fault};
 /// Name of the Python module that defines the instrument classes.
 pub const HOME: &str = "pysunstone.rig.instruments";
 
-/// The exception that caused the last failure of any instrument in a session. It becomes the cause of the
-/// exception that the session raises.
+/// The exception that caused the last failure of any instrument in a session. This exception becomes the
+/// cause of the exception that the session raises.
 #[derive(Clone, Default)]
 pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 

@@ -114,7 +114,9 @@ impl RotationStage for Stage {
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
         let [least, most] = self.limits.range_deg;
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
-            let what = format!("{angle_deg}° is outside {least}° to {most}°; correct the plan");
+            let what = format!(
+                "the angle {angle_deg}° is outside the range of the stage, {least}° to {most}°; correct the plan"
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("begin_move", (angle_deg,))
@@ -146,12 +148,18 @@ impl PatternProjector for Projector {
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
         if patterns.len() > self.limits.patterns {
             let most = self.limits.patterns;
-            return limit(format!("{} patterns exceed the limit of {most}", patterns.len()));
+            return limit(format!(
+                "{} patterns exceed the limit of {most} patterns; use fewer patterns in the plan",
+                patterns.len()
+            ));
         }
         for (i, p) in patterns.iter().enumerate() {
             if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
-                let what =
-                    format!("pattern {i} has {} x {} pixels, expected {width} x {height}", p.width, p.height);
+                let what = format!(
+                    "pattern {i} has {} x {} pixels, but the projector has {width} x {height} pixels; use patterns of the projector's \
+                     size",
+                    p.width, p.height
+                );
                 return limit(what);
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
@@ -170,7 +178,8 @@ impl PatternProjector for Projector {
 
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         if pattern >= self.state {
-            let what = format!("pattern {pattern} does not exist; {} patterns are loaded", self.state);
+            let what =
+                format!("pattern {pattern} does not exist, because only {} patterns are loaded", self.state);
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("show", (pattern, within.as_secs_f64()))
@@ -207,10 +216,14 @@ impl<L, S: Value> Given<L, Acquiring<S>> {
     /// Begins an acquisition. `device` and `acquisition` are nouns for messages.
     fn start(&mut self, method: &str, device: &str, acquisition: &str) -> Result<(), Failure> {
         if self.state.settings.is_none() {
-            return Err(self.failure(Fault::Refused, format!("the {device} is not configured")));
+            return Err(self
+                .failure(Fault::Refused, format!("the {device} is not configured; call `configure` first")));
         }
         if self.state.under_way {
-            return Err(self.failure(Fault::Refused, format!("an {acquisition} is already in progress")));
+            return Err(self.failure(
+                Fault::Refused,
+                format!("an {acquisition} is already in progress; wait for the end of the acquisition"),
+            ));
         }
         self.tell(method, ())?;
         self.state.under_way = true;
@@ -238,7 +251,7 @@ impl AreaCamera for Camera {
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
         let (Some(CameraSettings { region, format, .. }), true) = (self.state.settings, self.state.under_way)
         else {
-            return Err(self.failure(Fault::Refused, "no exposure was started"));
+            return Err(self.failure(Fault::Refused, "no exposure was started; start an exposure first"));
         };
         let read = |answer: &Answer<'_, '_>| Picture::read(answer, format);
         let picture = self.call("frame", (within.as_secs_f64(),), read)?;
@@ -275,7 +288,10 @@ impl GalvoScanner for Galvo {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let mut both = angles_deg.iter().zip(self.limits.range_deg);
         if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
-            let what = format!("{angles_deg:?}° is outside ±{:?}°; correct the plan", self.limits.range_deg);
+            let what = format!(
+                "the mirror angles {angles_deg:?}° are outside the range of the scanner, ±{:?}°; correct the plan",
+                self.limits.range_deg
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         let [x, y] = angles_deg;
@@ -299,7 +315,9 @@ impl PulsedLaser for Laser {
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
         let [least, most] = self.limits.rate_hz;
         if on && !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is outside {least} to {most} Hz; correct the plan");
+            let what = format!(
+                "the pulse rate {rate_hz} Hz is outside the range of the laser, {least} to {most} Hz; correct the plan"
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("emit", (on, rate_hz, within.as_secs_f64()))
@@ -328,7 +346,9 @@ impl PhotonCounter for Counter {
             && s.dwell <= limits.longest
             && (limits.tags.is_some() || !s.tags);
         if !fits {
-            let what = format!("{s:?} exceed {limits:?}; correct the plan");
+            let what = format!(
+                "the counter settings {s:?} exceed the limits of the counter, {limits:?}; correct the plan"
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.configure_with(*s, within)
@@ -340,7 +360,9 @@ impl PhotonCounter for Counter {
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         let (Some(settings), true) = (self.state.settings, self.state.under_way) else {
-            return Err(self.failure(Fault::Refused, "no acquisition was started"));
+            return Err(
+                self.failure(Fault::Refused, "no acquisition was started; start an acquisition first")
+            );
         };
         let number = self.taken + 1;
         let read = |answer: &Answer<'_, '_>| histogram(answer, number);
@@ -348,13 +370,15 @@ impl PhotonCounter for Counter {
         self.state.under_way = false;
         let bins = if settings.tags { 0 } else { settings.bins };
         if found.counts.len() != bins {
-            let what =
-                format!("`finish` returned {} counts, but {bins} bins are configured", found.counts.len());
+            let what = format!(
+                "`finish` returned {} counts, but {bins} bins are configured; return one count per bin",
+                found.counts.len()
+            );
             return Err(self.failure(Fault::Timeout, what));
         }
         let full = self.limits.full;
         if found.counts.iter().any(|n| u64::from(*n) >= full) {
-            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
+            return Err(self.failure(Fault::Saturated, "a histogram bin is full; reduce the dwell time"));
         }
         self.taken = number;
         Ok(found)

@@ -41,7 +41,12 @@ impl<D: ?Sized + Send> Slot<D> {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
             device.as_mut().map(|device| work(device))
         })?;
-        done.ok_or_else(|| input(format!("{}: in use by a running session; wait until it ends", self.name)))
+        done.ok_or_else(|| {
+            input(format!(
+                "{}: the instrument is in use by a running session; wait until the session ends",
+                self.name
+            ))
+        })
     }
 
     /// Sends a request to the instrument, which can refuse the request.
@@ -90,7 +95,7 @@ macro_rules! own {
                     return Ok(Box::new(given::$given::new(name, object, thrown)?));
                 };
                 let Slot { name, .. } = &own.get().0;
-                let in_use = || input(format!("{name}: already in use; wait until it is released"));
+                let in_use = || input(format!("{name}: the instrument is already in use; wait until the instrument is released"));
                 own.get().0.take().ok_or_else(in_use)
             }
 

@@ -19,8 +19,8 @@ use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python owns. It contains the clock and the connections of a
-    /// simulated bench.
+    /// The rig without its instruments, which Python owns. The rig contains the clock and the connections of
+    /// a simulated bench.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }
@@ -85,7 +85,8 @@ struct Lent<'a, 'py> {
 impl<'a, 'py> Lent<'a, 'py> {
     fn new(session: &'a RigSession, instruments: &Bound<'py, PyDict>, thrown: &Thrown) -> PyResult<Self> {
         let bare = session.bare.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let bare = bare.ok_or_else(|| input("the session is running; wait until it ends"))?;
+        let bare =
+            bare.ok_or_else(|| input("the session is already running; wait until the session ends"))?;
         let mut lent = Self { session, objects: instruments.extract()?, rig: Some(bare) };
         for (name, object) in &lent.objects {
             if let Some(rig) = &mut lent.rig {
@@ -144,7 +145,7 @@ pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResu
     let thrown = Thrown::default();
     let lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &lent.rig else {
-        return Err(input("the session is running; wait until it ends"));
+        return Err(input("the session is already running; wait until the session ends"));
     };
     let steps = session.prepared.steps(rig).map_err(prepare)?;
     let cost = steps.cost(rig);
@@ -172,7 +173,7 @@ pub fn rig_run<'py>(
     let thrown = Thrown::default();
     let mut lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &mut lent.rig else {
-        return Err(input("the session is running; wait until it ends"));
+        return Err(input("the session is already running; wait until the session ends"));
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
     watched(py, progress, |seen| {

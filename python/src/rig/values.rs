@@ -33,7 +33,10 @@ pub fn shown(object: &Bound<'_, PyAny>) -> String {
 impl<'py> Answer<'_, 'py> {
     /// Reads a field; `wanted` describes the expected type.
     pub fn field<T: FromPyObjectOwned<'py>>(&self, name: &str, wanted: &str) -> Result<T, String> {
-        let value = self.0.getattr(name).map_err(|_| format!("it has no `{name}`; expected {wanted}"))?;
+        let value = self
+            .0
+            .getattr(name)
+            .map_err(|_| format!("the attribute `{name}` is missing; expected {wanted}"))?;
         value.extract().map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
     }
 
@@ -177,7 +180,7 @@ value!(CounterSettings, from, own, {
 /// Returns the pixel format with a GenICam name.
 fn format(name: &str) -> Result<PixelFormat, String> {
     let known = FORMATS.into_iter().find(|f| f.name() == name);
-    known.ok_or_else(|| format!("unknown format `{name}`; supported: Mono8, Mono10p, Mono12p, Mono16"))
+    known.ok_or_else(|| format!("unknown pixel format `{name}`; supported: Mono8, Mono10p, Mono12p, Mono16"))
 }
 
 impl Value for CameraLimits {
@@ -208,7 +211,8 @@ impl Value for CameraSettings {
     const CLASS: &'static str = "CameraSettings";
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        let region = from.0.getattr("region").map_err(|_| "it has no `region`")?;
+        let region =
+            from.0.getattr("region").map_err(|_| "the attribute `region` is missing; expected a Region")?;
         let name: String = from.field("format", "the name of a format")?;
         let trigger: String = from.field("trigger", "\"software\" or \"line\"")?;
         Ok(Self {

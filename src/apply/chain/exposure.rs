@@ -197,7 +197,7 @@ impl Detectors {
         }
     }
 
-    /// Returns the standard deviation of a reading's noise for light with T00 = `t00`, relative to `t00`;
+    /// Returns the standard deviation of a reading's noise for light with T00 = `t00`, relative to `t00`, or
     /// 0 without a camera.
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {

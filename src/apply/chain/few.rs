@@ -27,7 +27,7 @@ pub struct Task {
 /// Statistics of a slice's matrices over the training variants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Σ t tᵀ / Σ T00², summed over pixels, bins and wavelengths. This is the second moment of matrices
+    /// Σ t tᵀ / Σ T00², summed over pixels, bins and wavelengths. This sum is the second moment of matrices
     /// with T00 = 1, weighted by squared brightness.
     pub moment: Moment,
     /// Root mean square of T00.
@@ -134,8 +134,8 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
     }
 }
 
-/// Returns the scheme L-QRPR, or L-QRPR-P with an array. Its angles minimize the least-squares error of
-/// all elements (Baek & Heide 2021, sec. 4).
+/// Returns the scheme L-QRPR, or L-QRPR-P with an array. The angles of these schemes minimize the
+/// least-squares error of all elements (Baek & Heide 2021, sec. 4).
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.

@@ -184,7 +184,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     // command.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let fix = format!("use at least {} captures with different settings", e.least);
-        let message = format!("{} captures of rank {} do not determine a Mueller matrix", e.captures, e.rank);
+        let message = format!(
+            "{} captures of rank {} do not determine the 16 elements of a Mueller matrix",
+            e.captures, e.rank
+        );
         return Err(fault(file.scheme.span(), message, &fix));
     }
     let optics = match file.optics.as_deref() {
@@ -196,8 +199,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             if !degrees(t.axis_error_deg) || !degrees(t.retardance_error_deg) {
                 return Err(fault(
                     span,
-                    "`axis_error_deg` or `retardance_error_deg` is out of range".into(),
-                    "set 0 to 90 degrees",
+                    "`axis_error_deg` or `retardance_error_deg` is outside 0 to 90 degrees".into(),
+                    "set both errors to values from 0 to 90 degrees",
                 ));
             }
             if !(0.0..=1.0).contains(&t.extinction) {
@@ -215,7 +218,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         })?;
         if file.cmos.is_none() && file.spad.is_none() {
             let fix = "add [cmos] for the noise of a camera, or [spad] for that of a photon counter; all settings have defaults";
-            return Err(fault(at.span(), "`exposure` is set, but there is no detector".into(), fix));
+            return Err(fault(at.span(), "`exposure` is set, but the chain has no detector".into(), fix));
         }
     }
     let listed = [
@@ -240,7 +243,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     if let Some(camera) = &file.cmos {
         let bad = camera.check().err().map(|e| e.to_string());
         let bad =
-            bad.or_else(|| (camera.binning > 1).then(|| "`binning` is not supported in a chain".into()));
+            bad.or_else(|| (camera.binning > 1).then(|| "a chain does not support the key `binning`".into()));
         if let Some(message) = bad {
             return Err(fault(
                 camera.span(),
@@ -290,7 +293,7 @@ mod tests {
             ("\"drr\"", "\"drx\"", "c.toml:1:10: unknown scheme `drx`"),
             ("36", "0", "0 captures"),
             ("36", "15", "15 captures of rank 15"),
-            ("0.5", "-0.5", "out of range"),
+            ("0.5", "-0.5", "outside 0 to 90 degrees"),
             ("[\"exact\"]", "[]", "`calibration` is empty"),
             ("[\"exact\"]", "[\"exact\", \"exact\"]", "contains a duplicate"),
             ("calibration", "samples = [\"air\", \"air\"]\ncalibration", "`samples` contains a duplicate"),

@@ -42,8 +42,8 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
     Some(Properties::of(&rows, &decompose(&rows, SINGLE)?))
 }
 
-/// Computes the slab's matrix from M and the inverse of M₀, and decomposes it; `None` if there is no
-/// decomposition. The error of M₀ is much smaller than that of M and is neglected.
+/// Computes the slab's matrix from M and the inverse of M₀, and decomposes this matrix. Returns `None` if
+/// there is no decomposition. The error of M₀ is much smaller than that of M and is neglected.
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
     let (mut variance, sigma) = (0.0, seen.relative_errors());

@@ -1,12 +1,14 @@
-//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and non-epipolar
-//! light for slabs of quartz and calcite, compared with the theoretical retardance 2π L (n_e(ψ) - n_o)/λ.
+//! Measures the retardance of crystals (Baek & Heide 2021, Fig. 7). Epipolar and non-epipolar light of slabs
+//! of quartz and calcite is decomposed, and the result is compared with the theoretical retardance 2π L
+//! (n_e(ψ) - n_o)/λ.
 //!
 //! A decomposition gives a retardance between 0 and π, so the truth is folded to this range. Three
 //! wavelengths together determine the number of whole waves ([`predicted::order`]). Each method learns one
-//! number from the training variants: the error that is not due to Monte Carlo noise. Its sources are changes
-//! of retardance within a pixel, internal reflections, and light from the plate next to the observed point.
-//! This number is added to the standard errors so that half of the errors are within 0.6745 standard errors.
-//! The fraction of errors within two stated errors therefore tests this number on other slabs.
+//! number from the training variants: the error that is not due to Monte Carlo noise. The sources of this
+//! error are changes of retardance within a pixel, internal reflections, and light from the plate next to the
+//! observed point. This number is added to the standard errors so that half of the errors are within 0.6745
+//! standard errors. The fraction of errors within two stated errors therefore tests this number on other
+//! slabs.
 
 pub mod faces;
 pub mod measured;
@@ -94,7 +96,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
             outcome.pictures.extend(pictures(method.name, probe, seen));
         }
         outcome.notes.push(format!(
-            "{}, seed {}: {:.2}° of the errors are not due to sampling noise",
+            "{}, seed {}: an error of {:.2}° is not due to sampling noise",
             method.name,
             test[0].seed,
             floor.to_degrees()

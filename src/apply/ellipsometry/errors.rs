@@ -14,7 +14,7 @@ pub(super) const ALL: Of<'static> =
     Of { elements: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], object: None };
 
 /// Returns the root mean square difference between `found` and `other` matrices, divided by the mean true T00
-/// of the same pixels; NaN if there are no pixels.
+/// of the same pixels, or NaN if there are no pixels.
 pub(super) fn rms(bench: &Bench, found: &[f64], other: &[f64], of: &Of<'_>) -> f64 {
     let (mut squares, mut light, mut n) = (0.0, 0.0, 0.0);
     let matrices = found.chunks_exact(16).zip(other.chunks_exact(16));
@@ -31,7 +31,7 @@ pub(super) fn rms(bench: &Bench, found: &[f64], other: &[f64], of: &Of<'_>) -> f
     (squares / n / of.elements.len() as f64).sqrt() / (light / n)
 }
 
-/// Returns the mean T00 of an object relative to the mean T00 of all pixels; NaN without pixels of the
+/// Returns the mean T00 of an object relative to the mean T00 of all pixels, or NaN without pixels of the
 /// object.
 pub(super) fn share(bench: &Bench, object: i64) -> f64 {
     let lit = bench.truth().chunks_exact(16).enumerate();

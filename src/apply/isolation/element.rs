@@ -1,4 +1,4 @@
-//! One element of the tensor as an image. It is defined by a light component (selected by space and
+//! One element of the tensor as an image. An element is defined by a light component (selected by space and
 //! time), an element of the Mueller matrices, and a sign.
 
 use std::fmt;

@@ -45,7 +45,8 @@ impl fmt::Display for Learnt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "detected by {} of at least {:.3e} (area {:.3} in training); drawn from {} times {:.3} (cosine {:.3})",
+            "light is detected where {} is at least {:.3e} (area under the ROC curve in training: {:.3}); the image is {} times {:.3} \
+             (cosine in training: {:.3})",
             self.detector, self.threshold, self.reached[0], self.image, self.gain, self.reached[1]
         )
     }

@@ -47,7 +47,10 @@ pub(crate) fn run(
             let name = isolation.method.name;
             outcome.notes.push(match &learnt {
                 Some(learnt) => format!("{}, by {name}: {learnt}", task.name),
-                None => format!("{}, by {name}: nothing to learn", task.name),
+                None => format!(
+                    "{}, by {name}: no element was learned, because the training variants contain no example",
+                    task.name
+                ),
             });
             let Some(learnt) = learnt else { continue };
             for seen in &test {

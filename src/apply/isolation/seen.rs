@@ -191,7 +191,7 @@ impl Seen {
         self.images.iter().map(|(part, images)| (*part, images.len()))
     }
 
-    /// Returns an element as a signed image; `None` if the element is not available.
+    /// Returns an element as a signed image, or `None` if the element is not available.
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
         let sign = if e.negative { -1.0 } else { 1.0 };

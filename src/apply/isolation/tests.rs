@@ -247,7 +247,7 @@ fn tasks_without_examples_are_skipped_with_a_note() {
     let all = observations(&[Kind::new(8, 1)], 4);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     assert!(outcome.scores.is_empty());
-    assert!(outcome.notes.iter().all(|n| n.contains("nothing to learn")));
+    assert!(outcome.notes.iter().all(|n| n.contains("no element was learned")));
     assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all), Err(ApplyError::Empty(_))));
     assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &all, &[]), Err(ApplyError::Empty(_))));
 }

@@ -129,8 +129,8 @@ fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
     let pixels = roc::delong(&all(|g| &g.positive), &all(|g| &g.negative));
     let variants = roc::bootstrap(groups, DRAWS, seed);
     format!(
-        "{method}, seed {seed}: area {:.4} over the pixels of all variants; 95 % of bootstraps over variants within {:.4}..{:.4}; \
-         DeLong's interval for independent pixels {:.4}..{:.4}",
+        "{method}, seed {seed}: area under the ROC curve {:.4} over the pixels of all variants; 95 % confidence interval {:.4} to \
+         {:.4} by bootstrap over variants, and {:.4} to {:.4} by DeLong's method for independent pixels",
         variants.area, variants.interval[0], variants.interval[1], pixels.interval[0], pixels.interval[1]
     )
 }

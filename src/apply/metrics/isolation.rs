@@ -75,8 +75,8 @@ pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
-/// Returns Pearson's correlation coefficient of image and light; 0 if the image is constant, NaN if the light
-/// is.
+/// Returns Pearson's correlation coefficient of image and light, or 0 if the image is constant, and NaN if
+/// the light is constant.
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;

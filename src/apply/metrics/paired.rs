@@ -10,7 +10,7 @@
 pub struct Estimate {
     /// Mean over variants and seeds.
     pub mean: f64,
-    /// Standard error; NaN if the table has a single number.
+    /// Standard error, or NaN if the table has a single number.
     pub error: f64,
     /// Number of variants, and number of seeds.
     pub counts: [usize; 2],

@@ -23,12 +23,12 @@ impl Counts {
         c
     }
 
-    /// Returns the fraction of positive decisions that are correct; NaN without positive decisions.
+    /// Returns the fraction of positive decisions that are correct, or NaN without positive decisions.
     pub fn precision(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
     }
 
-    /// Returns the fraction of positives that are decided as positive; NaN without positives.
+    /// Returns the fraction of positives that are decided as positive, or NaN without positives.
     pub fn recall(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
     }

@@ -9,8 +9,8 @@ pub fn psnr(image: &Map, truth: &Map, mask: &[bool], peak: f64) -> f64 {
     10.0 * (peak * peak / mean).log10()
 }
 
-/// Returns the mean squared difference over the pixels of `mask` and all channels; NaN without pixels or if
-/// sizes differ.
+/// Returns the mean squared difference over the pixels of `mask` and all channels, or NaN without pixels or
+/// if sizes differ.
 pub fn mean_squared_difference(image: &Map, truth: &Map, mask: &[bool]) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
         return f64::NAN;

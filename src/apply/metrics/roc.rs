@@ -11,7 +11,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 /// An area under the ROC curve with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
-    /// The area, 0..1; NaN without positives or negatives.
+    /// The area, 0..1, or NaN without positives or negatives.
     pub area: f64,
     pub error: f64,
     /// Lower and upper end of the 95 % confidence interval, within 0..1.

@@ -14,8 +14,8 @@ use std::cmp::Ordering;
 /// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference, written as a sum of squares so that rounding errors cannot make it negative:
-/// Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in which the root mean squares of the first feature and of y are 1.
+/// The mean squared difference as a sum of squares, Σᵢ (rowᵢ · (W, Σ W b, -1))², which rounding errors cannot
+/// make negative. The root mean squares of the first feature and of y are 1 in the units used.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -40,7 +40,8 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // Regularization makes the matrix positive definite. It is increased if rounding errors require it.
+        // Regularization makes the matrix positive definite. The regularization is increased if rounding
+        // errors require this.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
@@ -76,13 +77,13 @@ pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
     let target = (moments.yy / moments.count).sqrt();
     if !(first > 0.0 && target > 0.0 && first.is_finite() && target.is_finite()) {
-        return Err("the images contain no light");
+        return Err("the training images contain no light");
     }
     let mut start = vec![0.0; 2 * n];
     // The starting weight is 1 in the unit of the features.
     start[0] = first / target;
-    let problem =
-        Problem::new(moments, first, target).ok_or("the images contain values that are not finite")?;
+    let problem = Problem::new(moments, first, target)
+        .ok_or("the training images contain values that are not finite")?;
     let p = quasi_newton(&problem, &start, ITERATIONS).x;
     let weights: Vec<f64> = p[..n].iter().map(|w| w * target / first).collect();
     let biases = p[n..].iter().map(|b| b * first);

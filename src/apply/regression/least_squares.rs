@@ -159,8 +159,8 @@ pub(crate) mod tests {
         assert!((plain.weights[1] + 1.5).abs() < 5.0 * error(0.18_f64.sqrt()));
         let (fit, share) = without_noise(&moments);
         assert!(share > 0.9);
-        // The tolerance is twice the standard error for the feature that is half noise. It includes the
-        // fraction of the correction that was not applied.
+        // The tolerance is twice the standard error for the feature that is half noise. The tolerance
+        // includes the fraction of the correction that was not applied.
         assert!((fit.weights[0] - 2.0).abs() < 0.03, "{fit:?} {share}");
         assert!((fit.weights[1] + 3.0).abs() < 0.3, "{fit:?} {share}");
         // Uncorrected least squares predicts data with the same noise better.

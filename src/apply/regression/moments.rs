@@ -1,5 +1,5 @@
-//! First and second moments of examples: the sufficient statistics of linear least squares. Their size
-//! does not depend on the number of examples.
+//! First and second moments of examples: the sufficient statistics of linear least squares. The size of the
+//! moments does not depend on the number of examples.
 
 use nalgebra::{DMatrix, DVector};
 

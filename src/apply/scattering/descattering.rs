@@ -26,16 +26,16 @@ enum Features {
     GatedElements,
     /// A photograph under full light: Σ over s' of T00.
     Photograph,
-    /// T00 of light from the epipolar line of each camera pixel. This excludes light that was scattered
+    /// T00 of light from the epipolar line of each camera pixel. This image excludes light that was scattered
     /// out of the epipolar plane (O'Toole, Raskar & Kutulakos 2012).
     EpipolarPhotograph,
     /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this
     /// Stokes element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
     ///
-    /// Let S be the light from the objects and B that from the medium, with degrees of polarization p_S and p_B.
-    /// Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (eq.
-    /// 13 of the paper) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). Both degrees, a gain and
-    /// an offset are learned together, because S is linear in the two images.
+    /// Let S be the light from the objects and B that from the medium, with degrees of polarization p_S and
+    /// p_B. Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (eq.
+    /// 13 of the paper) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). The degrees p_S and p_B, a
+    /// gain and an offset are learned together, because S is linear in the two images.
     Pair(usize),
     /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): the two images of [`Self::Pair`],
     /// captured while lines are projected one after the other. The lines are epipolar lines, as in the
@@ -65,7 +65,7 @@ const fn new(name: &'static str, source: &'static str, features: Features, solve
     Descattering { method: Method { name, source }, features, solver }
 }
 
-/// All methods. Those of Sunstone are first; the baselines begin at index [`BASELINES`].
+/// All methods. The methods of Sunstone are first. The baselines begin at index [`BASELINES`].
 pub(super) const METHODS: [Descattering; 11] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),

@@ -70,7 +70,7 @@ impl Seen {
 /// Returns the number of wavelengths. Checks that all variants have equal numbers of wavelengths and bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let Some(first) = train.first() else {
-        return Err(ApplyError::Empty("pass variants for training".into()));
+        return Err(ApplyError::Empty("variants are missing; pass at least one variant for training".into()));
     };
     let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
     match train.iter().chain(test).find(|s| shape(s) != shape(first)) {

@@ -35,7 +35,7 @@ impl Patterns {
 pub enum CodeError {
     /// The light and the patterns have different numbers of columns.
     #[error(
-        "the light has {light} projector columns, but the patterns have {patterns}; use the same projector for both"
+        "the light has {light} projector columns, but the patterns have {patterns} columns; use the same projector for both"
     )]
     Columns {
         /// Number of columns of the light.

@@ -6,7 +6,8 @@ use crate::metrics::angle::angle_deg;
 /// Errors over the pixels with a known truth and estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean of the absolute errors, in degrees for normals and metres for depths; NaN if there are no pixels.
+    /// Mean of the absolute errors, in degrees for normals and metres for depths, or NaN if there are no
+    /// pixels.
     pub mean: f64,
     /// Median of the absolute errors (the lower one if there are two middle values).
     pub median: f64,

@@ -111,8 +111,8 @@ fn reached(p: &LogDepth) -> Vec<bool> {
     }
 }
 
-/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth
-/// or a connection by normals to a pixel with a known depth.
+/// Returns the depths, metres, of the least-squares surface, or NaN for pixels without a known depth or a
+/// connection by normals to a pixel with a known depth.
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
     let reached = reached(&plain);

@@ -2,9 +2,9 @@
 //! index, and the inverse of each pattern.
 //!
 //! The Gray code of i is i ⊕ ⌊i/2⌋, so that neighbouring columns differ in one bit. A bit is read by
-//! comparing a capture with that of the inverse pattern, so neither albedo nor a constant background
-//! affects the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures its reliability: if the light of a
-//! stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
+//! comparing a capture with that of the inverse pattern, so neither albedo nor a constant background affects
+//! the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures the reliability of the bit. If the light of
+//! a stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
 //! below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its simplest form).
 
 use super::column_light::{CodeError, Decoded, Patterns};

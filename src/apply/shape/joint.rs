@@ -2,8 +2,8 @@
 //! 2018).
 //!
 //! The unknowns are the depths and, for each pixel, the correct one of the two candidate normals from
-//! polarization. The normals of the current surface select the candidates, and the least-squares surface
-//! is fitted to depths and selected normals ([`super::fusion`]). This is repeated until no selection
+//! polarization. The normals of the current surface select the candidates, and the least-squares surface is
+//! fitted to depths and selected normals ([`super::fusion`]). These two steps are repeated until no selection
 //! changes, at most ten times.
 //!
 //! Normals of the surface are fitted to windows and do not resolve curvature within a window, while

@@ -1,6 +1,6 @@
-//! Learns free parameters of methods on training variants: the parameters are chosen one after another, each
-//! from a short list of values, so that the mean angular error of normals is smallest. A pixel without a
-//! normal counts as an error of 90°.
+//! Learns free parameters of methods on training variants. The parameters are chosen one after another, each
+//! from a short list of values. The mean angular error of normals is minimized. A pixel without a normal
+//! counts as an error of 90°.
 
 use super::errors::angular;
 use super::joint::Surface;

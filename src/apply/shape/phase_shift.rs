@@ -5,9 +5,9 @@
 //! independent of O. The longest period spans the image and needs no unwrapping. For each shorter period,
 //! the number of whole periods is determined from the previous period.
 //!
-//! The phasor of indirect light g(u') is added to that of the direct light, A e^{iφ} = d e^{2πiu/P} + Σ
-//! g(u') e^{2πiu'/P}. The phase error is the angle between the two sums. It is largest for long periods,
-//! because blur does not attenuate them.
+//! The phasor of indirect light g(u') is added to that of the direct light, A e^{iφ} = d e^{2πiu/P} + Σ g(u')
+//! e^{2πiu'/P}. The phase error is the angle between the two sums. The phase error is largest for long
+//! periods, because blur does not attenuate waves of long periods.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
@@ -149,9 +149,9 @@ mod tests {
         assert!(bias(16.0).abs() < 1e-9);
     }
 
-    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased
-    /// by 36 columns. This is more than half of the next period, 64, for which the number of whole
-    /// periods is then wrong. All columns are wrong by exactly 64.
+    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased by
+    /// 36 columns. This bias exceeds half of the next period of 64 columns, so the number of whole periods of
+    /// 64 columns is wrong. All columns are wrong by exactly 64.
     #[test]
     fn biased_long_periods_unwrap_incorrectly() {
         let n = 1024;

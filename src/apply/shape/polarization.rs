@@ -82,13 +82,13 @@ pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -
     d * zenith.cos() + (right * azimuth.cos() + up * azimuth.sin()) * zenith.sin()
 }
 
-/// Returns both candidate normals of a pixel; NaN if the pixel has no cues.
+/// Returns both candidate normals of a pixel, or NaN if the pixel has no cues.
 pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
     let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
-/// Returns the candidates closest to approximate normals, such as those of a coarse scan; NaN for pixels
+/// Returns the candidates closest to approximate normals, such as those of a coarse scan, or NaN for pixels
 /// without an approximate normal.
 pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
@@ -118,7 +118,7 @@ pub(super) mod tests {
             let cos = normal.dot(&d);
             let degree = match reflection {
                 Reflection::Diffuse => zenith::diffuse(cos.acos(), n),
-                // Its plane of polarization is perpendicular to the normal's.
+                // The plane of polarization is perpendicular to the plane of the normal.
                 Reflection::Specular => -zenith::specular(cos.acos(), n),
             };
             // Compute (cos 2α, sin 2α) from the components of the normal, without computing α.

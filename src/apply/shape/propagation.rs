@@ -1,10 +1,10 @@
 //! Resolves the 180° ambiguity of normals from polarization without depth: azimuths are propagated from
 //! the outline (Miyazaki et al. 2003; Atkinson & Hancock 2006).
 //!
-//! At the outline of a smooth object, the normal is perpendicular to the view direction and points
-//! outward. From the outline inward, the ambiguity is resolved pixel by pixel in descending order of
-//! zenith angle. Each pixel is assigned the candidate normal that is closest to the normals of its
-//! resolved neighbours. This is correct for convex objects; normals of concave parts have the wrong sign.
+//! At the outline of a smooth object, the normal is perpendicular to the view direction and points outward.
+//! From the outline inward, the ambiguity is resolved pixel by pixel in descending order of zenith angle.
+//! Each pixel is assigned the candidate normal that is closest to the normals of its resolved neighbours. The
+//! result is correct for convex objects. Normals of concave parts have the wrong sign.
 
 use super::polarization::{Cues, candidates};
 use crate::map::Map;

@@ -24,7 +24,8 @@ const LEAST: usize = 4;
 pub struct Window {
     /// Number of pixels from the centre of the window to its edge.
     pub radius: usize,
-    /// Whether the fit uses robust weights. Otherwise it is least squares with equal weights.
+    /// Whether the fit uses robust weights. Without robust weights, the fit uses least squares with equal
+    /// weights.
     pub robust: bool,
 }
 
@@ -70,7 +71,7 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     Some(plane)
 }
 
-/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame; NaN if too few
+/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame, or NaN if too few
 /// depths are known. The depth of the central pixel of a window must be known.
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);

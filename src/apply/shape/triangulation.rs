@@ -9,7 +9,8 @@ use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
 /// Returns the depth along the camera's axis of the point that projector column coordinate `column`
-/// illuminates in camera pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
+/// illuminates in camera pixel (x, y), or `None` if the ray does not intersect the plane in front of the
+/// camera.
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
     let across = (column - projector.principal[0]) / projector.focal[0];
@@ -19,7 +20,7 @@ pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     (z > 0.0 && z.is_finite()).then_some(z)
 }
 
-/// Returns [`depth_at`] for every pixel; NaN if there is no intersection.
+/// Returns [`depth_at`] for every pixel, or NaN if there is no intersection.
 pub fn depth(rig: &Rig, columns: &Map) -> Map {
     Map::from_fn(columns.width, columns.height, 1, |x, y, out| {
         out[0] = depth_at(rig, x, y, columns.at(x, y)[0]).unwrap_or(f64::NAN);

@@ -13,7 +13,7 @@ pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     roc::area(&positive, &negative)
 }
 
-/// Returns the mean over bins of the area under the ROC curve within a bin; NaN if no bin has enough
+/// Returns the mean over bins of the area under the ROC curve within a bin, or NaN if no bin has enough
 /// positives and negatives.
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
@@ -25,7 +25,7 @@ pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     areas.iter().sum::<f64>() / areas.len() as f64
 }
 
-/// Returns F1 at the learned threshold; NaN for a variant without light of the target.
+/// Returns F1 at the learned threshold, or NaN for a variant without light of the target.
 pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let counts = counts(scoring, seen, target);
     if counts.true_positive + counts.false_negative == 0 {
@@ -58,7 +58,7 @@ pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Targe
     pearson(&pairs)
 }
 
-/// Returns Pearson's correlation; 0 for a constant score, NaN for a constant truth.
+/// Returns Pearson's correlation, or 0 for a constant score, and NaN for a constant truth.
 fn pearson(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));

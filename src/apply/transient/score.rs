@@ -39,7 +39,7 @@ impl Measure {
         }
     }
 
-    /// Returns the sign that physics determines for a target; `None` if the sign must be learned.
+    /// Returns the sign that physics determines for a target, or `None` if the sign must be learned.
     fn sign(self, target: Target) -> Option<f64> {
         match self {
             Self::LinearPair | Self::Intensity => None,

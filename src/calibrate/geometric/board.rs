@@ -10,7 +10,7 @@ pub struct Board {
     pub columns: usize,
     /// Number of inner corners along y.
     pub rows: usize,
-    /// Side length of a square in meters.
+    /// Side length of a square in metres.
     pub square: f64,
 }
 
@@ -40,7 +40,7 @@ impl Board {
         self.len() == 0
     }
 
-    /// Returns the positions of the corners row by row, in meters.
+    /// Returns the positions of the corners row by row, in metres.
     ///
     /// The first corner is the origin, x is along the columns, y along the rows, z away from the viewer.
     pub fn points(&self) -> Vec<Vector3<f64>> {

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Matrix6, MatrixXx6, SMatrix, 
 /// A corner of the board in one view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Position on the board, in meters.
+    /// Position on the board, in metres.
     pub board: Vector3<f64>,
     /// Position in the camera image, in continuous pixels.
     pub camera: Vector2<f64>,
@@ -70,8 +70,8 @@ impl State {
         self.free + if self.devices.len() > 1 { 6 } else { 0 }
     }
 
-    /// Returns measured minus predicted pixels of a corner for both devices; `None` if the corner
-    /// is behind a device.
+    /// Returns measured minus predicted pixels of a corner for both devices, or `None` if the corner is
+    /// behind a device.
     pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
         let x = self.poses[view].apply(corner.board);
         let seen = self.devices[0].project(&x)?;

@@ -52,7 +52,7 @@ pub struct Extrinsics {
     /// Rows of the rotation matrix.
     #[serde(rename = "R")]
     pub rotation: [[f64; 3]; 3],
-    /// Translation in meters.
+    /// Translation in metres.
     pub t: [f64; 3],
 }
 
@@ -72,14 +72,14 @@ pub struct Quality {
     /// Standard errors of the projector's parameters by name.
     pub projector_errors: Option<BTreeMap<String, f64>>,
     /// Standard errors of the projector's pose in the projector's frame: three angles (radians), three
-    /// lengths (meters).
+    /// lengths (metres).
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Poses from board to camera, by view: rotation vector (radians) and translation (meters).
+    /// Poses from board to camera, by view: rotation vector (radians) and translation (metres).
     pub poses: Vec<[f64; 6]>,
-    /// Standard errors of the pose changes, by view: rotation (radians) and translation (meters).
+    /// Standard errors of the pose changes, by view: rotation (radians) and translation (metres).
     pub poses_errors: Vec<[f64; 6]>,
     /// Images of the views.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -5,9 +5,9 @@
 pub enum Fault {
     #[error("no view shows the board: use images that show the complete board")]
     NoViews,
-    #[error("view {view}: got {found} points, but the board has {wanted} corners")]
+    #[error("view {view}: got {found} points, but the board has {wanted} corners; pass one point per corner")]
     Count { view: usize, found: usize, wanted: usize },
-    #[error("view {view}: a coordinate is not a finite number of pixels")]
+    #[error("view {view}: a coordinate is not a finite number of pixels; correct or exclude the view")]
     NotFinite { view: usize },
     #[error("view {view}: all points are on one line, so the pose is undetermined; exclude the view")]
     Collinear { view: usize },

@@ -166,7 +166,8 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     })
 }
 
-/// Returns the mean of rigid motions. Its rotation is the projection of the mean matrix onto rotations.
+/// Returns the mean of rigid motions. The rotation of the mean is the projection of the mean matrix onto
+/// rotations.
 fn mean(all: &[Pose]) -> Pose {
     let n = all.len() as f64;
     let sum: Matrix3<f64> = all.iter().map(|p| p.rotation).sum();
@@ -202,7 +203,7 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut state =
             State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
-        // The parameters are freed in stages: pinhole, dominant lens terms, all. This avoids poles of
+        // The parameters are freed in stages: pinhole, dominant lens terms, all. These stages avoid poles of
         // rational lenses.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
@@ -371,7 +372,7 @@ impl Fit {
     }
 
     /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in
-    /// meters. Returns `None` without a projector.
+    /// metres. Returns `None` without a projector.
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();
         (self.devices.len() > 1)

@@ -133,7 +133,7 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
             .collect();
         if !weak.is_empty() {
             notes.push(format!(
-                "{} lens: {} not significant; try a model with fewer coefficients",
+                "{} lens has coefficients that are not significant: {}; try a model with fewer coefficients",
                 title(d),
                 weak.join(", ")
             ));
@@ -142,8 +142,8 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
         let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
         if corners.iter().any(|c| device.normalized((*c).into()).is_none()) {
             notes.push(format!(
-                "{} lens model folds over in an image corner without views, and scenes refuse such lenses; add views of the corners, or \
-                 fix k3",
+                "{} lens model folds over in an image corner that no view covers, and scenes refuse such lenses; add views of the \
+                 corners, or fix k3",
                 title(d)
             ));
         }

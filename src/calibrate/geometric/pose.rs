@@ -2,11 +2,11 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// The rigid motion x ↦ R x + t in meters, from world (or board) to device.
+/// The rigid motion x ↦ R x + t in metres, from world (or board) to device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     pub rotation: Matrix3<f64>,
-    /// The translation t in meters.
+    /// The translation t in metres.
     pub translation: Vector3<f64>,
 }
 
@@ -46,7 +46,7 @@ impl Pose {
     }
 
     /// Returns the pose rotated by exp(ω) in the device's frame and translated by δt. Covariances
-    /// refer to these six parameters: ω in radians, δt in meters.
+    /// refer to these six parameters: ω in radians, δt in metres.
     pub fn changed(&self, change: [f64; 6]) -> Self {
         let [a, b, c, x, y, z] = change;
         let turn = Rotation3::new(Vector3::new(a, b, c));

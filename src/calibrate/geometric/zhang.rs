@@ -112,7 +112,7 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose { rotation, translation: t })
 }
 
-/// Points of a view: coordinates on the board in meters, and in the image in pixels.
+/// Points of a view: coordinates on the board in metres, and in the image in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
 /// Returns the homography of each view, from the board's plane to the image.

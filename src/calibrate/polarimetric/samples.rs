@@ -32,12 +32,14 @@ pub struct Sample {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrationError {
-    #[error("no samples; capture air, a mirror or a known plate")]
+    #[error("there are no samples; capture air, a mirror or a known plate")]
     NoSample,
-    #[error("sample `{name}` has {found} intensities, but the scheme has {want} measurements")]
+    #[error(
+        "sample `{name}` has {found} intensities, but the scheme has {want} measurements; pass one intensity per measurement"
+    )]
     Lengths { name: String, found: usize, want: usize },
     #[error(
-        "sample `{name}`: the light or its noise is not positive; increase the light, and exclude saturated captures"
+        "sample `{name}`: the light or the noise of the light is not positive; increase the light, and exclude saturated captures"
     )]
     Dark { name: String },
     #[error(

@@ -3,7 +3,7 @@
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RadiometricError {
-    #[error("no dark frames; capture dark frames with the lens cap on")]
+    #[error("there are no dark frames; capture dark frames with the lens cap on")]
     NoDark,
     #[error(
         "the stack of {exposure_s} s has {frames} frames; a noise estimate needs at least 2, and 16 or more are recommended"
@@ -19,7 +19,7 @@ pub enum RadiometricError {
     )]
     Constant { exposure_s: f64 },
     #[error(
-        "no usable pixels: {hot} are hot, {noisy} are noisy, {stuck} are stuck; capture the frames again"
+        "no pixel is usable: {hot} pixels are hot, {noisy} are noisy and {stuck} are stuck; capture the frames again"
     )]
     NoPixel { hot: usize, noisy: usize, stuck: usize },
 }

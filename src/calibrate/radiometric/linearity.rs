@@ -87,7 +87,7 @@ impl Linearity {
         lights.dedup();
         if lights.len() <= unknown {
             return Err(format!(
-                "linearity: {} light levels below saturation, but a polynomial of degree {degree} needs at least {}",
+                "linearity: {} light levels are below saturation, but a polynomial of degree {degree} needs at least {} levels",
                 lights.len(),
                 unknown + 1
             ));

@@ -25,7 +25,7 @@ pub struct Transfer {
     pub gain_sigma: f64,
     /// Read noise in e⁻, excluding rounding noise.
     pub read_noise_e: f64,
-    /// Standard error of the read noise; NaN if rounding noise dominates.
+    /// Standard error of the read noise, or NaN if rounding noise dominates.
     pub read_noise_sigma: f64,
     /// Variance σ² in DN² of readings without electrons.
     pub dark_variance: f64,

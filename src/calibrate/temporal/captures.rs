@@ -46,7 +46,7 @@ impl<'a> Capture<'a> {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TemporalError {
-    #[error("no histograms; capture a plane at a known distance")]
+    #[error("there are no histograms; capture a plane at a known distance")]
     NoCapture,
     #[error("the counter's {what} is {value}; expected {need}")]
     Counter { what: &'static str, value: f64, need: &'static str },
@@ -84,7 +84,7 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
     for (index, c) in captures.iter().enumerate() {
         let wrong = |what: String| Err(TemporalError::Capture { index, what });
         if c.pixel >= pixels {
-            return wrong(format!("pixel {} does not exist: there are only {pixels} pixels", c.pixel));
+            return wrong(format!("pixel {} does not exist: the counter has only {pixels} pixels", c.pixel));
         }
         if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
             return wrong(format!(
@@ -98,7 +98,7 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         let whole = counter.mode == Mode::Synchronous && (8..=bins).contains(&c.counts.len());
         if c.counts.len() != bins && !whole {
             return wrong(format!(
-                "got {} bins, but the period has {bins} bins; pass all bins of the counter",
+                "got {} bins, but a period of the counter has {bins} bins; pass all bins of the counter",
                 c.counts.len()
             ));
         }

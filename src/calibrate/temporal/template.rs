@@ -11,7 +11,7 @@ pub struct Template {
     pub first_ps: f64,
     /// Fraction of the light that is detected in a bin whose center is delayed to each grid point.
     pub share: Vec<f64>,
-    /// Standard errors of the fractions; NaN for fractions that are interpolated from neighbors.
+    /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbors.
     pub sigma: Vec<f64>,
     /// Probability of afterpulses. `share` excludes afterpulses.
     pub after_pulsing: f64,

@@ -63,8 +63,8 @@ pub struct Temporal {
     /// Descriptions of quantities that the captures do not determine.
     #[serde(alias = "untold")]
     pub undetermined: Vec<String>,
-    /// Standard errors of the response in the order of [`Shape::ALL`] and in the units of the parameters; 0
-    /// for fixed parameters.
+    /// Standard errors of the response in the order of [`Shape::ALL`] and in the units of the parameters, or
+    /// 0 for fixed parameters.
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],

@@ -148,7 +148,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let what = match (lobe, a.outgoing) {
             (Some(lobe), _) => What::Lobe(lobe),
             (None, Some(out)) => What::Brdf(out.direction()),
-            (None, None) => bail!("expected --out THETA,PHI, --mirror or --refract"),
+            (None, None) => {
+                bail!("the outgoing direction is missing; pass --out THETA,PHI, --mirror or --refract")
+            }
         };
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
         subject.eval(incoming, what)?
@@ -189,7 +191,7 @@ fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>,
             }
             (other, _) => {
                 let wanted = if lobe.is_some() { 2 } else { 4 };
-                return Err(place(format!("expected {wanted} numbers, got {}", other.len())));
+                return Err(place(format!("expected {wanted} numbers per line, got {}", other.len())));
             }
         });
     }
@@ -224,7 +226,7 @@ impl Subject<'_> {
             let (name, lobe) =
                 (&self.name, if lobe == Lobe::Reflected { "reflection" } else { "transmission" });
             Failure::input(format!(
-                "material `{name}` has no specular {lobe} for this direction; use --out to evaluate its BRDF"
+                "material `{name}` has no specular {lobe} for this direction; use --out to evaluate the BRDF"
             ))
         })?;
         let matrices: Vec<_> = values.iter().map(|v| plain(v.mueller)).collect();

@@ -102,8 +102,8 @@ fn together(share: &[f64; 16]) -> impl Iterator<Item = f64> {
 fn table(data: &DataSet, c: &Components, quantity: &str) -> String {
     let tally = data.tally();
     let mut text = format!(
-        "{quantity} of {} materials, {} bins; excluded: {} without values, {} dark, {} with elements larger than M00\ncomponent  singular \
-         value  explained  cumulative\n",
+        "{quantity} of {} materials, {} bins; excluded bins: {} without values, {} without light, {} with elements larger than \
+         M00\ncomponent  singular value  explained  cumulative\n",
         data.materials.len(),
         tally.valid,
         tally.holes,

@@ -58,7 +58,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let file = a.output.join(format!("{name}.pbsdf"));
         tabulate(&file, &axes, &materials.sources(name)).map_err(|e| {
             if !there {
-                // This removes only an empty folder.
+                // This call removes only an empty folder.
                 let _ = std::fs::remove_dir(&a.output);
             }
             let of_system = matches!(e, PbsdfError::Write(_));

@@ -147,7 +147,7 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
         if let Some(deg) = wanted.filter(|deg| !(first - 1.0..=last + 1.0).contains(deg)) {
             bail!(
-                "--{} {deg}: outside the table's range of {first:.1}° to {last:.1}°",
+                "--{} {deg}: the angle is outside the table's range of {first:.1}° to {last:.1}°",
                 name.replace('_', "-")
             );
         }

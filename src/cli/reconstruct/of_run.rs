@@ -19,11 +19,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
-            bail!("--errors: the output is a store, which already contains the errors; remove --errors");
+            bail!("--errors: the output is a store, which always contains the errors; remove --errors");
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
-        bail!("--variance, --noise and --saturation come from the run's detector; remove these options");
+        bail!("--variance, --noise and --saturation are given by the run's detector; remove these options");
     }
     let scheme = a.scheme.as_deref().map(load).transpose()?;
     let run = Run::open(&a.source, scheme.as_ref()).map_err(Failure::input)?;
@@ -34,7 +34,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if array && masks.len() != 1 {
         bail!(
-            "an array contains one mask, but the run has {}; select a mask with --mask, or write a store: -o {}",
+            "an array can contain only one mask, but the run has {}; select a mask with --mask, or write a store: -o {}",
             masks.join(", "),
             a.output.with_extension("zarr").display()
         );
@@ -55,7 +55,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
         bail!(
-            "{}: none of the {} pixels of mask {} is determined: unsaturated readings are too few for 16 elements; no file was written",
+            "{}: none of the {} pixels of mask {} is determined, because too few readings are unsaturated to determine 16 elements, \
+             so no file was written; reduce the exposure",
             a.source.display(),
             image.tally.pixels,
             image.name

@@ -55,7 +55,9 @@ pub(super) fn run(
             let part = RoundPart { part, light: a.light.as_deref() };
             to_error.part_of_round(scene, folder, round, part, target)
         }
-        None if a.part.is_some() => bail!("--part with --target-error needs --rounds FOLDER and --round K"),
+        None if a.part.is_some() => bail!(
+            "--part with --target-error requires the options --rounds and --round; pass --rounds FOLDER and --round K"
+        ),
         None => to_error.render(scene, target),
     };
     let summary = summary.map_err(failed)?;

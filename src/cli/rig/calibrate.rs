@@ -43,11 +43,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
-        bail!("no run has a known sample; capture runs with `sunstone rig run PLAN --sample air`");
+        bail!("none of the runs has a known sample; capture runs with `sunstone rig run PLAN --sample air`");
     };
     for s in samples.iter().filter(|s| s.left_out > 0) {
         eprintln!(
-            "note: {}: {} of {} readings excluded: saturated or unknown",
+            "note: {}: {} of {} readings are excluded, because they are saturated or unknown",
             s.name, s.left_out, s.readings
         );
     }

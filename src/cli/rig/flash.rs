@@ -29,7 +29,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let session = Prepared::load(&a.plan, a.rig.as_ref())?;
     places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
     if a.output.exists() {
-        bail!("{}: already exists; choose a new folder", a.output.display());
+        bail!("{}: the output already exists; choose a new folder", a.output.display());
     }
     let steps = session.steps(&stand_in(&session)?)?;
     let [w, h] = SIZE;
@@ -42,7 +42,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let images = flash::images(&steps.patterns);
     for (i, rgb) in images.iter().enumerate() {
         let path = a.output.join(format!("flash_{i:02}.png"));
-        let bytes = flash::to_png(rgb).ok_or_else(|| Failure::failed("cannot encode an image as PNG"))?;
+        let bytes = flash::to_png(rgb)
+            .ok_or_else(|| Failure::failed("internal error: cannot encode an image as PNG"))?;
         whole_file::write(&path, &bytes).map_err(Failure::at(&path))?;
     }
     print(&format!("{}: {} patterns in {} images", a.output.display(), steps.patterns.len(), images.len()))

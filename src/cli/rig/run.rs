@@ -61,7 +61,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
         if output.exists() && !a.resume && !a.force {
             bail!(
-                "{} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`",
+                "{} already exists: resume the run with `--resume`, replace the store with `--force`, or choose another `-o`",
                 output.display()
             );
         }

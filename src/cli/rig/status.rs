@@ -19,7 +19,7 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !is_frames(&a.store) {
         bail!(
-            "{}: not the store of a run; create one with `sunstone rig run PLAN -o STORE`",
+            "{}: this folder is not the store of a run; create one with `sunstone rig run PLAN -o STORE`",
             a.store.display()
         );
     }

@@ -29,8 +29,8 @@ pub struct Series {
     pub name: String,
     /// Points (x, y) in the units of the axes, joined in this order.
     pub points: Vec<(f64, f64)>,
-    /// Standard error of every y value. It is drawn as an error bar of one standard error in each
-    /// direction. Errors that are not finite and positive have no bar.
+    /// Standard error of every y value. The standard error is drawn as an error bar of one standard error in
+    /// each direction. Errors that are not finite and positive have no bar.
     pub errors: Option<Vec<f64>>,
     pub style: SeriesStyle,
     /// Index of the colour in the colour-blind-safe palette (`BLACK` is 6), and of the marker.
@@ -38,7 +38,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// Returns the standard error of a point; 0 if there is no finite positive standard error.
+    /// Returns the standard error of a point, or 0 if there is no finite positive standard error.
     pub(super) fn error(&self, i: usize) -> f64 {
         let error = self.errors.as_ref().and_then(|e| e.get(i)).copied();
         error.filter(|e| e.is_finite() && *e > 0.0).unwrap_or(0.0)

@@ -35,7 +35,7 @@ fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
 struct At<'a>(&'a Tensor, Vec<usize>);
 
 impl At<'_> {
-    /// Returns the index along an axis; 0 if the tensor does not have it.
+    /// Returns the index along an axis, or 0 if the tensor does not have it.
     fn i(&self, kind: AxisKind) -> usize {
         self.0.find(kind).map_or(0, |k| self.1[k])
     }

@@ -10,7 +10,7 @@ fn message(view: &View, t: &Tensor) -> String {
 #[test]
 fn missing_axes_are_named_with_their_fix() {
     let still = tensor(axes([(Y, 2), (X, 2), (Wavelength, 3)]), |_| 1.0);
-    let time = "slice `s` has no time axis; draw a slice with `time = {";
+    let time = "slice `s` has no time axis; draw a slice that is defined with `time = {";
     for view in [View::SpaceTime(map_view(0, [0, 0], None)), flight_view(3), profile_view([0.0; 2], [0, 0])] {
         assert!(message(&view, &still).starts_with(time), "{view:?}: {}", message(&view, &still));
     }

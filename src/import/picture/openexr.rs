@@ -54,7 +54,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
         let (origin, display) = (part.attributes.layer_position, image.attributes.display_window);
         if (origin, part.size) != (display.position, display.size) {
             let note =
-                "the display window differs from the data window: the data window is used, as in Mitsuba";
+                "the display window differs from the data window; the data window is used, as in Mitsuba";
             notes.push(note.to_owned());
         }
         for channel in &part.channel_data.list {
@@ -82,8 +82,12 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
         .attributes
         .chromaticities
         .map(|c| [c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]));
-    let to_rgb = primaries::conversion(is_xyz, given)
-        .map_err(|NoGamut| PictureError::damaged("OpenEXR", "the chromaticities are degenerate"))?;
+    let to_rgb = primaries::conversion(is_xyz, given).map_err(|NoGamut| {
+        PictureError::damaged(
+            "OpenEXR",
+            "the primary colours in the attribute `chromaticities` are degenerate",
+        )
+    })?;
     // A single grey channel has no primaries.
     let to_rgb = to_rgb.filter(|_| channels.len() == 3);
     let [width, height] = chosen.size;

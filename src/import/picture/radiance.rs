@@ -38,7 +38,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
         }
     }
     let to_rgb = primaries::conversion(header.is_xyz, header.primaries)
-        .map_err(|NoGamut| damaged("the PRIMARIES are degenerate"))?;
+        .map_err(|NoGamut| damaged("the primary colours in PRIMARIES are degenerate"))?;
     if header.correction != [1.0; 3] {
         let [r, g, b] = header.correction.map(|c| 1.0 / c);
         header.notes.push(format!(

@@ -73,7 +73,7 @@ impl Distortion {
             {
                 "the point is 90° or more from the optical axis, outside the field of view of a device with a planar image"
             }
-            _ => "the distortion folds the image",
+            _ => "the distortion is not invertible, because it maps two directions to one pixel",
         }
     }
 }
@@ -193,7 +193,10 @@ mod tests {
         // r - r³ has its maximum of 0.385 at r = 0.577.
         assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());
         assert!(barrel.undistort(DVec2::new(0.39, 0.0)).is_none());
-        assert_eq!(barrel.complaint(DVec2::new(0.39, 0.0)), "the distortion folds the image");
+        assert_eq!(
+            barrel.complaint(DVec2::new(0.39, 0.0)),
+            "the distortion is not invertible, because it maps two directions to one pixel"
+        );
         let wide = Distortion::Fisheye(Fisheye::default());
         assert!(wide.undistort(DVec2::new(1.5, 0.0)).is_some());
         assert!(wide.undistort(DVec2::new(1.6, 0.0)).is_none());

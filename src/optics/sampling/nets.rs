@@ -49,8 +49,8 @@ fn make(bits: u32) -> Nets {
     out
 }
 
-/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. These are the
-/// reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
+/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. The result consists
+/// of the reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     // Digit 0 of the result is the most significant digit.
     let digit = |row: u32| {

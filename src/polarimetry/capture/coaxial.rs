@@ -11,7 +11,7 @@ use optics::polarization::fresnel;
 use optics::spectrum::Spectral;
 use serde::{Deserialize, Serialize};
 
-/// One arm of a beamsplitter. Its eigenaxes are the x and y axes of the frame.
+/// One arm of a beamsplitter. The eigenaxes of the arm are the x and y axes of the frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -44,7 +44,7 @@ pub struct Coaxial {
     pub transmission: Arm,
     /// The matrix B_r, from the scene to the elements.
     pub reflection: Arm,
-    /// The mirrors that steer the beam; `None` if the beam is fixed.
+    /// The mirrors that steer the beam, or `None` if the beam is fixed.
     pub galvo: Option<Galvo>,
 }
 
@@ -209,8 +209,8 @@ mod tests {
         }
     }
 
-    /// Perfect undeflected mirrors only rotate the frame. Their s axes are perpendicular, and their two
-    /// mirror images cancel.
+    /// Perfect undeflected mirrors only rotate the frame. The s axes of the two mirrors are perpendicular,
+    /// and the two mirror images cancel.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();

@@ -175,12 +175,13 @@ impl Element {
         Set { angle: self.angle.at(k), retardance }
     }
 
-    /// Returns the retardance at a setting for a ray, radians; 0 for a polarizer.
+    /// Returns the retardance at a setting for a ray, radians, or 0 for a polarizer.
     ///
     /// The plate is weakly birefringent with index n, and its slow axis is in its plane. For a ray at angle α
     /// in air, with the plane of incidence at β from the slow axis, the retardance is (δ + 2πm)(1 - s² cos²
-    /// β)/√(1 - s²), s = sin α/n. This is the difference of the extraordinary and ordinary waves' k_z (Yeh &
-    /// Gu, "Optics of Liquid Crystal Displays", 2010, sec. 3.2) to first order in the birefringence.
+    /// β)/√(1 - s²), s = sin α/n. This retardance is the difference between the k_z of the extraordinary wave
+    /// and of the ordinary wave (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010, sec. 3.2) to first
+    /// order in the birefringence.
     pub fn retardance(&self, set: Set, ray: &Ray) -> f64 {
         let ElementKind::Retarder { error, .. } = &self.kind else {
             return 0.0;
@@ -249,7 +250,7 @@ impl Element {
         angle.into_iter().chain(each.then_some(Quantity::Retardance))
     }
 
-    /// Returns the setting of a quantity; `None` for the retardance of a polarizer.
+    /// Returns the setting of a quantity, or `None` for the retardance of a polarizer.
     pub fn setting(&self, quantity: Quantity) -> Option<&Setting> {
         match (quantity, &self.kind) {
             (Quantity::Angle, _) => Some(&self.angle),

@@ -19,10 +19,12 @@ pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
-    #[error("invalid wavelength {0}; expected nanometres, such as 450,550,660")]
+    #[error("invalid wavelength {0}; expected positive numbers of nanometres, such as 450,550,660")]
     Wavelength(f64),
     /// The last axis does not match the wavelengths.
-    #[error("expected {wavelengths} wavelengths on the last axis before the matrices, got shape {shape:?}")]
+    #[error(
+        "the array has shape {shape:?}, but expected {wavelengths} wavelengths on the last axis before the matrices"
+    )]
     Wavelengths {
         /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
@@ -33,10 +35,12 @@ pub enum ImageError {
         "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice that is summed over this axis"
     )]
     Parts(&'static str),
-    #[error("there are no matrices; keep at least one entry of each axis")]
+    #[error("the selection contains no matrices; keep at least one entry of each axis")]
     Empty,
     /// The number of elements does not match the shape.
-    #[error("{found} elements do not fill matrices of shape {shape:?} with 16 elements each")]
+    #[error(
+        "the array has {found} elements, which do not fill matrices of shape {shape:?} with 16 elements each"
+    )]
     Elements {
         /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
@@ -214,7 +218,7 @@ impl MuellerImage {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
-    /// Returns the mean of all finite T00, in the unit of the matrices; NaN if none is finite.
+    /// Returns the mean of all finite T00, in the unit of the matrices, or NaN if none is finite.
     pub fn mean(&self) -> f64 {
         let lit = self.matrices.iter().step_by(16).filter(|v| v.is_finite());
         let (n, sum) = lit.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));

@@ -55,8 +55,8 @@ pub enum Noise {
         /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
-    /// A diode per pixel. Its counter has the time bins of the layout, which start at the laser pulse.
-    /// Readings include the timing jitter (see [`super::detector::spad`]).
+    /// A diode per pixel. The counter of the diode has the time bins of the layout, which start at the laser
+    /// pulse. Readings include the timing jitter (see [`super::detector::spad`]).
     Spad(Spad),
 }
 
@@ -73,8 +73,8 @@ pub struct Captured {
 }
 
 impl Captured {
-    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices;
-    /// `None` if the standard deviation is unknown, as for a diode.
+    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices, or `None`
+    /// if the standard deviation is unknown, as for a diode.
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
             (Noise::None, _) => Some(0.0),

@@ -14,7 +14,7 @@ pub enum SpectralValue {
 }
 
 impl SpectralValue {
-    /// Returns the value at a wavelength in nanometres; 0 for an empty table.
+    /// Returns the value at a wavelength in nanometres, or 0 for an empty table.
     pub fn at(&self, nm: f64) -> f64 {
         match self {
             Self::Same(value) => *value,

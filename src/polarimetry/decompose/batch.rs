@@ -223,7 +223,7 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k` of the batch, which equals `m`; `None` if the matrix has no
+    /// Returns the properties of matrix `k` of the batch, which equals `m`, or `None` if the matrix has no
     /// decomposition. The retarder's axis is omitted because it is slow to compute; [`Properties::of`]
     /// returns it.
     #[inline]
@@ -240,7 +240,7 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k` of the batch, which equals `m`; `None` if the matrix has no
+    /// Returns the factors of matrix `k` of the batch, which equals `m`, or `None` if the matrix has no
     /// decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {

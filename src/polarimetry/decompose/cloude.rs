@@ -71,9 +71,9 @@ pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
     eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
 }
 
-/// Returns the realizable matrix with the smallest sum of squared element differences; `None` if an element
-/// is not finite. Negative eigenvalues are set to zero, because the map from M to H preserves lengths up to a
-/// factor.
+/// Returns the realizable matrix with the smallest sum of squared element differences, or `None` if an
+/// element is not finite. Negative eigenvalues are set to zero, because the map from M to H preserves lengths
+/// up to a factor.
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
     eigen.eigenvalues.apply(|v| *v = v.max(0.0));

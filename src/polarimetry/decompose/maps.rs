@@ -156,7 +156,7 @@ impl Quantity {
         }
     }
 
-    /// Returns one of the four scalars of Lu & Chipman; NaN for other quantities.
+    /// Returns one of the four scalars of Lu & Chipman, or NaN for other quantities.
     fn scalar(self, p: &Properties) -> f64 {
         match self {
             Self::Polarizance => p.polarizance,
@@ -168,7 +168,7 @@ impl Quantity {
     }
 }
 
-/// The factors and properties of a matrix; `None` if it has no decomposition.
+/// The factors and properties of a matrix, or `None` if it has no decomposition.
 type Found = Option<(Parts, Properties)>;
 
 fn matrix<T: Real>(values: &[T]) -> Matrix {

@@ -1,10 +1,10 @@
 //! The guide image: a few channels per pixel that the denoiser compares to find similar pixels.
 //!
-//! For images of Mueller matrices or intensities at several wavelengths, the guide is the image itself.
-//! If a slice resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such
-//! a slice also holds the profile of M00 along these entries, in at most `PROFILE` groups of neighbouring
-//! entries, so that pixels at different depths differ. Variances are summed on the assumption that
-//! entries are independent.
+//! For images of Mueller matrices or intensities at several wavelengths, the guide is the image itself. If a
+//! slice resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such a slice
+//! also holds the profile of M00 along these entries, in at most `PROFILE` groups of neighbouring entries.
+//! Pixels at different depths therefore differ. Variances are summed on the assumption that entries are
+//! independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};

@@ -43,7 +43,7 @@ pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
-/// Returns the neighbour of pixel `p` with offset index `o`; `None` if it is outside the image.
+/// Returns the neighbour of pixel `p` with offset index `o`, or `None` if it is outside the image.
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
     let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;

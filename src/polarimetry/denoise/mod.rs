@@ -5,10 +5,10 @@
 //!
 //! > F(p) = Σ_q w(p, q) y(q),  w ≥ 0,  Σ_q w(p, q) = 1,
 //!
-//! with one weight for all Mueller elements, wavelengths and time bins of a pair. The method is
-//! non-local means (Buades et al. 2005) with the distances of Rousselle et al. 2012 ("Adaptive
-//! Rendering with Non-Local Means Filtering"): differences relative to the stored standard errors
-//! ([`likeness`]). Realizable Mueller matrices form a convex cone, so their mean is realizable.
+//! with one weight for all Mueller elements, wavelengths and time bins of a pair. The method is non-local
+//! means (Buades et al. 2005) with the distances of Rousselle et al. 2012 ("Adaptive Rendering with Non-Local
+//! Means Filtering"). The distances are differences relative to the stored standard errors ([`likeness`]).
+//! Realizable Mueller matrices form a convex cone, so their mean is realizable.
 //!
 //! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein 1981; Li
 //! et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The

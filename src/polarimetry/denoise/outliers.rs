@@ -107,8 +107,8 @@ mod tests {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
-        // These are not outliers: a highlight in both renders, a value with a small error, slightly more
-        // light, and pixels of a single render.
+        // The following values are not outliers: a highlight in both renders, a value with a small error,
+        // slightly more light, and pixels of a single render.
         for renders in [
             &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
             &[spot(50.0, 2.0), plain.clone()],

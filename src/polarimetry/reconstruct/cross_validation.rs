@@ -80,7 +80,7 @@ pub struct Validated {
     /// Mean error on the test materials of the folds. Without folds, or if the error does not
     /// depend on the materials, this is the error of the closed form.
     pub unseen: f64,
-    /// Standard error of `unseen` over the folds; 0 without folds.
+    /// Standard error of `unseen` over the folds, or 0 without folds.
     pub spread: f64,
     /// Mean squared error on the training materials: sum over the 16 elements at T00 = 1.
     pub seen: f64,

@@ -63,7 +63,7 @@ pub fn metric(functionals: &[[f64; 16]]) -> Moment {
     all.map(|w| w * w.transpose()).fold(Moment::zeros(), |sum, m| sum + m)
 }
 
-/// The states of a capture. Their products are the capture's rows of A.
+/// The states of a capture. The products of these states are the capture's rows of A.
 struct Capture {
     generated: StateJet,
     analyzed: Vec<StateJet>,

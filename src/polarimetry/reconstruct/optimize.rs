@@ -92,7 +92,7 @@ impl<F: Smooth> Remembered<'_, F> {
         } else {
             value = BAD;
             if self.walls.fetch_add(1, Ordering::Relaxed) >= MOST_WALLS {
-                return Err(Error::msg("the function has no finite value near its last point"));
+                return Err(Error::msg("the function has no finite value near the last evaluated point"));
             }
         }
         let mut best = self.best.lock().map_err(|_| Error::msg("another evaluation panicked"))?;

@@ -298,7 +298,7 @@ impl<T: Number> Reconstruction<T> {
         Solved { found: Some(found), partial }
     }
 
-    /// Returns the standard deviation of the noise, estimated from the residuals as √(Σ r²/(n - 16)); NaN
+    /// Returns the standard deviation of the noise, estimated from the residuals as √(Σ r²/(n - 16)), or NaN
     /// without redundant measurements.
     fn left_over(
         &self,

@@ -140,8 +140,8 @@ impl<T: Number> Weights<T> {
     }
 }
 
-/// Adds w x to s, per element. This is a loop, because the compiler could compile a closure separately,
-/// without the caller's target features.
+/// Adds w x to s, per element. This function uses a loop, because the compiler could compile a closure
+/// separately, without the caller's target features.
 #[inline(always)]
 fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {
     for k in 0..LANES {

@@ -109,8 +109,8 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Returns the reason why a matrix is not a second moment, worded to follow the matrix's name in a
-/// message; `None` if the matrix is a second moment.
+/// Returns the reason why a matrix is not a second moment, worded to follow the matrix's name in a message,
+/// or `None` if the matrix is a second moment.
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {

@@ -19,7 +19,7 @@ pub(super) fn left(until: Instant) -> Duration {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
     /// Nothing arrived before the deadline.
-    #[error("no reply before the deadline")]
+    #[error("no reply arrived before the deadline")]
     Timeout,
     /// The line is closed or disconnected.
     #[error("connection lost: {0}")]
@@ -104,7 +104,7 @@ impl StreamLine {
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         Self::open(address, |address| {
             let found = address.to_socket_addrs()?.next();
-            let found = found.ok_or_else(|| io::Error::other("host not found"))?;
+            let found = found.ok_or_else(|| io::Error::other("the host name cannot be resolved"))?;
             let stream = TcpStream::connect_timeout(&found, PATIENCE)?;
             stream.set_nodelay(true)?;
             Ok(Box::new(stream))
@@ -151,7 +151,7 @@ impl Line for StreamLine {
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError> {
         let mut buffer = [0; 4096];
         match self.with(within, |stream| stream.read(&mut buffer))? {
-            0 => Err(self.gone("the other side closed the connection")),
+            0 => Err(self.gone("the instrument closed the connection")),
             n => Ok(buffer[..n].to_vec()),
         }
     }
@@ -182,7 +182,7 @@ impl MemoryLine {
 
 impl Line for MemoryLine {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
-        let gone = |_| LineError::Gone("the other end was closed".into());
+        let gone = |_| LineError::Gone("the other end of the line was closed".into());
         self.to.send(bytes.to_vec()).map_err(gone)
     }
 
@@ -193,7 +193,7 @@ impl Line for MemoryLine {
                 Ok(bytes) => return Ok(bytes),
                 Err(RecvTimeoutError::Timeout) => return Err(LineError::Timeout),
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(LineError::Gone("the other end was closed".into()));
+                    return Err(LineError::Gone("the other end of the line was closed".into()));
                 }
             }
         }

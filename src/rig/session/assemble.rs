@@ -66,7 +66,7 @@ pub fn bench(
     let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
     if !super::image::same_elements(&optics, &plan.scheme) {
         return Err(AssembleError(format!(
-            "the bench's optics have the elements {:?}, but the scheme has {:?}; use the same elements and sensor",
+            "the bench's optics have the elements {:?}, but the scheme has the elements {:?}; use the same elements and sensor",
             super::image::elements(&optics),
             super::image::elements(&plan.scheme)
         )));
@@ -78,7 +78,8 @@ pub fn bench(
     };
     if wanted.is_some_and(|w| w != seen) {
         return Err(AssembleError(format!(
-            "the tensor has {} x {} camera pixels, but the rig expects {:?}; use this size for the camera or the scan",
+            "the tensor has {} x {} camera pixels, but the rig expects {:?}; set the size of the camera or the number of scan points \
+             to the size of the tensor",
             seen[0], seen[1], wanted
         )));
     }
@@ -118,7 +119,10 @@ pub fn scenery(
         (_, Some(path)) => path,
         (Scene::Tensor(path), None) => path,
         (Scene::Scene(path, _), None) => {
-            return Err(AssembleError(format!("{} is not rendered", path.display())));
+            return Err(AssembleError(format!(
+                "the scene {} is not rendered; render the scene first",
+                path.display()
+            )));
         }
     };
     Scenery::open(path, &plan.slice, plan.nm).map_err(AssembleError)
@@ -152,13 +156,15 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     let mut rig = Rig::new(&plan.name, clock);
     let bench = |name: &str| {
         world.cloned().ok_or_else(|| {
-            AssembleError(format!("`{name}` is simulated, but the rig file has no [bench]; add [bench]"))
+            AssembleError(format!(
+                "`{name}` is simulated, but the rig file has no [bench]; add a table [bench]"
+            ))
         })
     };
     let missing = |name: &str, driver: &Driver| {
         Err(AssembleError(if *driver == Driver::Python {
             format!(
-                "`{name}` is implemented in Python; pass it to `pysunstone.rig.Session` (docs/python-rig.md)"
+                "`{name}` is implemented in Python; pass the instrument to `pysunstone.rig.Session` (docs/python-rig.md)"
             )
         } else {
             format!("`{name}`: driver {driver:?} does not support this kind of instrument")
@@ -271,7 +277,8 @@ fn analog_galvo(
     AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(failed)
 }
 
-/// Opens a USB camera. Its size must equal that of the rig file, as frames cover the whole sensor.
+/// Opens a USB camera. The size of the camera must equal the size in the rig file, because frames cover the
+/// whole sensor.
 #[cfg(feature = "usb3_vision")]
 fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);
@@ -279,7 +286,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     let found = camera.limits().size;
     if found != limits.size {
         return Err(AssembleError(format!(
-            "`camera` has {found:?} pixels, but the rig file has {:?}; correct `size`",
+            "`camera` has {found:?} pixels, but the rig file has the size {:?}; correct `size`",
             limits.size
         )));
     }
@@ -290,7 +297,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
 #[cfg(not(feature = "usb3_vision"))]
 fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     Err(AssembleError(
-        "`camera` uses GenICam, but this program was built without it; build with --features usb3_vision"
+        "`camera` uses GenICam, but this program was built without it; build the program with --features usb3_vision"
             .into(),
     ))
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-const FIX: &str = "create one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
+const FIX: &str = "create a calibration, for example: sunstone calibrate sensor RUN -o calibration.toml";
 
 /// Assumed parameters of the instruments, with which a run converts readings.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +82,7 @@ impl Believed {
                     let [w, h] = table.resolution;
                     if let Some([x, y]) = size.filter(|s| *s != table.resolution) {
                         let message = format!(
-                            "[{name}] was calibrated with {w} × {h} pixels, but the rig has {x} × {y}"
+                            "[{name}] was calibrated with {w} × {h} pixels, but the rig has {x} × {y} pixels"
                         );
                         let fix =
                             "calibrate with images of the rig's size, or correct `size` in the rig file";

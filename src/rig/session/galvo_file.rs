@@ -32,7 +32,7 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), F
     let settle = Duration::try_from_secs_f64(file.settle_us.unwrap_or(300.0) / 1e6);
     let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
     let help = "set range_deg = [x, y], each above 0 and at most 60, and settle_us from 0 to less than 1e9";
-    let settle = settle.ok_or(("invalid setting in [galvo]".to_owned(), help))?;
+    let settle = settle.ok_or(("a setting in [galvo] is outside the supported range".to_owned(), help))?;
     if file.driver != Driver::Analog {
         let others = [
             ("volts_per_degree", file.volts_per_degree.is_some()),
@@ -80,7 +80,7 @@ fn card(file: CardFile) -> Result<AnalogLimits, Fault> {
     if !good {
         let help = "set channels from 1 to 64, volts = [min, max] within ±1000, bits from 1 to 32, rate_hz = [min, max] above 0 and at most 1e9, \
              samples from 1 to 16777216";
-        return Err(("invalid setting in `card`".into(), help));
+        return Err(("a setting in `card` is outside the supported range".into(), help));
     }
     Ok(AnalogLimits {
         channels: file.channels,

@@ -82,7 +82,8 @@ impl Lens {
 
     /// Creates a lens from a calibration table.
     fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
-        let device = table.device().ok_or_else(|| format!("[{name}] is not a calibrated device"))?;
+        let device =
+            table.device().ok_or_else(|| format!("the table [{name}] is not a calibrated device"))?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
             None => Opencv::from_list(&device.coefficients).into(),

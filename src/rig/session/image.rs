@@ -58,7 +58,12 @@ impl Run {
     /// [`ImageError`] if the run is missing, unfinished or damaged, or if the scheme has other elements.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(failed)?;
-        let damaged = |what: &str| ImageError(format!("{}: attribute `{what}` is damaged", path.display()));
+        let damaged = |what: &str| {
+            ImageError(format!(
+                "{}: the attribute `{what}` of the run is damaged; restore the run from a backup",
+                path.display()
+            ))
+        };
         let attribute = |name: &str| store.attributes().get(name).cloned().ok_or_else(|| damaged(name));
         let text = attribute("scheme")?;
         let planned =
@@ -66,7 +71,7 @@ impl Run {
         let given = scheme.unwrap_or(&planned);
         if !same_elements(given, &planned) {
             return Err(ImageError(format!(
-                "the scheme has the elements {:?}, but the run has {:?}; pass a calibration of the scheme of this run",
+                "the scheme has the elements {:?}, but the run has the elements {:?}; pass a calibration of the scheme of this run",
                 elements(given),
                 elements(&planned)
             )));
@@ -116,7 +121,10 @@ impl Run {
     }
 
     pub(super) fn damaged(&self, what: &str) -> ImageError {
-        ImageError(format!("{}: {what} is damaged", self.store.path().display()))
+        ImageError(format!(
+            "{}: {what} is damaged; restore the run from a backup",
+            self.store.path().display()
+        ))
     }
 
     /// Returns the lengths of the frames' axes.
@@ -141,7 +149,7 @@ impl Run {
         let [captures, shots, exposures, height, width] = self.shape()?;
         let list = self.work["masks"].as_array().ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
-            ImageError(format!("unknown mask `{mask}`; the run has {}", self.masks.join(", ")))
+            ImageError(format!("unknown mask `{mask}`; the run has the masks {}", self.masks.join(", ")))
         })?;
         let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;
         let count = entry["shots"].as_u64().unwrap_or(0) as usize;
@@ -225,8 +233,8 @@ impl Run {
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
-    /// Returns the diode of a scan, with the bins and the mean number of pulses of the counter; `None`
-    /// for a camera run.
+    /// Returns the diode of a scan, with the bins and the mean number of pulses of the counter, or `None` for
+    /// a camera run.
     ///
     /// # Errors
     /// [`ImageError`] if the stored parameters of the diode are damaged.
@@ -297,7 +305,7 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
     let frames = store.layout().frames();
     let per = frames / captures.max(1);
     if per * captures != frames {
-        return Err("the number of frames does not match the scheme".into());
+        return Err("the number of frames is not a multiple of the number of captures of the scheme".into());
     }
     let mut out = given.clone();
     for name in elements(given) {

@@ -39,17 +39,22 @@ impl Run {
         let name = self.store.attributes().get("sample").and_then(Value::as_str);
         let name = name.ok_or_else(|| {
             ImageError(format!(
-                "{path}: this run has no known sample; capture one with `sunstone rig run PLAN --sample air`"
+                "{path}: the run has no known sample; capture a known sample with `sunstone rig run PLAN --sample air`"
             ))
         })?;
-        let mueller =
-            sample_of(name).ok_or_else(|| ImageError(format!("{path}: unknown sample `{name}`")))?;
+        let mueller = sample_of(name).ok_or_else(|| {
+            ImageError(format!("{path}: unknown sample `{name}`; expected air, mirror or polarizer"))
+        })?;
         let mask = self
             .masks
             .iter()
             .find(|m| *m == "full")
             .or(self.masks.iter().find(|m| *m != "dark"))
-            .ok_or_else(|| ImageError(format!("{path}: the run has no lit mask")))?;
+            .ok_or_else(|| {
+                ImageError(format!(
+                    "{path}: the run has no mask that lights the sample; use a plan with the mask \"full\""
+                ))
+            })?;
         let seen = self.intensities(mask, Method::Superpixel)?;
         let of = |(n, region): (usize, Region)| {
             let ([intensities, sigmas], [readings, left_out]) = mean(&seen, &region);

@@ -33,8 +33,8 @@ pub struct RunOptions {
     /// Options of the reconstruction of images. `saturation` is not used, because the run already marks
     /// saturated readings.
     pub options: Options,
-    /// Horizontal field of view of the camera in radians. It is used to correct for oblique incidence at the
-    /// retarders. For a scan, the run contains the field of view.
+    /// Horizontal field of view of the camera in radians. The field of view is used to correct for oblique
+    /// incidence at the retarders. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
     /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear interpolation.
     pub superpixel: bool,

@@ -7,7 +7,7 @@ use crate::calibrate::temporal::captures::{Capture, Counter};
 use polarimetry::capture::detector::spad::Mode;
 use polarimetry::capture::directions::Directions;
 
-/// Speed of light in meters per picosecond.
+/// Speed of light in metres per picosecond.
 const C: f64 = 299_792_458e-12;
 
 pub struct Histograms {
@@ -48,7 +48,9 @@ impl Run {
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
-            return Err(ImageError(format!("{path}: this is a camera run; use a run of a plan with [scan]")));
+            return Err(ImageError(format!(
+                "{path}: the run is a camera run, but a scan is required; use a run of a plan with [scan]"
+            )));
         };
         let [captures, height, width, bins] = self.shape()?;
         let Some(fov) = self.fov_x.filter(|_| width > 0 && height > 0 && bins > 0) else {
@@ -95,7 +97,9 @@ impl Run {
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
         let (Ok([captures, shots, exposures, height, width]), None) = (self.shape(), self.fov_x) else {
-            return Err(ImageError(format!("{path}: this is a scan; use a run of a plan with [camera]")));
+            return Err(ImageError(format!(
+                "{path}: the run is a scan, but a camera run is required; use a run of a plan with [camera]"
+            )));
         };
         let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());
         let still = elements.into_iter().all(|e| {

@@ -80,7 +80,7 @@ pub struct CameraWork {
 pub enum MaskPlan {
     /// A mask in which all projector pixels are on.
     Full,
-    /// A mask in which all projector pixels are off. It measures stray light and dark signal.
+    /// A mask in which all projector pixels are off. This mask measures stray light and dark signal.
     Dark,
     /// A set of stripes of epipolar lines.
     Stripes {
@@ -202,16 +202,22 @@ fn check_limits(limits: &Limits) -> Result<(), Fault> {
     let Limits { retries, backoff_s, deadline_s, suspend_s, laser_power, saturated_share } = *limits;
     for (name, value) in [("backoff_s", backoff_s), ("deadline_s", deadline_s), ("suspend_s", suspend_s)] {
         if !(value > 0.0 && value <= 1e6) {
-            return Err((format!("`{name}` is {value}"), "set seconds, above 0 and at most 1e6"));
+            return Err((
+                format!("`{name}` is {value}, outside the supported range"),
+                "set seconds, above 0 and at most 1e6",
+            ));
         }
     }
     for (name, value) in [("laser_power", laser_power), ("saturated_share", saturated_share)] {
         if !(0.0..=1.0).contains(&value) {
-            return Err((format!("`{name}` is {value}"), "set a fraction from 0 to 1"));
+            return Err((
+                format!("`{name}` is {value}, outside the supported range"),
+                "set a fraction from 0 to 1",
+            ));
         }
     }
     if retries > 1000 {
-        return Err((format!("`retries` is {retries}"), "set 0 to 1000"));
+        return Err((format!("`retries` is {retries}, above the supported maximum"), "set 0 to 1000"));
     }
     Ok(())
 }
@@ -220,7 +226,10 @@ fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     if ms > 0.0 && ms <= 3.6e6 {
         Ok(Duration::from_secs_f64(ms / 1e3))
     } else {
-        Err((format!("`{name}` has {ms}"), "set milliseconds, above 0 and at most 3.6e6 (one hour)"))
+        Err((
+            format!("`{name}` contains {ms}, outside the supported range"),
+            "set milliseconds, above 0 and at most 3.6e6 (one hour)",
+        ))
     }
 }
 
@@ -228,7 +237,10 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
     let exposures: Vec<Duration> =
         file.exposures_ms.iter().map(|ms| milliseconds("exposures_ms", *ms)).collect::<Result<_, _>>()?;
     if exposures.is_empty() || exposures.len() > 64 {
-        return Err((format!("`exposures_ms` has {} entries", exposures.len()), "list 1 to 64 exposures"));
+        return Err((
+            format!("`exposures_ms` has {} entries", exposures.len()),
+            "list 1 to 64 exposure times",
+        ));
     }
     if !file.gain_db.is_finite() {
         return Err((format!("`gain_db` is {}", file.gain_db), "set a finite number of decibels, such as 0"));

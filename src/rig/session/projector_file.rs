@@ -19,12 +19,13 @@ pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, 
     let (bits, shortest_ms) = (p.bits.unwrap_or(1), p.shortest_ms.unwrap_or(0.235));
     let shortest = Duration::try_from_secs_f64(shortest_ms / 1e3).ok();
     let shortest = shortest.filter(|_| shortest_ms < 1e6 && pixels && (1..=8).contains(&bits));
-    let shortest = shortest.ok_or_else(|| ("invalid setting in [projector]".to_owned(), help))?;
+    let shortest = shortest
+        .ok_or_else(|| ("a setting in [projector] is outside the supported range".to_owned(), help))?;
     let limits = ProjectorLimits { size: p.size, patterns: p.patterns.unwrap_or(4096), bits, shortest };
     if p.driver != Driver::Dlpc350 {
         if p.triggers != Triggers::default() || !p.flash.is_empty() {
             let what = "`flash` and `triggers` apply only to driver = \"dlpc350\"";
-            return Err((what.to_owned(), "remove them, or set driver = \"dlpc350\""));
+            return Err((what.to_owned(), "remove these keys, or set driver = \"dlpc350\""));
         }
         return Ok((limits, None));
     }

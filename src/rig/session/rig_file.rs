@@ -157,15 +157,16 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         let good = is_wavelength(l.nm) && rate_hz[0] > 0.0 && rate_hz[1] >= rate_hz[0];
         if !good {
             let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
-            return Err(("invalid setting in [laser]".into(), help));
+            return Err(("a setting in [laser] is outside the supported range".into(), help));
         }
         Ok((l.driver.clone(), LaserLimits { nm: l.nm, rate_hz }))
     })?;
     let laser_table = match file.laser.as_ref().filter(|l| l.driver == Driver::Scpi) {
         None => None,
         Some(l) => {
-            let help = "add table = \"laser.toml\", with its address and commands; see docs/instruments.md";
-            let missing = || fault(l.span(), ("a laser with driver = \"scpi\" needs a table".into(), help));
+            let help = "add table = \"laser.toml\", with the address and the commands of the laser; see docs/instruments.md";
+            let missing =
+                || fault(l.span(), ("a laser with driver = \"scpi\" requires the key `table`".into(), help));
             let table = beside(path, l.table.as_ref().ok_or_else(missing)?);
             let text = document::read(&table, "laser's table", help)?;
             let wrong = |e: String| fault(l.span(), (format!("{}: {e}", table.display()), help));
@@ -177,7 +178,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         let good = (1..=1 << 20).contains(&bins) && finest_ps > 0.0 && finest_ps < 1e9;
         if !good {
             let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
-            return Err(("invalid setting in [counter]".into(), help));
+            return Err(("a setting in [counter] is outside the supported range".into(), help));
         }
         let limits = CounterLimits {
             bins,
@@ -210,7 +211,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             file.stages.contains_key(name) || roles.contains(&(name, true))
         };
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
-            let what = format!("invalid fault for `{}` at use {}", odd.instrument, odd.at);
+            let what = format!("the fault for `{}` at use {} is invalid", odd.instrument, odd.at);
             let help = "set the name of an instrument of this file, or \"disk\", and a use of at least 1";
             return Err(fault(b.span(), (what, help)));
         }
@@ -265,7 +266,7 @@ fn check_stage(name: &str, stage: &StageFile) -> Result<(), Fault> {
     let good = speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
     if !good {
         let help = "set velocity, acceleration and resolution_deg in (0, 1e6), and approach_deg and backlash_deg from 0 to 90";
-        return Err((format!("invalid setting of stage `{name}`"), help));
+        return Err((format!("a setting of stage `{name}` is outside the supported range"), help));
     }
     if stage.driver == Driver::Apt && stage.port.is_none() {
         let help = "add port = \"/dev/ttyUSB0\", or \"COM3\" on Windows";
@@ -287,7 +288,8 @@ fn camera_limits(file: &CameraFile) -> Result<CameraLimits, Fault> {
         exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
         gain_db: [0.0, 48.0],
         formats: PixelFormat::ALL.to_vec(),
-        row_time: row_time.ok_or(("invalid setting in [camera]".to_owned(), help))?,
+        row_time: row_time
+            .ok_or(("a setting in [camera] is outside the supported range".to_owned(), help))?,
     })
 }
 

@@ -120,14 +120,13 @@ impl Steps {
         let laser = rig.laser.as_ref().ok_or_else(|| absent("laser"))?;
         self.frame_size = [work.bins, 1];
         let corner = pointing(work, 0, 0);
-        galvo
-            .limits()
-            .check(corner)
-            .map_err(|e| Failure::new(Fault::Limit, galvo.name(), format!("the scan's corner at {e}")))?;
+        galvo.limits().check(corner).map_err(|e| {
+            Failure::new(Fault::Limit, galvo.name(), format!("the corner of the scan cannot be reached: {e}"))
+        })?;
         let limits = counter.limits();
         if work.bins as usize > limits.bins || work.bin_ps < limits.finest_ps || work.dwell > limits.longest {
             let what = format!(
-                "{} bins of {} ps for {:?} exceed the limits {limits:?}",
+                "{} bins of {} ps for {:?} exceed the limits of the counter, {limits:?}",
                 work.bins, work.bin_ps, work.dwell
             );
             return Err(Failure::new(Fault::Limit, counter.name(), what));
@@ -209,8 +208,8 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Returns the direction of a scan point in optical degrees (x, y). It is the direction through the pixel
-/// center of a pinhole camera.
+/// Returns the direction of a scan point in optical degrees (x, y). This direction goes through the pixel
+/// centre of a pinhole camera.
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
     let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);
@@ -240,7 +239,10 @@ fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failu
             let limits = stage.device.limits();
             for angle in &angles {
                 if *angle < limits.range_deg[0] || *angle > limits.range_deg[1] {
-                    let what = format!("{angle}° is outside {:?}°", limits.range_deg);
+                    let what = format!(
+                        "the angle {angle}° is outside the range of the stage, {:?}°",
+                        limits.range_deg
+                    );
                     return Err(Failure::new(Fault::Limit, &element.name, what));
                 }
             }

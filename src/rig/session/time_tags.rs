@@ -24,7 +24,8 @@ const FOLDER: &str = "time_tags";
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Record type of the files. It has the largest range of `dtime` of all types that PicoQuant's programs read.
+/// Record type of the files. This type has the largest range of `dtime` of all types that PicoQuant's
+/// programs read.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
 /// Time tags of one point: the number of pulses in the dwell time, and every photon.
@@ -50,7 +51,9 @@ impl Tags {
                     photons.push(time << 21 | u64::from(dtime) << 6 | u64::from(channel & 63));
                 }
                 Event::Photon { time, .. } => {
-                    return Err(format!("got a photon at pulse {time} of {pulses}"));
+                    return Err(format!(
+                        "a photon has pulse number {time}, but the acquisition has only {pulses} pulses"
+                    ));
                 }
                 Event::Unknown { record } => {
                     return Err(format!("record {record:#010x} has an unknown type"));

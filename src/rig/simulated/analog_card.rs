@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
-/// The device at the terminals. It receives the voltages of all channels at every change.
+/// The device at the terminals. The device receives the voltages of all channels at every change.
 pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
 
 pub struct SimulatedCard {
@@ -91,7 +91,7 @@ impl SimulatedCard {
         self.world.alive(&self.name)?;
         self.catch_up();
         if self.running.is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now()) {
-            return self.fail(Fault::Refused, "a buffer is being output; stop it first");
+            return self.fail(Fault::Refused, "a buffer is already being output; stop the output first");
         }
         self.running = None;
         Ok(())
@@ -139,7 +139,7 @@ impl AnalogOutput for SimulatedCard {
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure> {
         self.free()?;
         let Some(settings) = &self.settings else {
-            return self.fail(Fault::Refused, "the card is not configured");
+            return self.fail(Fault::Refused, "the card is not configured; configure the card first");
         };
         self.limits
             .check_buffer(volts, settings.channels.len())
@@ -151,7 +151,7 @@ impl AnalogOutput for SimulatedCard {
     fn start(&mut self) -> Result<(), Failure> {
         self.free()?;
         if self.buffer.is_empty() {
-            return self.fail(Fault::Refused, "no buffer was written");
+            return self.fail(Fault::Refused, "no buffer was written; write a buffer first");
         }
         self.running = Some((self.world.clock().now(), 0));
         self.catch_up();
@@ -161,13 +161,13 @@ impl AnalogOutput for SimulatedCard {
     fn wait(&mut self, within: Duration) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         let Some((begun, _)) = self.running else {
-            return self.fail(Fault::Refused, "no output was started");
+            return self.fail(Fault::Refused, "no output was started; start the output first");
         };
         let mishap = self.world.use_of(&self.name, within);
         if mishap.as_ref().is_ok_and(|m| *m == Some(Mishap::Stall)) {
             self.catch_up();
             self.running = None;
-            return self.fail(Fault::Stalled, "the sample clock stopped during output");
+            return self.fail(Fault::Stalled, "the sample clock stopped during output; check the card");
         }
         if let Err(failure) = mishap {
             self.catch_up();
@@ -178,7 +178,8 @@ impl AnalogOutput for SimulatedCard {
         if end > clock.now() + within {
             clock.sleep(within);
             self.catch_up();
-            return self.fail(Fault::Timeout, "the buffer is still being output");
+            return self
+                .fail(Fault::Timeout, "the buffer is still being output at the deadline; allow more time");
         }
         clock.sleep_until(end);
         self.catch_up();

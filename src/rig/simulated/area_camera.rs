@@ -74,10 +74,13 @@ impl AreaCamera for Simulated<Camera> {
 
     fn expose(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.device.settings else {
-            return self.fail(Fault::Refused, "the camera is not configured");
+            return self.fail(Fault::Refused, "the camera is not configured; configure the camera first");
         };
         if self.device.pending.is_some() {
-            return self.fail(Fault::Refused, "an exposure is already in progress");
+            return self.fail(
+                Fault::Refused,
+                "an exposure is already in progress; wait for the end of the exposure",
+            );
         }
         let mishap = self.use_of(Duration::ZERO)?;
         let clock = self.world.clock();

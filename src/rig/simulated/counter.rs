@@ -58,7 +58,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     let begin_ps = match &w.scenery {
         Scenery::Scan(scan) if (scan.bin_ps - settings.bin_ps).abs() > 1e-6 * scan.bin_ps => {
             return Err(format!(
-                "the counter's bins are {} ps wide, but the tensor's are {} ps; use equal widths",
+                "the counter's bins are {} ps wide, but the tensor's bins are {} ps wide; use bins of equal width",
                 settings.bin_ps, scan.bin_ps
             ));
         }
@@ -86,7 +86,9 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
 fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std::io::Result<Vec<u32>> {
     let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
     if seen.iter().sum::<u64>() > MOST_TAGS {
-        return Err(std::io::Error::other("the photons exceed the counter's memory; reduce the dwell time"));
+        return Err(std::io::Error::other(
+            "the photons exceed the memory of the counter; reduce the dwell time",
+        ));
     }
     let mut records = Records::new(TAGS);
     for stamp in deal(seen, pulses, alone, random) {
@@ -113,7 +115,10 @@ impl PhotonCounter for Simulated<Counter> {
             return self.fail(Fault::Limit, "time tags are not supported; remove `time_tags` from the plan");
         }
         if !fits {
-            let what = format!("{settings:?} exceed {:?}; correct the plan", self.limits);
+            let what = format!(
+                "the counter settings {settings:?} exceed the limits {:?}; correct the plan",
+                self.limits
+            );
             return self.fail(Fault::Limit, what);
         }
         self.device.settings = Some(*settings);
@@ -123,10 +128,13 @@ impl PhotonCounter for Simulated<Counter> {
 
     fn begin(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.device.settings else {
-            return self.fail(Fault::Refused, "the counter is not configured");
+            return self.fail(Fault::Refused, "the counter is not configured; configure the counter first");
         };
         if self.device.pending.is_some() {
-            return self.fail(Fault::Refused, "an acquisition is already in progress");
+            return self.fail(
+                Fault::Refused,
+                "an acquisition is already in progress; wait for the end of the acquisition",
+            );
         }
         let mishap = self.use_of(Duration::ZERO)?;
         let clock = self.world.clock();
@@ -174,7 +182,7 @@ impl PhotonCounter for Simulated<Counter> {
             ["no acquisition was started", "the acquisition is still in progress", "no histogram arrived"];
         let histogram = self.world.finish(&self.name, &mut self.device.pending, within, words)?;
         if histogram.counts.iter().any(|n| u64::from(*n) >= self.limits.full) {
-            return self.fail(Fault::Saturated, "a bin is full; reduce the dwell time");
+            return self.fail(Fault::Saturated, "a histogram bin is full; reduce the dwell time");
         }
         Ok(histogram)
     }

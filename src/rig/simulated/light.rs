@@ -86,17 +86,19 @@ impl Scenery {
         let layout = slice.layout();
         let len = |kind| layout.find(kind).map(|i| layout.axes[i].len() as usize);
         let (Some(height), Some(width)) = (len(AxisKind::Y), len(AxisKind::X)) else {
-            return Err(format!("{place}: the slice has no rows and columns of the camera"));
+            return Err(format!(
+                "{place}: the slice has no rows and columns of the camera; use a slice with camera = \"all\""
+            ));
         };
         if len(AxisKind::StokesOut) != Some(4) || len(AxisKind::StokesIn) != Some(4) {
             return Err(format!(
-                "{place}: the slice has no Mueller matrices; render it with polarization = \"mueller\""
+                "{place}: the slice has no Mueller matrices; render the slice with polarization = \"mueller\""
             ));
         }
         let parts = [AxisKind::Bounces, AxisKind::Component, AxisKind::Label];
         if parts.into_iter().any(|kind| len(kind).is_some()) {
             return Err(format!(
-                "{place}: the slice is split into parts, but a sensor measures their sum; use a slice without parts"
+                "{place}: the slice is split into parts, but a sensor measures the sum of all parts; use a slice without parts"
             ));
         }
         let axis = layout.find(AxisKind::Wavelength).map(|i| &layout.axes[i]);
@@ -106,7 +108,8 @@ impl Scenery {
                 let lane = axis.nearest(nm);
                 if (axis.coords[lane] - nm).abs() > 1.0 {
                     return Err(format!(
-                        "{place}: the bench's light is {nm} nm, but the slice has {:?} nm",
+                        "{place}: the bench's light has a wavelength of {nm} nm, but the slice has only {:?} nm; render the slice at \
+                         the wavelength of the light",
                         axis.coords
                     ));
                 }
@@ -141,7 +144,7 @@ impl Scenery {
         let bytes = layout.shape().iter().product::<u64>().saturating_mul(4);
         if bytes > MOST_BYTES {
             return Err(format!(
-                "{place}: {:.1} GB exceed the memory limit; bin the camera or the projector",
+                "{place}: the slice needs {:.1} GB, which exceeds the memory limit; bin the camera or the projector",
                 bytes as f64 / 1e9
             ));
         }
@@ -202,7 +205,7 @@ impl PlayedTensor {
         let boxes = self.projector[0] * self.projector[1];
         if pattern.len() != boxes {
             return Err(format!(
-                "the pattern has {} pixels, but the tensor has {} x {} projector pixels",
+                "the pattern has {} pixels, but the tensor has {} x {} projector pixels; use patterns of this size",
                 pattern.len(),
                 self.projector[0],
                 self.projector[1]
@@ -264,7 +267,9 @@ impl PlayedScan {
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {
-            return Err(format!("the beam points to {x}, {y}, outside {width} x {height} points"));
+            return Err(format!(
+                "the beam points to {x}, {y}, which is outside the {width} x {height} points of the scan"
+            ));
         }
         let first = y / self.together * self.together;
         let at = match self.rows.take() {

@@ -33,7 +33,8 @@ impl Simulated<Projector> {
             let whole = p.pixels.len() == width as usize * height as usize;
             if [p.width, p.height] != self.limits.size || !whole {
                 return Err(format!(
-                    "pattern {i} has {} x {} pixels, expected {width} x {height}",
+                    "pattern {i} has {} x {} pixels, but the projector has {width} x {height} pixels; use patterns of the projector's \
+                     size",
                     p.width, p.height
                 ));
             }

@@ -4,7 +4,7 @@ use super::{Device, Simulated};
 use crate::instrument::{Failure, Fault, GalvoLimits, GalvoScanner, Instrument};
 use std::time::Duration;
 
-/// A simulated scanner. Its direction is stored in the bench.
+/// A simulated scanner. The direction of the scanner is stored in the bench.
 pub struct Scanner;
 
 impl Device for Scanner {
@@ -24,7 +24,8 @@ impl GalvoScanner for Simulated<Scanner> {
         self.use_of(within)?;
         self.world.clock().sleep(self.limits.settle.min(within));
         if self.limits.settle > within {
-            return self.fail(Fault::Timeout, "the mirrors are still moving");
+            return self
+                .fail(Fault::Timeout, "the mirrors are still moving at the deadline; allow more time");
         }
         let step = self.limits.resolution_deg;
         let reached = angles_deg.map(|a| (a / step).round() * step);

@@ -69,7 +69,10 @@ impl RotationStage for Simulated<Stage> {
         let time = Duration::from_secs_f64(1.0 + far / HOMING);
         if time > within {
             self.world.clock().sleep(within);
-            let what = format!("homing takes {:.1} s, longer than the deadline", time.as_secs_f64());
+            let what = format!(
+                "homing takes {:.1} s, longer than the deadline; allow more time",
+                time.as_secs_f64()
+            );
             return self.fail(Fault::Timeout, what);
         }
         self.world.clock().sleep(time);
@@ -91,7 +94,7 @@ impl RotationStage for Simulated<Stage> {
         let mishap = self.use_of(Duration::ZERO)?;
         let state = self.state();
         if !state.homed {
-            return self.fail(Fault::Refused, "zero position unknown; home the stage first");
+            return self.fail(Fault::Refused, "the zero position is unknown; home the stage first");
         }
         let stalled = mishap == Some(Mishap::Stall);
         self.device.stalled = stalled;
@@ -111,13 +114,15 @@ impl RotationStage for Simulated<Stage> {
         let clock = self.world.clock();
         if then > clock.now() + within {
             clock.sleep(within);
-            return self.fail(Fault::Timeout, "the move is still in progress; allow more time");
+            return self
+                .fail(Fault::Timeout, "the move is still in progress at the deadline; allow more time");
         }
         clock.sleep_until(then);
         self.put(goal);
         self.device.goal = None;
         if self.device.stalled {
-            return self.fail(Fault::Stalled, format!("stopped at {goal:.3}°"));
+            return self
+                .fail(Fault::Stalled, format!("the stage stopped at {goal:.3}°; check for an obstruction"));
         }
         self.read(within)
     }

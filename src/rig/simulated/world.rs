@@ -20,7 +20,7 @@ pub(super) struct Pending<T> {
 
 /// Returns the failure for an instrument whose line is disconnected.
 fn lost(instrument: &str) -> Failure {
-    Failure::new(Fault::Disconnected, instrument, "no reply: connection lost")
+    Failure::new(Fault::Disconnected, instrument, "no reply arrived, because the connection is lost")
 }
 
 /// A handle to the shared bench.
@@ -139,11 +139,13 @@ impl Shared {
             }
             Some(Mishap::Timeout) => {
                 self.clock().sleep(within);
-                Err(Failure::new(Fault::Timeout, instrument, "no reply before the deadline"))
+                Err(Failure::new(Fault::Timeout, instrument, "no reply arrived before the deadline"))
             }
-            Some(Mishap::Interlock) => {
-                Err(Failure::new(Fault::Refused, instrument, "interlock open; close it and resume"))
-            }
+            Some(Mishap::Interlock) => Err(Failure::new(
+                Fault::Refused,
+                instrument,
+                "the interlock is open; close the interlock and resume",
+            )),
             Some(Mishap::ClockBack) => {
                 self.clock().jump(-3600.0);
                 Ok(None)
@@ -205,7 +207,7 @@ impl Shared {
             return Err(Failure::new(
                 Fault::Disconnected,
                 instrument,
-                "instrument not found; connect the instrument and resume",
+                "the instrument is not connected; connect the instrument and resume",
             ));
         }
         self.clock().sleep(Duration::from_millis(500).min(within));

@@ -191,7 +191,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
             )
         } else {
             (
-                "camera and projector have the same centre, so there are no epipolar lines",
+                "the camera and the projector have the same centre of projection, so there are no epipolar lines",
                 "move the projector, or use projector = \"coaxial\"",
             )
         };
@@ -233,8 +233,8 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     ctx.error(
         both.first().map_or(0..0, |o| o.span()),
         format!(
-            "the surfaces{lines} are {:.1e} m apart at ({x:.4}, {y:.4}, {z:.4}), but single precision resolves only gaps \
-             of at least {:.1e} m there; light would be lost",
+            "the surfaces{lines} are {:.1e} m apart at ({x:.4}, {y:.4}, {z:.4}), but single precision resolves only gaps of at least \
+             {:.1e} m there, so light would be lost",
             gap.width, gap.least
         ),
         "increase the distance between the surfaces (or let objects with an interior overlap), or move the scene closer to the \

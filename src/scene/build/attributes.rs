@@ -76,7 +76,11 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
     if let Uses { asked: Some(asked), images: true, .. } = &own {
         let message = "a material uses a mesh attribute together with an image or a checkerboard, but a mesh can have only one \
                        set of texture coordinates";
-        return Err(ctx.error(asked.name.span(), message, "keep one of the two"));
+        return Err(ctx.error(
+            asked.name.span(),
+            message,
+            "remove either the attribute or the image or checkerboard",
+        ));
     }
     ctx.attributes.of_material.insert(material, own);
     again(ctx, material)
@@ -102,10 +106,10 @@ fn join(ctx: &mut Context, more: Asked) -> Result<(), InputError> {
     match &mut ctx.attributes.open.asked {
         Some(open) if *open.name != *more.name => {
             let message = format!(
-                "a material uses the mesh attributes `{}` and `{}`, but a mesh can have only one",
+                "a material uses the mesh attributes `{}` and `{}`, but a mesh can have only one attribute for a material",
                 *open.name, *more.name
             );
-            return Err(ctx.error(more.name.span(), message, "keep one of the two"));
+            return Err(ctx.error(more.name.span(), message, "use only one of the two attributes"));
         }
         Some(open) => {
             open.number |= more.number;
@@ -127,10 +131,10 @@ pub(super) fn give(
     mirrored: bool,
 ) -> Result<Mesh, InputError> {
     let fault = |ctx: &Context, what: String, fix: &str| {
-        Err(ctx.error(asked.name.span(), format!("attribute `{}` of {file} {what}", *asked.name), fix))
+        Err(ctx.error(asked.name.span(), format!("the attribute `{}` of {file} {what}", *asked.name), fix))
     };
     if asked.number && corners.coloured {
-        let fix = "use an attribute with one property";
+        let fix = "use an attribute with a single property";
         return fault(ctx, "is a colour, but a number is expected".into(), fix);
     }
     let first = ctx.textures.corners.len();

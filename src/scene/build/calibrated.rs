@@ -62,8 +62,8 @@ fn projector(
     if given.coaxial {
         return Err(ctx.error(
             key.span(),
-            "a coaxial projector takes pose, pixels and lens from the camera",
-            "remove calibration here, and set it in [camera]",
+            "a coaxial projector takes the pose, the pixels and the lens from the camera",
+            "remove `calibration` from [projector], and set it in [camera]",
         ));
     }
     let (document, within) = read(ctx, key)?;
@@ -105,7 +105,7 @@ fn sound(
         return Err(within.error(
             at,
             "a calibration file cannot refer to another calibration",
-            "refer to that file in the scene",
+            "set the path of that other file in the scene",
         ));
     }
     pinhole(within, device, span).map(|_| ())
@@ -128,8 +128,8 @@ fn overlaid(
     if lens != PinholeFile::default() {
         return Err(ctx.error(
             key.span(),
-            "the lens is given both by calibration and by another key",
-            "together with calibration, set only pose, aperture and (for a projector) irradiance; remove all other keys",
+            "the lens is given both by `calibration` and by another key",
+            "with `calibration`, set only pose, aperture and (for a projector) irradiance, and remove all other keys",
         ));
     }
     let (size, own) = (*found.resolution, *given.resolution);
@@ -137,10 +137,10 @@ fn overlaid(
         return Err(ctx.error(
             key.span(),
             format!(
-                "resolution is {} × {} pixels, but the calibration has {} × {} pixels",
+                "`resolution` is {} × {} pixels, but the calibration has {} × {} pixels",
                 own[0], own[1], size[0], size[1]
             ),
-            "remove resolution, or calibrate with images of this size",
+            "remove `resolution`, or calibrate with images of this size",
         ));
     }
     // The values of the calibration have been checked, so no later error refers to their locations.
@@ -218,12 +218,12 @@ mod tests {
             (
                 ["[projector]", &in_camera("fov_x_deg = 40")],
                 same,
-                "s.toml:2:15: the lens is given both by calibration",
+                "s.toml:2:15: the lens is given both by `calibration`",
             ),
             (
                 ["[projector]", &in_camera("resolution = [8, 7]")],
                 same,
-                "s.toml:2:15: resolution is 8 × 7 pixels",
+                "s.toml:2:15: `resolution` is 8 × 7 pixels",
             ),
             (["irradiance", "coaxial = true\nirradiance"], same, "s.toml:6:15: a coaxial projector"),
             ([BY_KEY, "[camera]\nfov_x_deg = 4\n"], same, "s.toml:1:1: missing field `resolution`"),

@@ -186,7 +186,7 @@ impl Context {
                 self.error(
                     span,
                     format!("cannot read {}: {e}", path.display()),
-                    "paths are relative to the scene file; correct the path, or put the file there",
+                    "correct the path, which is relative to the scene file, or put the file there",
                 )
             })?,
         };
@@ -269,7 +269,7 @@ impl Context {
         }
         Err(self.error(
             span,
-            format!("{what} is {value}"),
+            format!("{what} is {value}, outside the supported range"),
             format!("give a value in {}..{}", range.start(), range.end()),
         ))
     }

@@ -38,7 +38,7 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
         return Err(ctx.error(
             at,
             format!("an orthographic camera (orthographic_width = {} m) cannot have a lens", **width),
-            "remove distortion and aperture, or remove orthographic_width",
+            "remove `distortion` and `aperture`, or remove `orthographic_width`",
         ));
     }
     let at = lens.span.unwrap_or(span);
@@ -72,8 +72,8 @@ pub(crate) fn projector(
         if *p != (ProjectorFile { irradiance: p.irradiance.clone(), ..ProjectorFile::coaxial() }) {
             return Err(ctx.error(
                 span,
-                "a coaxial projector takes pose, pixels and lens from the camera",
-                "remove coaxial = true, or remove all keys except irradiance",
+                "a coaxial projector takes the pose, the pixels and the lens from the camera",
+                "remove `coaxial = true`, or remove all keys except `irradiance`",
             ));
         }
         return Ok(Projector { pinhole: *camera, irradiance, coaxial: true });

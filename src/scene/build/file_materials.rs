@@ -35,7 +35,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
                 ctx.note(format!(
-                    "{}: {} not used; to use them, set `materials = true` next to `file`",
+                    "{}: {} not used; to use the materials, set `materials = true` next to `file`",
                     *mesh.file, found.what
                 ));
             }
@@ -48,7 +48,10 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             }
             let name = format!("{}:{}", *mesh.file, appearance.name);
             if !appearance.unused.is_empty() {
-                ctx.notes.push(format!("{name}: unused keys: {}", appearance.unused.join(", ")));
+                ctx.notes.push(format!(
+                    "{name}: these keys of the material are not used: {}",
+                    appearance.unused.join(", ")
+                ));
             }
             for note in &appearance.notes {
                 ctx.note(format!("{name}: {note}"));
@@ -106,7 +109,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
                                 *mesh.file,
                                 why.map_or_else(String::new, |e| e.to_string())
                             ),
-                            "put the library there, or remove materials = true",
+                            "put the material library there, or remove materials = true",
                         ));
                     }
                     _ => {}
@@ -139,7 +142,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
     let names = telling[..telling.len().min(4)].join(", ");
     Ok(Some(Found {
         says_something: !telling.is_empty(),
-        what: format!("its materials ({names}{more}) are"),
+        what: format!("the file's materials ({names}{more}) are"),
         list,
         used,
     }))

@@ -27,7 +27,10 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     if max_lane(k) > 1e-3 {
         return Err(ctx.error(
             index.span(),
-            format!("`{name}` is not transparent: k is up to {}", max_lane(k)),
+            format!(
+                "the material `{name}` is not transparent: the extinction coefficient k is up to {}",
+                max_lane(k)
+            ),
             "use a conductor, or give the refractive index as a number",
         ));
     }

@@ -24,7 +24,7 @@ pub(crate) fn intrinsics(
         } else {
             Err(ctx.error(
                 fov.span(),
-                format!("the field of view is {}°", **fov),
+                format!("the field of view is {}°, outside the supported range", **fov),
                 "give an angle above 0° and below 179.9°",
             ))
         }
@@ -35,7 +35,7 @@ pub(crate) fn intrinsics(
         } else {
             Err(ctx.error(
                 span,
-                format!("the focal length is {f} pixels"),
+                format!("the focal length is {f} pixels, but must be above 0.001 pixels"),
                 "give a focal length above 0.001 pixels",
             ))
         }
@@ -78,7 +78,7 @@ pub(crate) fn intrinsics(
         Some(m) => opencv_principal(ctx, m)?,
     };
     if !(principal.x.abs() < 1e9 && principal.y.abs() < 1e9) {
-        return Err(ctx.error(span, "cx or cy is not finite", "give the principal point in pixels"));
+        return Err(ctx.error(span, "cx or cy is not a finite number", "give the principal point in pixels"));
     }
     Ok((focal, principal))
 }

@@ -102,8 +102,8 @@ fn spot_slide(ctx: &mut Context, s: &SpotFile, at: Range<usize>) -> Result<Optio
     let Some(x) = z.cross(up).try_normalize() else {
         return Err(ctx.error(
             at,
-            "`up` is parallel to direction",
-            "give an up vector that is not parallel to direction",
+            "the vector `up` is parallel to the direction of the emitter",
+            "give an `up` vector that is not parallel to the direction",
         ));
     };
     let half = Vec2::splat(cutoff.to_radians().tan() as f32);
@@ -206,8 +206,8 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
     let Some(x) = (zero - z * zero.dot(z)).try_normalize() else {
         return Err(ctx.error(
             at,
-            "`zero` is parallel to direction",
-            "set `zero` (the direction of horizontal angle 0) to a vector that is not parallel to direction",
+            "the vector `zero` is parallel to the direction of the emitter",
+            "set `zero` (the direction of horizontal angle 0) to a vector that is not parallel to the direction",
         ));
     };
     let to_world = Mat3A::from_cols(x, z.cross(x), z);
@@ -260,8 +260,8 @@ fn environment(ctx: &Context, v: &EnvironmentFile, at: Range<usize>) -> Result<E
         ("polarizer_deg", v.polarizer_deg.as_ref().map(Located::span)),
     ];
     if let Some((key, Some(at))) = keys.into_iter().find(|(_, span)| span.is_some()) {
-        let message = format!("an environment without an image cannot have {key}");
-        return Err(ctx.error(at, message, "give an image, or remove the key"));
+        let message = format!("an environment without an image cannot have the key {key}");
+        return Err(ctx.error(at, message, "give an image, or remove this key"));
     }
     Ok(Environment {
         radiance: ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?,

@@ -154,7 +154,7 @@ impl<'a> Builder<'_, 'a> {
             Some(format!("material `{key}` refers to itself"))
         } else {
             (self.open.len() >= MOST_NESTED)
-                .then(|| format!("material `{key}` is nested deeper than {MOST_NESTED}"))
+                .then(|| format!("material `{key}` is nested more than {MOST_NESTED} levels deep"))
         };
         if let Some(fault) = fault {
             let help = format!("nest materials at most {MOST_NESTED} deep and without cycles");

@@ -157,10 +157,10 @@ fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
 /// Converts an error of the scattering theory to an error with a location in the scene file.
 fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let fix = match e {
-        BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
+        BulkError::Mie(_) => "change the radii, the refractive index or wavelengths_nm",
         BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
         BulkError::Density(_) => "give the mass density of the particle material",
-        BulkError::Amount(_) => "give a smaller amount",
+        BulkError::Amount(_) => "give a smaller amount of particles",
         BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of the known names, or give numbers",
         BulkError::Constants(ConstantsError::Range { .. }) => "change wavelengths_nm",
     };
@@ -298,7 +298,7 @@ fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, I
             return Err(ctx.error(
                 file.span(),
                 format!(
-                    "expected one weight per radius, got {} radii and {} weights",
+                    "the list of sizes has {} radii and {} weights, but expected one weight per radius",
                     s.radius_nm.len(),
                     s.weight.len()
                 ),

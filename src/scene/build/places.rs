@@ -21,7 +21,7 @@ pub(super) fn read(ctx: &mut Context, file: &Located<String>) -> Result<Vec<DAff
     if places.is_empty() {
         return Err(ctx.error(
             file.span(),
-            format!("{} contains no placements", **file),
+            format!("the file {} contains no placements", **file),
             "give one copy per line, or remove the instance",
         ));
     }

@@ -32,7 +32,7 @@ pub(super) fn coated(
     if file.films.len() > MAX_FILMS {
         return Err(ctx.error(
             file.films.span(),
-            format!("expected at most {MAX_FILMS} films, got {}", file.films.len()),
+            format!("the list has more than {MAX_FILMS} films: got {} films", file.films.len()),
             format!("give at most {MAX_FILMS} films"),
         ));
     }
@@ -50,7 +50,7 @@ fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
         (IndexFile::Named(name), Some(k)) => {
             return Err(ctx.error(
                 k.span(),
-                format!("k is given twice: `{name}` takes k from the optical constants"),
+                format!("k is given twice: the optical constants of `{name}` already contain k"),
                 "remove k, or give ior as a number",
             ));
         }
@@ -93,7 +93,7 @@ pub(super) fn retarder(
             return Err(ctx.error(
                 place.span(),
                 "expected exactly one of retardance_deg and retardance_nm",
-                "give retardance_deg = 90 (a quarter wave), or retardance_nm",
+                "give either retardance_deg = 90 (a quarter wave) or retardance_nm",
             ));
         }
     };
@@ -146,7 +146,7 @@ pub(super) fn crystal(
         return Err(ctx.error(
             roughness.span(),
             "split = true requires smooth faces: rough facets do not split ordinary and extraordinary rays",
-            "remove roughness or split",
+            "remove either `roughness` or `split`",
         ));
     }
     let interior = Spectral::new(interior);

@@ -62,7 +62,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
             if !rigid {
                 return Err(ctx.error(
                     span,
-                    "the pose matrix is not a rotation and a translation",
+                    "the pose matrix does not consist of a rotation and a translation",
                     "give the columns right, down, forward (right-handed unit vectors) and position, with the last row 0 0 0 1",
                 ));
             }
@@ -82,7 +82,7 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
     let rotation = match (e.rotation, e.rvec) {
         (Some(rows), None) => rotation(rows).map_err(|why| {
-            error(why, "copy the rows of the rotation from world to device from the calibration")
+            error(why, "copy the rows of the rotation matrix (world to device) from the calibration file")
         })?,
         (None, Some(v)) if v.iter().all(|x| x.abs() < 1e3) => {
             let v = DVec3::from_array(v);

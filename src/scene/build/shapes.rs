@@ -122,8 +122,8 @@ pub(crate) fn place(
             if m.flat && m.smooth {
                 return Err(ctx.error(
                     object.shape.span(),
-                    "the mesh is both flat and smooth",
-                    "keep one: flat removes vertex normals, smooth computes missing vertex normals",
+                    "the mesh sets both `flat` and `smooth`",
+                    "remove one of the two keys: flat removes vertex normals, smooth computes missing vertex normals",
                 ));
             }
             let (mut used, mut meshes, mut numbers, mut corners) = (vec![], vec![], vec![], vec![]);
@@ -164,8 +164,8 @@ pub(crate) fn place(
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
                     name.span(),
-                    format!("{} has no part with the material `{key}`", *m.file),
-                    "correct the part's name, or remove the line",
+                    format!("the file {} has no part with the material `{key}`", *m.file),
+                    "correct the name of the part, or remove the line",
                 ));
             }
             let placed =
@@ -239,7 +239,7 @@ fn load(
     if m.index > 0 && !matches!(shape, ShapeFile::Serialized(_)) {
         return Err(ctx.error(
             m.file.span(),
-            format!("index is {}, but only `serialized` files have several meshes", m.index),
+            format!("`index` is {}, but only `serialized` files contain several meshes", m.index),
             "remove index",
         ));
     }
@@ -301,7 +301,7 @@ fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputErro
     if radius >= 0.0 {
         return Ok(());
     }
-    let message = format!("radius is {radius}");
+    let message = format!("the radius is {radius}, but must be above 0");
     Err(ctx.error(span, message, "give a radius above 0, in metres"))
 }
 
@@ -342,7 +342,7 @@ pub(crate) fn transform(
             return Err(ctx.error(
                 t.span(),
                 "the transform has other keys besides matrix",
-                "give only matrix, or only scale, rotate_deg and translate",
+                "give either only matrix, or only scale, rotate_deg and translate",
             ));
         }
         if m[3] != [0.0, 0.0, 0.0, 1.0] {
@@ -369,7 +369,7 @@ pub(crate) fn transform(
             };
             return Err(ctx.error(
                 t.span(),
-                format!("scale is {found}, not one factor or three"),
+                format!("scale is {found}, but expected one or three factors"),
                 "give one factor, or three (x, y, z)",
             ));
         }
@@ -378,8 +378,8 @@ pub(crate) fn transform(
     if !turned.iter().all(|deg| deg.abs() <= 36_000.0) {
         return Err(ctx.error(
             t.span(),
-            format!("rotate_deg is {turned:?}"),
-            "give degrees about x, y and z, each in -36000..36000",
+            format!("rotate_deg is {turned:?}, but must be three finite angles"),
+            "give angles in degrees about x, y and z, each in -36000..36000",
         ));
     }
     let [x, y, z] = turned.map(f64::to_radians);

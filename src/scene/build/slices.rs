@@ -70,7 +70,7 @@ pub(crate) fn build(
         let span = if tile.span() == (0..0) { file.slices[0].span() } else { tile.span() };
         return Err(ctx.error(
             span,
-            format!("tiles of {} pixels do not contain whole camera bins", **tile),
+            format!("a tile of {} pixels does not contain a whole number of camera bins", **tile),
             format!("set render.tile to a multiple of {multiple}, or choose other bins"),
         ));
     }
@@ -88,15 +88,18 @@ pub(crate) fn build(
         if elements > MAX_ELEMENTS {
             return Err(ctx.error(
                 s.span(),
-                format!("slice `{}` would have {elements} elements", slice.name),
-                "keep fewer camera pixels, projector pixels or bins (a row, a block, larger bins)",
+                format!("slice `{}` would have {elements} elements, more than the supported maximum", slice.name),
+                "keep fewer camera pixels, projector pixels or bins (for example a row, a block or larger bins)",
             ));
         }
         let chunk = product(layout.chunk_shape());
         if chunk > MAX_CHUNK {
             return Err(ctx.error(
                 s.span(),
-                format!("slice `{}` would have {chunk} elements in one tile", slice.name),
+                format!(
+                    "slice `{}` would have {chunk} elements in one tile, more than the supported maximum",
+                    slice.name
+                ),
                 "reduce render.tile, or keep fewer entries in the slice",
             ));
         }
@@ -115,9 +118,9 @@ fn listed(
     let fault = if list.is_empty() {
         "the list is empty".to_owned()
     } else if let Some(i) = list.iter().find(|i| **i >= limit) {
-        format!("{i} is not below {limit}")
+        format!("the index {i} is not below {limit}")
     } else if let Some([a, b]) = list.windows(2).find_map(|w| (w[0] >= w[1]).then_some([w[0], w[1]])) {
-        format!("{a} before {b} is not in increasing order")
+        format!("the indices {a} and {b} are not in increasing order")
     } else {
         return Ok(list.to_vec());
     };
@@ -201,8 +204,8 @@ fn projector_select(
         } else {
             Err(ctx.error(
                 span.clone(),
-                format!("half_width_px is {h}"),
-                "give a number of projector pixels, 0 to 65536",
+                format!("half_width_px is {h}, outside the supported range"),
+                "give a number of projector pixels from 0 to 65536",
             ))
         }
     };
@@ -281,7 +284,10 @@ fn mask(
     if (image.width, image.height) != (w as usize, h as usize) {
         return Err(ctx.error(
             span,
-            format!("{name} has {} × {} pixels, but the projector has {w} × {h}", image.width, image.height),
+            format!(
+                "{name} has {} × {} pixels, but the projector has {w} × {h} pixels",
+                image.width, image.height
+            ),
             "scale the image to the projector's resolution",
         ));
     }
@@ -290,7 +296,7 @@ fn mask(
     if outside > 0 {
         return Err(ctx.error(
             span,
-            format!("{name}: {outside} pixels are outside 0..1"),
+            format!("{name}: {outside} pixels have values outside 0..1"),
             "give a drive image with values from 0 (black) to 1",
         ));
     }
@@ -311,7 +317,11 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
         ("start_ps", b.start_ps, b.start_ps.is_finite(), "give a finite start in picoseconds"),
     ] {
         if !sound {
-            return Err(ctx.error(b.bin_ps.span(), format!("{key} is {value}"), fix));
+            return Err(ctx.error(
+                b.bin_ps.span(),
+                format!("{key} is {value}, outside the supported range"),
+                fix,
+            ));
         }
     }
     if !(1..=1 << 20).contains(&*b.bins) {

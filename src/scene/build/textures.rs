@@ -37,7 +37,7 @@ fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> 
         *texel = most.to_array();
     }
     if limited > 0 {
-        ctx.note(format!("{name}: {limited} of {} texels are clamped to an albedo of 1", texels.len()));
+        ctx.note(format!("{name}: the albedo of {limited} of {} texels is limited to 1", texels.len()));
     }
     ctx.textures.images.push(Image { first: ctx.textures.texels.len() as u32, ..image });
     ctx.textures.texels.append(&mut texels);
@@ -150,7 +150,12 @@ pub(super) fn sky(
 pub(super) fn heights(ctx: &mut Context, file: &Located<ImageAlbedo>) -> Result<u32, InputError> {
     ctx.within(file.scale, file.span(), "scale", &(1.0..=1.0))?;
     if file.filter == Filter::Nearest {
-        bail!(ctx, file.span(), "filter = \"nearest\" of a bump map gives no slopes", "remove filter");
+        bail!(
+            ctx,
+            file.span(),
+            "filter = \"nearest\" gives no slopes, which a bump map requires",
+            "remove filter"
+        );
     }
     image(ctx, file, numbers(file))
 }
@@ -260,7 +265,7 @@ fn read(
         return Err(ctx.error(
             name.span(),
             format!(
-                "{}: {} values are outside {least:e}..1e30, the first is {first:e}",
+                "{}: {} values are outside {least:e}..1e30, and the first of them is {first:e}",
                 ctx.path(name).display(),
                 wrong.len()
             ),

@@ -64,7 +64,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
         "away from the other object"
     };
     let note = format!(
-        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): the surface is moved by {:.1e} m {way}",
+        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}), so the surface is moved by {:.1e} m {way}",
         named(object),
         named(other),
         off.abs()

@@ -1,5 +1,5 @@
-//! Checks objects filled with a medium. Their surfaces must be closed and must not intersect other objects of
-//! the same priority. Normals that point inward are reversed.
+//! Checks objects filled with a medium. The surfaces of these objects must be closed and must not intersect
+//! other objects of the same priority. Normals that point inward are reversed.
 
 use super::context::Context;
 use super::shapes::Solid;
@@ -48,7 +48,7 @@ impl<'a> Volume<'a> {
             Err(ctx.error(
                 name,
                 format!("this object has an interior, but {what}"),
-                "close the surface (weld vertices, fill holes, set caps = true for a cylinder), or remove interior",
+                "close the surface (weld vertices, fill holes, set caps = true for a cylinder), or remove `interior`",
             ))
         };
         if let [Solid::Quadric(q), rest @ ..] = &*solids {
@@ -87,7 +87,7 @@ impl<'a> Volume<'a> {
         if closed::turn_outward(&mut meshes) {
             let line = ctx.line(object.shape.span());
             ctx.notes.push(format!(
-                "the filled mesh{line} has normals that point inward: the orientation is reversed"
+                "the filled mesh{line} has normals that point inward, so the orientation of the mesh is reversed"
             ));
         }
         let inside = closed::Inside::new(&meshes);

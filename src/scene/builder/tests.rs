@@ -271,7 +271,7 @@ fn errors_name_the_key() {
     mesh.normals.pop();
     refused(
         in_code().mesh("roof", &mesh),
-        "scene in code: mesh(\"roof\"): invalid mesh: found 3 normals for 4 vertices",
+        "scene in code: mesh(\"roof\"): invalid mesh: the mesh has 3 normals for 4 vertices",
     );
-    refused(in_code().mesh("roof.obj", &tent()), "another format");
+    refused(in_code().mesh("roof.obj", &tent()), "the extension of a file format");
 }

@@ -36,8 +36,8 @@ impl Options {
             (None, 1) => Ok(Some(0)),
             (Some(view), n) if view < n => Ok(Some(view)),
             (Some(view), n) => {
-                let message = format!("view {view} does not exist: {n} views have a pose");
-                Err(node.error(&message, "give a number from 0"))
+                let message = format!("view {view} does not exist: the file has the poses of {n} views");
+                Err(node.error(&message, "give the number of a view, from 0"))
             }
             (None, n) => {
                 let last = n - 1;

@@ -30,7 +30,7 @@ pub(super) fn is(document: &Document) -> bool {
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let cameras = cameras(document);
     let names: Vec<&str> = cameras.iter().map(|(k, _)| k.as_str()).collect();
-    let choose = format!("choose one with --camera: {}", names.join(", "));
+    let choose = format!("choose one of the cameras with --camera: {}", names.join(", "));
     let root = Node::root(document);
     let at = match &options.camera {
         None if cameras.len() == 1 => 0,
@@ -57,7 +57,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         ));
     }
     let Some(intrinsics) = camera.get("intrinsics") else {
-        return Err(camera.error("intrinsics are missing", "give [fu, fv, pu, pv]"));
+        return Err(camera.error("`intrinsics` is missing", "give [fu, fv, pu, pv]"));
     };
     let [fu, fv, pu, pv] = intrinsics.vector::<4>()?;
     let mut notes = vec![
@@ -72,7 +72,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let pose = if options.imu {
         let Some(node) = camera.get("T_cam_imu") else {
             return Err(camera
-                .error("T_cam_imu is missing", "omit --imu to use the first camera's frame as the world"));
+                .error("`T_cam_imu` is missing", "omit --imu to use the first camera's frame as the world"));
         };
         notes.push("The world is the IMU's frame (T_cam_imu).".into());
         transform(&node)?
@@ -81,8 +81,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         let mut whole = DMat4::IDENTITY;
         for (_, next) in &cameras[1..=at] {
             let Some(node) = next.get("T_cn_cnm1") else {
-                return Err(next
-                    .error("T_cn_cnm1 is missing", "use the calibration of a camera chain, or pass --imu"));
+                return Err(next.error(
+                    "`T_cn_cnm1` is missing",
+                    "use the calibration of a camera chain, or pass --imu",
+                ));
             };
             whole = transform(&node)? * whole;
         }

@@ -67,7 +67,10 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
         Some([k1, k2, k3]) => Lens::Opencv(vec![*k1, *k2, p1, p2, *k3]),
         Some(other) => {
             return Err(camera.error(
-                &format!("RadialDistortion: expected 2 or 3 coefficients, got {}", other.len()),
+                &format!(
+                    "RadialDistortion has {} coefficients, but expected 2 or 3 coefficients",
+                    other.len()
+                ),
                 "copy the coefficients from MATLAB",
             ));
         }
@@ -126,9 +129,10 @@ fn pose(
     if let Some(views) = views {
         let one = views.item(view).unwrap_or_else(|| views.clone());
         let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
-            return Err(
-                one.error("a view lacks R or Translation", "write the rigidtform3d objects with jsonencode")
-            );
+            return Err(one.error(
+                "a view has no R or no Translation",
+                "write the rigidtform3d objects with jsonencode",
+            ));
         };
         return Ok(found(r.matrix::<3>()?, t.vector::<3>()?));
     }
@@ -139,8 +143,11 @@ fn pose(
     // The shape is 3 × 3 × views; MATLAB omits a last axis of length 1.
     if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
         return Err(r.error(
-            &format!("expected shape 3 × 3 × {count}, got {:?}", rotations.shape),
-            "give the rotations of all views",
+            &format!(
+                "the rotations must have the shape 3 × 3 × {count}, but the shape is {:?}",
+                rotations.shape
+            ),
+            "give one rotation per view",
         ));
     }
     let m = std::array::from_fn(|i| std::array::from_fn(|j| rotations.values[(3 * i + j) * count + view]));

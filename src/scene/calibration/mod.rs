@@ -82,7 +82,7 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
         return Err(document.error(
             &[],
             "the file does not contain the image size",
-            "pass the size, such as --resolution 640x480",
+            "pass the image size, such as --resolution 640x480",
         ));
     };
     let mut notes = vec![
@@ -98,7 +98,8 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
             return Err(document.error(
                 &[],
                 &format!(
-                    "the file has no unit of length, and the length of the translation is {length}: metres or millimetres?"
+                    "the file has no unit of length, and the translation has the length {length}, so it is unknown whether the unit \
+                     is metres or millimetres"
                 ),
                 "pass --metres-per-unit 0.001 for millimetres or 1 for metres",
             ));

@@ -113,7 +113,7 @@ impl<'a> Node<'a> {
         let found = values.len();
         values.try_into().map_err(|_| {
             self.error(
-                &format!("expected {N} numbers, got {found}"),
+                &format!("expected {N} numbers, got {found} numbers"),
                 "choose one of several views with --view 0, or correct the file",
             )
         })

@@ -60,7 +60,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         };
     let pose = if ros {
         if named(&ROTATION).is_some() || named(&["rectification_matrix"]).is_some() {
-            notes.push("R of a ROS camera_info rectifies images and is not a pose; it was ignored.".into());
+            notes.push("R of a ROS camera_info rectifies images and is not a pose, so R was ignored.".into());
         }
         None
     } else {
@@ -124,7 +124,7 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
             let names: Vec<&str> = several.iter().filter_map(|n| n.keys.last()).map(String::as_str).collect();
             Err(root.error(
                 "the file has several cameras",
-                &format!("choose one with --camera: {}", names.join(", ")),
+                &format!("choose one of the cameras with --camera: {}", names.join(", ")),
             ))
         }
     }
@@ -152,7 +152,7 @@ pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], In
         ));
     }
     if m[0][1] != 0.0 {
-        return Err(node.error("a skew is not supported", "calibrate without skew"));
+        return Err(node.error("a camera matrix with skew is not supported", "calibrate without skew"));
     }
     Ok(m)
 }
@@ -187,7 +187,7 @@ pub(super) fn lens(
         return match k.try_into() {
             Ok(k) => Ok(Lens::Fisheye(k)),
             Err(_) => Err(node.error(
-                &format!("a fisheye model requires 4 coefficients, got {count}"),
+                &format!("a fisheye model requires 4 coefficients, but the file has {count} coefficients"),
                 "calibrate with cv2.fisheye, or omit --fisheye",
             )),
         };
@@ -227,8 +227,8 @@ fn pose(
     let t = translation.array()?;
     if t.values.len() == 16 {
         return Err(translation.error(
-            "the direction of a 4 × 4 pose is ambiguous",
-            "give R and t with x_camera = R x_world + t",
+            "the direction of a 4 × 4 pose is ambiguous (world to camera, or camera to world)",
+            "give R and t of the map x_camera = R x_world + t",
         ));
     }
     let views = t.values.len() / 3;

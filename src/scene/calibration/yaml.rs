@@ -41,7 +41,7 @@ pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
             },
             Event::Scalar(text, style, ..) => Some(scalar(&text, style)),
             Event::Alias(_) => {
-                return Err((at(), "aliases are not supported; write the value instead".into()));
+                return Err((at(), "YAML aliases are not supported; write the value instead".into()));
             }
             Event::DocumentEnd => break,
             _ => None,

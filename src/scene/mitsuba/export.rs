@@ -61,7 +61,7 @@ impl Export {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
-    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only; lists of
+    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only. Lists of
     /// values are interpolated between the file's wavelengths.
     ///
     /// # Errors

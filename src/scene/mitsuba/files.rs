@@ -14,11 +14,13 @@ pub enum Contents {
 
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    #[error("{0} exists and is not an empty folder; choose another folder, or pass --force to write into it")]
+    #[error(
+        "{0} exists and is not an empty folder; choose another folder, or pass --force to write into this folder"
+    )]
     Occupied(PathBuf),
-    #[error("{0} exists; choose another name, or pass --force to replace it")]
+    #[error("{0} exists; choose another name, or pass --force to replace the file")]
     Exists(PathBuf),
-    #[error("cannot write {0}: {1}")]
+    #[error("cannot write {0}: {1}; check that the folder is writable and the disk is not full")]
     Io(PathBuf, io::Error),
 }
 

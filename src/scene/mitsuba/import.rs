@@ -28,10 +28,12 @@ use transport::scene::Scene;
 
 #[derive(Clone, Debug)]
 pub struct Import {
-    /// The scene file. It has been built once as a check. Its values have locations in the XML.
+    /// The scene file. The scene has been built once as a check. The values of the scene file have locations
+    /// in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files to write next to the scene file, by name. They hold shapes that scene files cannot express.
+    /// Files to write next to the scene file, by name. These files contain shapes that scene files cannot
+    /// express.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Notes about differences from the Mitsuba scene.
     pub notes: Vec<String>,
@@ -126,7 +128,7 @@ impl Import {
     }
 }
 
-/// Converts the parsed scene; returns `None` if errors were reported.
+/// Converts the parsed scene. Returns `None` if errors were reported.
 fn run(
     mut importer: Importer,
     toml: &Path,
@@ -275,8 +277,10 @@ fn unused(importer: &mut Importer) {
         };
         if alone && !node.id.as_deref().is_some_and(|id| named.contains(&id)) {
             let id = node.id.as_deref().map_or(String::new(), |id| format!(" (id `{id}`)"));
-            importer
-                .note(format!("the {} `{}`{id} is not used: no element refers to it", node.tag, node.kind));
+            importer.note(format!(
+                "the {} `{}`{id} is not used, because no element refers to it",
+                node.tag, node.kind
+            ));
         }
     }
 }

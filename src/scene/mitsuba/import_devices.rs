@@ -178,7 +178,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// Creates a device. Errors in its values are located at the Mitsuba plugin.
+/// Creates a device. Errors in the values of this file are located at the Mitsuba plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(node.at(fov_x_deg));
@@ -212,7 +212,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         }
         importer.error(
             &node.span,
-            format!("the film's {name} is {value}"),
+            format!("the film's {name} is {value}, outside the supported range"),
             &format!("give {name} in {least}..32768"),
         )
     };
@@ -299,7 +299,7 @@ pub(super) fn integrator<'a>(
     while let Some(node) = next.take() {
         at = node.span.clone();
         if seen.iter().any(|n| std::ptr::eq(*n, node)) {
-            return importer.error(&node.span, "the integrator contains itself", "nest a path integrator");
+            return importer.error(&node.span, "the integrator refers to itself", "nest a path integrator");
         }
         seen.push(node);
         // The integrators of Mitsuba's Python package have a different default depth.
@@ -444,7 +444,7 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
             return importer.error(
                 &node.span,
                 "both fov and focal_length are given",
-                "keep either fov or focal_length",
+                "remove either fov or focal_length",
             );
         }
     };
@@ -459,7 +459,7 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
         _ => {
             return importer.error(
                 &node.span,
-                format!("fov_axis is `{axis}`"),
+                format!("fov_axis is `{axis}`, which is not a known axis"),
                 "use x, y, diagonal, smaller or larger",
             );
         }

@@ -213,7 +213,7 @@ pub(super) fn area<'a>(
 /// only the noise.
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
-        importer.note(format!("the emitter `{}` has sampling_weight 0, which is not used", node.kind));
+        importer.note(format!("the emitter `{}` has a sampling_weight of 0, which is not used", node.kind));
     }
     Ok(())
 }
@@ -224,7 +224,7 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
         return importer.error(
             &node.span,
             format!("the emitter `{}` has both {a} and {b}", node.kind),
-            "keep one of the two",
+            "remove one of the two parameters",
         );
     }
     Ok(())

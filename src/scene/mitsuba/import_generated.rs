@@ -51,7 +51,7 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
     let kind = if node.kind == "linearcurve" { Kind::Linear } else { Kind::BSpline };
     let tubes = parse_curves(&bytes, kind, place).map_err(|mut e| {
         e.file = Some(importer.path(name));
-        let help = "correct the file";
+        let help = "correct the curve file";
         importer.source.error(&node.span, e.to_string(), help)
     })?;
     importer.note(format!(
@@ -81,7 +81,7 @@ pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile,
     let found = parse_vol(&bytes).and_then(|vol| surface(&vol, normals));
     let found = found.map_err(|mut e| {
         e.file = Some(importer.path(name));
-        importer.source.error(&node.span, e.to_string(), "correct the file")
+        importer.source.error(&node.span, e.to_string(), "correct the grid file")
     })?;
     importer.note(format!(
         "sdfgrid: {name} is converted to a mesh of {} triangles, with a deviation of at most {:.3} cell sizes from Mitsuba's surface",

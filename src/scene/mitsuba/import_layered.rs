@@ -87,7 +87,7 @@ pub(super) fn principled<'a>(
             return importer.error(
                 &node.span,
                 "both eta and specular are given",
-                "keep either eta or specular",
+                "remove either eta or specular",
             );
         }
     };
@@ -110,7 +110,7 @@ pub(super) fn principled<'a>(
         );
     }
     if !lost.is_empty() {
-        importer.note(format!("principled: unused parameters: {}", lost.join(", ")));
+        importer.note(format!("principled: these parameters are not used: {}", lost.join(", ")));
     }
     let none = |s: &ScalarFile| *s == ScalarFile::Number(0.0);
     let mut body = MaterialFile::Plastic(Box::new(PlasticFile {
@@ -218,7 +218,8 @@ fn metal(
     };
     if indices.is_none() {
         importer.note(
-            "principled: metal with an image has the same colour at all angles; in Mitsuba it reflects more beyond 60° from the normal",
+            "principled: metal with an image has the same colour at all angles; in Mitsuba such metal reflects more beyond 60° from \
+             the normal",
         );
     }
     MaterialFile::RoughConductor(RoughConductorFile {

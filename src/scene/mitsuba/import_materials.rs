@@ -95,7 +95,7 @@ impl MaterialReader {
             return importer.error(
                 &node.span,
                 format!("expected a bsdf, got a {}", node.tag),
-                "refer to a bsdf",
+                "refer to a bsdf element",
             );
         }
         let start = node.span.start;
@@ -317,7 +317,7 @@ impl MaterialReader {
         {
             if node.boolean(importer.source, name)?.unwrap_or(true) {
                 importer.note(format!(
-                    "{name} of normal maps is not used; in Mitsuba it makes a test scene {difference}"
+                    "{name} of normal maps is not used; in Mitsuba this parameter makes a test scene {difference}"
                 ));
             }
         }
@@ -350,7 +350,7 @@ impl MaterialReader {
             importer.error(
                 &node.span,
                 format!("expected {N} nested bsdfs, got {} in {}", names.len(), node.kind),
-                &format!("give {N} nested bsdfs"),
+                &format!("give exactly {N} nested bsdfs"),
             )
         })
     }

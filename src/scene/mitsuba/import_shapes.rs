@@ -37,7 +37,7 @@ pub(super) fn all<'a>(
             return importer.error(
                 child.span(),
                 format!("a merge shape cannot contain {} `{}`", inner.tag, inner.kind),
-                "move it to the top level of the scene",
+                "move the element to the top level of the scene",
             );
         }
         all.extend(objects(importer, reader, inner)?);
@@ -161,7 +161,8 @@ fn objects<'a>(
         Some(_) if inward => {
             return importer.error(
                 &node.span,
-                "the shape is inside out (flip_normals, or a reflection in to_world), so its interior medium would fill the space around it",
+                "the shape is inside out (flip_normals, or a reflection in to_world), so the interior medium of the shape would fill \
+                 the space around the shape",
                 "remove flip_normals or the reflection, and use a shape whose normals point outward",
             );
         }
@@ -258,7 +259,7 @@ fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
     let wrong = || {
         importer.source.error(
             &node.span,
-            format!("shape_index is {index}"),
+            format!("shape_index is {index}, but the indices start at 0"),
             "give the index of a mesh in the file, starting at 0",
         )
     };

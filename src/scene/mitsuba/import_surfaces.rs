@@ -105,8 +105,9 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
             importer.source.error(&p.span, format!("unknown refractive index `{text}`"), &fix)
         });
     }
-    let error =
-        || importer.source.error(&p.span, format!("`{name}` is not a refractive index"), "give a number");
+    let error = || {
+        importer.source.error(&p.span, format!("`{name}` is not a valid refractive index"), "give a number")
+    };
     p.value.number().ok_or_else(error)
 }
 

@@ -148,11 +148,15 @@ impl<'a> Importer<'a> {
     pub fn whole(&self, span: &Range<usize>, value: i64, what: &str) -> Result<Located<u32>, InputError> {
         match u32::try_from(value) {
             Ok(value) => Ok(Located::at(span.clone(), value)),
-            Err(_) => self.error(span, format!("{what} is {value}"), "give an integer from 0 to 4294967295"),
+            Err(_) => self.error(
+                span,
+                format!("{what} is {value}, outside the supported range"),
+                "give an integer from 0 to 4294967295",
+            ),
         }
     }
 
-    /// Returns a spectrum (one number, one per wavelength, or a table); `None` if the property is absent.
+    /// Returns a spectrum (one number, one per wavelength, or a table), or `None` if the property is absent.
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
@@ -290,7 +294,7 @@ impl<'a> Importer<'a> {
                 let (first, last) = (end("wavelength_min", 360.0)?, end("wavelength_max", 830.0)?);
                 let steps = values.len().saturating_sub(1).max(1) as f64;
                 if values.len() < 2 {
-                    let message = format!("the spectrum has {} values", values.len());
+                    let message = format!("the spectrum has only {} values", values.len());
                     return self.error(&node.span, message, "give at least two values");
                 }
                 if first >= last {
@@ -350,7 +354,7 @@ impl<'a> Importer<'a> {
             Some(nm) => self.error(
                 &node.span,
                 format!("the spectrum does not cover {nm} nm"),
-                "extend its range, or set the wavelengths, such as -D wavelengths_nm=550",
+                "extend the range of the spectrum, or set the wavelengths, such as -D wavelengths_nm=550",
             ),
         }
     }

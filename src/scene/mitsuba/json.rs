@@ -70,7 +70,7 @@ fn plugin(
     let Some(kind) = text_of(object, "type") else {
         return Err(source.error(
             &(whole.start..whole.start + 1),
-            "the dictionary has no type",
+            "the dictionary has no key \"type\"",
             "add \"type\": \"…\" with the name of a Mitsuba plugin",
         ));
     };
@@ -113,7 +113,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             Some("spectrum") => spectrum(source, object)?,
             Some("ref") => {
                 let Some(id) = text_of(object, "id") else {
-                    return Err(source.error(&span, "the reference has no id", "add the id"));
+                    return Err(source.error(&span, "the reference has no `id`", "add the id"));
                 };
                 let reference = Inside::Reference { id: id.to_owned(), name: Some(name.to_owned()), span };
                 node.children.push(Child::new(reference));
@@ -146,7 +146,11 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             value
         }
         Json::NullKeyword(_) => {
-            return Err(source.error(&span, format!("`{name}` is null"), "give a value, or remove the key"));
+            return Err(source.error(
+                &span,
+                format!("the value of `{name}` is null"),
+                "give a value, or remove the key",
+            ));
         }
     };
     node.properties.push(Property::new(name.to_owned(), value, span));

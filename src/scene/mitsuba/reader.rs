@@ -179,7 +179,12 @@ impl<'s> Reader<'s> {
     pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = self.start_tag(xml);
         if depth > DEEPEST {
-            bail!(self.source, &span, "elements are nested too deeply", "give elements an id, and use <ref>");
+            bail!(
+                self.source,
+                &span,
+                "elements are nested too deeply",
+                "give elements an id, and refer to them with <ref>"
+            );
         }
         let root = depth == 0;
         // An included file has its own root element.
@@ -303,8 +308,8 @@ impl<'s> Reader<'s> {
                 if !folder.exists() {
                     return Err(self.source.error(
                         &span,
-                        format!("folder {} does not exist", folder.display()),
-                        "correct the path; it is relative to the file",
+                        format!("the folder {} does not exist", folder.display()),
+                        "correct the path, which is relative to the file that contains this element",
                     ));
                 }
                 self.folders.prepend(folder);
@@ -325,7 +330,12 @@ impl<'s> Reader<'s> {
                 self.property(xml, node)?;
             }
             _ => {
-                bail!(self.source, &span, "unsupported element <{tag}>", "keep only the element's contents");
+                bail!(
+                    self.source,
+                    &span,
+                    "unsupported element <{tag}>",
+                    "replace this element by the elements that it contains"
+                );
             }
         }
         Ok(())
@@ -335,7 +345,11 @@ impl<'s> Reader<'s> {
         let name = self.needed(xml, "name")?;
         let span = self.start_tag(xml);
         if node.properties.iter().any(|p| p.name == name) {
-            return Err(self.source.error(&span, format!("duplicate `{name}`"), "keep one of the two"));
+            return Err(self.source.error(
+                &span,
+                format!("duplicate `{name}`"),
+                "remove one of the two elements",
+            ));
         }
         let value = self.value(xml)?;
         node.properties.push(Property::new(name, value, span));
@@ -363,7 +377,11 @@ impl<'s> Reader<'s> {
         self.only(xml, &["name", "value"])?;
         let text = self.needed(xml, "value")?;
         let wrong = |what: &str| {
-            Err(self.source.error(&self.start_tag(xml), format!("`{text}` is {what}"), "correct the value"))
+            Err(self.source.error(
+                &self.start_tag(xml),
+                format!("`{text}` is {what}"),
+                "correct the value of this element",
+            ))
         };
         Ok(match tag {
             "integer" => match text.trim().parse() {
@@ -548,7 +566,7 @@ impl<'s> Reader<'s> {
             Some(&[v]) => Ok(DVec3::splat(v)),
             _ => Err(self.source.error(
                 &self.start_tag(xml),
-                format!("`{text}` is not three numbers"),
+                format!("`{text}` is not a list of three numbers"),
                 "give x, y, z",
             )),
         }
@@ -594,7 +612,7 @@ impl<'s> Reader<'s> {
             self.source.error(
                 &self.start_tag(xml),
                 format!("<{tag}> requires the attribute `{key}`"),
-                "add the attribute",
+                "add this attribute to the element",
             )
         })
     }

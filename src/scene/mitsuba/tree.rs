@@ -78,7 +78,7 @@ fn tokens(text: &str) -> impl Iterator<Item = &str> {
     text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty())
 }
 
-/// Parses numbers separated by spaces or commas; returns `None` if a word is not a number.
+/// Parses numbers separated by spaces or commas. Returns `None` if a word is not a number.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     tokens(text).map(number).collect()
 }
@@ -119,7 +119,10 @@ impl Node {
             return Ok(None);
         };
         convert(&p.value).map(Some).ok_or_else(|| {
-            let message = format!("expected {wanted} for `{}` of {} `{}`", p.name, self.tag, self.kind);
+            let message = format!(
+                "the value of `{}` of {} `{}` has the wrong type: expected {wanted}",
+                p.name, self.tag, self.kind
+            );
             source.error(&p.span, message, "correct the name or the value of the element")
         })
     }

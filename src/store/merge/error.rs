@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
-    #[error("nothing to merge: pass at least two stores")]
+    #[error("there is nothing to merge: pass at least two stores")]
     TooFew,
     /// A store lacks an attribute that merging requires.
     #[error(
@@ -26,8 +26,8 @@ pub enum MergeError {
     Integrators { first: PathBuf, second: PathBuf },
     /// The coordinates of a camera axis do not identify the pixels of its entries.
     #[error(
-        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of a block of whole pixels, so the sample count of this entry is unknown: render the \
-         store again, or restore it from a backup"
+        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of a block of whole pixels, so the sample count of this \
+         entry is unknown: render the scene again, or restore the store from a backup"
     )]
     Pixels { path: PathBuf, axis: &'static str, coordinate: f64 },
     #[error(

@@ -52,7 +52,7 @@ pub(crate) fn upload(folder: &Path, name: &str, path: &str) {
     }
 }
 
-/// Opens an address of a test; `None` for other schemes.
+/// Opens an address of a test. Returns `None` for other schemes.
 pub(super) fn open(scheme: &str, address: &Path) -> Option<Arc<dyn ObjectClient>> {
     let kind = match scheme {
         "memory" => Kind::Sound,

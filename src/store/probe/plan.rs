@@ -74,7 +74,7 @@ impl Plan {
                     reduced(axis.kind, 0, weights.into_iter().map(|w| vec![(0, w)]).collect())
                 }
                 Step::Weights(weights) => {
-                    let reason = format!("the slice has {n} entries, expected {}", weights.len());
+                    let reason = format!("the slice has {n} entries, but expected {} entries", weights.len());
                     return Err(ProbeError::Selection { axis: axis.kind.name(), reason });
                 }
                 Step::Joint => reduced(axis.kind, 0, vec![vec![(0, 1.0)]; n]),
@@ -185,7 +185,7 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
     for (i, Selection { axis, range }) in probe.select.iter().enumerate() {
         let fault = |reason: &str| ProbeError::Selection { axis: axis.name(), reason: reason.into() };
         if probe.select[..i].iter().any(|s| s.axis == *axis) {
-            return Err(fault("selected twice: use one selection per axis"));
+            return Err(fault("the axis is selected twice: use one selection per axis"));
         }
         let by_pattern = matches!(axis, AxisKind::V | AxisKind::U) && probe.pattern.is_some();
         let by_stokes = *axis == AxisKind::StokesIn && probe.stokes.is_some();
@@ -242,7 +242,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             "not a number".to_owned()
         } else {
             let (a, b) = (axis.coords[0], axis.coords[n - 1]);
-            format!("outside the range {a} to {b} {}", axis.kind.units())
+            format!("the value is outside the range {a} to {b} {}", axis.kind.units())
         };
         ProbeError::Selection { axis: axis.kind.name(), reason }
     };
@@ -265,7 +265,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// Returns the pattern averaged over the pixels of every entry (v, u); `None` without a contraction.
+/// Returns the pattern averaged over the pixels of every entry (v, u), or `None` without a contraction.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,
@@ -282,13 +282,16 @@ fn joint_weights(
         reason,
     };
     if pattern.values.len() as u64 != u64::from(pattern.width) * u64::from(pattern.height) {
-        return Err(fault(format!("got {} values; expected width × height", pattern.values.len())));
+        return Err(fault(format!(
+            "the pattern has {} values; expected width × height values",
+            pattern.values.len()
+        )));
     }
     let (Some(v), Some(u)) = (layout.find(AxisKind::V), layout.find(AxisKind::U)) else {
         return if pattern.is_full_on() {
             Ok(None)
         } else {
-            let reason = "projector pixels are already summed: render the slice with `projector = \"all\"`";
+            let reason = "the projector pixels of the slice are already summed: render the slice with `projector = \"all\"`";
             Err(fault(reason.into()))
         };
     };
@@ -300,7 +303,7 @@ fn joint_weights(
     if let Some([w, h]) = numbers("projector_size")
         && [w, h] != [pattern.width, pattern.height]
     {
-        return Err(fault(format!("the projector has {w} × {h} pixels")));
+        return Err(fault(format!("the projector has {w} × {h} pixels: use a pattern of this size")));
     }
     let bin = numbers("projector_bin");
     let along = |axis: usize, bin: Option<u32>, total| {
@@ -322,7 +325,7 @@ fn joint_weights(
     let lost = kept.iter().zip(&pattern.values).filter(|(kept, p)| !**kept && **p != 0.0).count();
     if lost > 0 {
         notes.push(format!(
-            "the pattern drives {lost} projector pixels that slice `{}` does not contain: the light of these pixels is missing",
+            "the pattern uses {lost} projector pixels that slice `{}` does not contain, so the light of these pixels is missing",
             layout.name
         ));
     }

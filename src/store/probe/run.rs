@@ -66,7 +66,7 @@ fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlic
     Ok(slice.fetch_together(&regions)?)
 }
 
-/// Returns the ranges of camera rows and columns that are read; `None` for a slice without camera axes.
+/// Returns the ranges of camera rows and columns that are read, or `None` for a slice without camera axes.
 fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     let read = |kind| {
         let axis = plan.axes.iter().find(|a| a.kind == kind)?;

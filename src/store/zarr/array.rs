@@ -1,6 +1,6 @@
-//! The metadata of an array, which is a `zarr.json` file (Zarr v3 core specification, "Array metadata"),
-//! limited to the features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs
-//! of [`super::coding`]. Other features are refused.
+//! The metadata of an array: a `zarr.json` file (Zarr v3 core specification, "Array metadata"). Only the
+//! features of Sunstone's stores are supported: a regular grid of chunks, fill value zero, and the codecs of
+//! [`super::coding`]. Other features are refused.
 
 use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};
@@ -70,7 +70,7 @@ impl Array {
         let keys = json.as_object().ok_or("the metadata is not a JSON object")?;
         for (key, value) in keys {
             if !KEYS.contains(&key.as_str()) && value["must_understand"] != false {
-                return Err(format!("unknown key `{key}`"));
+                return Err(format!("the metadata has an unknown key `{key}`"));
             }
         }
         if json["zarr_format"] != 3 || json["node_type"] != "array" {
@@ -97,7 +97,11 @@ impl Array {
             Some(names) => names.iter().map(|n| n.as_str().unwrap_or_default().to_owned()).collect(),
         };
         if names.len() != shape.len() {
-            return Err(format!("the array has {} names for {} dimensions", names.len(), shape.len()));
+            return Err(format!(
+                "the array has {} dimension names, but {} dimensions",
+                names.len(),
+                shape.len()
+            ));
         }
         let keys = &json["chunk_key_encoding"];
         let (beginning, usual) = match name(keys) {
@@ -109,7 +113,9 @@ impl Array {
             None => usual,
             Some("/") => '/',
             Some(".") => '.',
-            Some(other) => return Err(format!("unknown separator of chunk keys: {other:?}")),
+            Some(other) => {
+                return Err(format!("unknown separator of chunk keys, {other:?}: expected \"/\" or \".\""));
+            }
         };
         let node = node.trim_start_matches('/');
         Ok(Self {

@@ -24,7 +24,7 @@ use bytes::Bytes;
 /// then need no further request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
-/// The tail of a shard. Its checksums serve to check the other bytes of the shard.
+/// The tail of a shard. The checksums in the tail serve to check the other bytes of the shard.
 #[derive(Debug)]
 pub(super) struct Tail {
     pub(super) bytes: Bytes,
@@ -38,7 +38,7 @@ pub(super) struct Tail {
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
     pub(super) root: PathBuf,
-    /// The objects, for a store at an address; `None` for a directory.
+    /// The objects, for a store at an address, or `None` for a directory.
     pub(super) remote: Option<Remote>,
     /// Manifest of a finished store. Every file that is read must match the manifest.
     manifest: Option<Manifest>,
@@ -225,7 +225,8 @@ impl AtomicDirectory {
         Ok(Some(Tail { bytes: bytes.into(), size, whole: None }))
     }
 
-    /// Opens a file of a directory and returns the file and its size in bytes; `None` if there is no file.
+    /// Opens a file of a directory and returns the file and its size in bytes. Returns `None` if there is no
+    /// file.
     fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
         match base::input::open(&self.root.join(key)) {
             Ok(file) => {
@@ -281,7 +282,7 @@ impl AtomicDirectory {
         Err(io::Error::other(reason))
     }
 
-    /// Returns whether the manifest lists a file; `None` if there is no manifest.
+    /// Returns whether the manifest lists a file, or `None` if there is no manifest.
     pub(super) fn lists(&self, path: &str) -> Option<bool> {
         Some(self.manifest.as_ref()?.0.contains_key(path))
     }

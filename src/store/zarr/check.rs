@@ -16,7 +16,7 @@ const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let coords = &axis.coords;
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
-        return Some(format!("coordinate {bad} is not a number"));
+        return Some(format!("coordinate {bad} is not a finite number"));
     }
     let falls = |pair: &[f64]| matches!(pair, [a, b] if a >= b);
     if let Some([a, b]) = coords.windows(2).find(|pair| falls(pair)) {
@@ -35,7 +35,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     // Coordinates are increasing, so checking the ends is enough.
     let ends = [coords.first(), coords.last()].into_iter().flatten();
     let mut outside = ends.filter(|c| !(least..=most).contains(*c));
-    outside.next().map(|bad| format!("coordinate {bad} is outside {least} to {most}"))
+    outside.next().map(|bad| format!("coordinate {bad} is outside the valid range {least} to {most}"))
 }
 
 /// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis t.
@@ -61,11 +61,13 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
 /// Returns the fault in the shape and chunk of the sample counts, if any.
 pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     let [rows, columns] = shape else {
-        return Some(format!("shape {shape:?} is not (rows, columns)"));
+        return Some(format!("the shape of the sample counts is {shape:?}, expected (rows, columns)"));
     };
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
-        return Some(format!("shape {shape:?} in chunks of {chunk:?} is not valid for a camera"));
+        return Some(format!(
+            "the shape {shape:?} in chunks of {chunk:?} is not valid for the sample counts of a camera"
+        ));
     }
     None
 }

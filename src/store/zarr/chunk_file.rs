@@ -50,7 +50,7 @@ impl<T: Number> ChunkedArray<T> {
         self.storage.is_stored(&key)
     }
 
-    /// Returns the size of the file of the chunk that begins at `start`, from the manifest; 0 if there is
+    /// Returns the size of the file of the chunk that begins at `start`, from the manifest, or 0 if there is
     /// no file.
     pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
         let key = self.array.chunk_key(&self.index_of(start));

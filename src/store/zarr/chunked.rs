@@ -152,7 +152,7 @@ impl<T: Number> ChunkedArray<T> {
         self.array.names.clone()
     }
 
-    /// Returns `n` coordinates from the array's metadata; `None` if the metadata does not contain
+    /// Returns `n` coordinates from the array's metadata, or `None` if the metadata does not contain
     /// coordinates.
     pub(super) fn describe(&self, n: u64) -> Option<Vec<f64>> {
         coordinates::read(&self.array.attributes, n as usize)

@@ -78,7 +78,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     };
     if declared != Some(out.len() as u64) {
         let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));
-        return Err(format!("found {found}, expected {} bytes", out.len()));
+        return Err(format!("the chunk has {found}, expected {} bytes", out.len()));
     }
     if frame == Frame::Plain {
         out.copy_from_slice(content);
@@ -96,7 +96,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     });
     match length {
         Ok(n) if n == out.len() => Ok(()),
-        Ok(n) => Err(format!("found {n} bytes, expected {}", out.len())),
+        Ok(n) => Err(format!("the decoded chunk has {n} bytes, expected {} bytes", out.len())),
         Err(e) => Err(format!("the Zstandard frame is damaged ({e})")),
     }
 }
@@ -132,7 +132,10 @@ fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {
         Some(endian @ ("little" | "big")) => Ok(endian != ours),
-        _ => Err("the codec `bytes` needs `endian`, \"little\" or \"big\"".into()),
+        _ => Err(
+            "the configuration of the codec `bytes` has no valid `endian`, expected \"little\" or \"big\""
+                .into(),
+        ),
     }
 }
 
@@ -153,14 +156,16 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 && how.get("index_location").is_none_or(|at| at == "end")
                 && how["index_codecs"][0]["configuration"]["endian"] != "big";
             let chunk = chunk.filter(|_| ours).ok_or(
-                "expected the `codecs` bytes, zstd and crc32c, the `index_codecs` bytes (little-endian) \
-                and crc32c, and the `index_location` end",
+                "the configuration of the shards is not supported: expected `codecs` [bytes, zstd, crc32c], `index_codecs` [bytes \
+                 (little-endian), crc32c] and `index_location` \"end\"",
             )?;
             let swapped = is_swapped(&how["codecs"])?;
             return Ok((Coding { frame: Frame::Sealed, swapped }, Some(chunk)));
         }
         _ => {
-            return Err(format!("the codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"));
+            return Err(format!(
+                "the list of codecs is {found:?}, expected [\"bytes\", \"zstd\", \"crc32c\"]"
+            ));
         }
     };
     let swapped = is_swapped(codecs)?;

@@ -40,7 +40,7 @@ pub(super) fn tell(attributes: &Value) -> bool {
     [REGULAR, ALL].iter().any(|key| attributes.get(key).is_some())
 }
 
-/// Reads `n` coordinates from attributes; returns `None` if the attributes contain no coordinates.
+/// Reads `n` coordinates from attributes. Returns `None` if the attributes contain no coordinates.
 pub(super) fn read(attributes: &Map<String, Value>, n: usize) -> Option<Vec<f64>> {
     let list = |key| -> Option<Vec<f64>> {
         let list = attributes.get(key)?.as_array()?;

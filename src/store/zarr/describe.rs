@@ -58,7 +58,7 @@ pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
     Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
 
-/// Returns the attributes of a group's metadata; `None` if the attributes are not a table.
+/// Returns the attributes of a group's metadata, or `None` if the attributes are not a table.
 pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     match json.get("attributes") {
         None => Some(Map::new()),
@@ -66,7 +66,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Returns the names of the slices from the root's metadata; `None` if the metadata is not that of a
+/// Returns the names of the slices from the root's metadata, or `None` if the metadata is not that of a
 /// Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
@@ -236,7 +236,7 @@ pub(super) fn read_layout(
     let names = mean.names();
     if names.len() != mean.shape().len() {
         return Err(damaged(format!(
-            "the array has {} names for {} dimensions",
+            "the array has {} dimension names, but {} dimensions",
             names.len(),
             mean.shape().len()
         )));
@@ -247,19 +247,19 @@ pub(super) fn read_layout(
     fetched.map_err(|e| OpenError::of_read(&mean.path, &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let kind = AxisKind::from_name(name).ok_or_else(|| damaged(format!("unknown dimension `{name}`")))?;
+        let kind = AxisKind::from_name(name)
+            .ok_or_else(|| damaged(format!("the array has an unknown dimension `{name}`")))?;
         let order = |k: AxisKind| AxisKind::ALL.iter().position(|a| *a == k);
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
-            return Err(damaged(format!("dimensions {names:?} are not in storage order")));
+            return Err(damaged(format!("the dimensions {names:?} are not in storage order")));
         }
         axes.push(read_axis(storage, slice, kind, [mean.shape()[i], mean.chunk[i]])?);
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
-        Some(value) => value
-            .as_f64()
-            .map(Some)
-            .ok_or_else(|| damaged(format!("attribute `{key}` of the slice is {value}, expected a number"))),
+        Some(value) => value.as_f64().map(Some).ok_or_else(|| {
+            damaged(format!("the attribute `{key}` of the slice is {value}, expected a number"))
+        }),
     };
     let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
     let layout = SliceLayout {

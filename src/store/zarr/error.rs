@@ -149,7 +149,7 @@ pub enum OpenError {
 pub enum AccessError {
     #[error("slice {path} has no field `{field}`: overflow is stored only for time-resolved slices")]
     NoField { path: PathBuf, field: &'static str },
-    #[error("{path} has no sample counts per pixel: create the store with a sample grid")]
+    #[error("{path} has no sample counts per pixel: render the scene again with this version")]
     NoSamples { path: PathBuf },
     #[error(
         "{path} belongs to an unfinished render, so some values are missing: resume with `render --resume`, or read the existing values \
@@ -162,7 +162,9 @@ pub enum AccessError {
     )]
     Part { path: PathBuf, part: Part },
     /// The region is not completely inside the array.
-    #[error("region {start:?} + {shape:?} is not inside {path} of shape {array:?}: shrink the region")]
+    #[error(
+        "the region that starts at {start:?} with shape {shape:?} is not inside {path} of shape {array:?}: shrink the region"
+    )]
     Region {
         path: PathBuf,
         /// First requested index.

@@ -242,11 +242,13 @@ impl FrameStore {
         let mut axes = vec![];
         for (name, n) in names.iter().zip(shape) {
             if describe::name_fault(name).is_some() {
-                return Err(damaged("an axis has no name"));
+                return Err(damaged("an axis of the frames has no name"));
             }
             let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
             if array.shape() != [*n] {
-                return Err(damaged("an axis has a different number of coordinates than entries"));
+                return Err(damaged(
+                    "the number of coordinates of an axis differs from the length of the axis",
+                ));
             }
             let json = description::read_json(&array.path.join("zarr.json"))?;
             axes.push(FrameAxis {
@@ -260,7 +262,7 @@ impl FrameStore {
             layout.gathered = true;
         }
         if layout.chunk() != chunk || layout.axes.len() != shape.len() {
-            return Err(damaged("the chunks are not whole frames"));
+            return Err(damaged("the chunks of the frames are not whole frames"));
         }
         drop(group);
         Ok(Self { layout, attributes, raw, _lock: lock, storage })
@@ -331,7 +333,7 @@ impl FrameStore {
             .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
-    /// Reads a map; returns `None` if the store has no map of this name.
+    /// Reads a map. Returns `None` if the store has no map of this name.
     ///
     /// # Errors
     /// Returns an error if the map is damaged.
@@ -365,7 +367,7 @@ impl FrameStore {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
-    /// Reads a column written by [`Self::write_column`]; returns `None` if the store has no column of this
+    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of this
     /// name.
     ///
     /// # Errors
@@ -382,7 +384,7 @@ impl FrameStore {
         let shape = array.shape().to_vec();
         let damaged = |reason: String| OpenError::Damaged { path: array.path.clone(), reason };
         if region::volume(&shape) != Some(expected) {
-            return Err(damaged(format!("expected {expected} numbers")));
+            return Err(damaged(format!("the array does not have the shape of {expected} numbers")));
         }
         let read = array.read(&vec![0; shape.len()], &shape);
         read.map(Some).map_err(|e| damaged(e.to_string()))

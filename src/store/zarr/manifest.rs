@@ -164,7 +164,7 @@ impl Manifest {
         [FILE, OF_PART].iter().try_for_each(|name| remove_if_present(&root.join(name)))
     }
 
-    /// Reads the manifest with this file name at `place`; returns `None` if the manifest does not exist.
+    /// Reads the manifest with this file name at `place`. Returns `None` if the manifest does not exist.
     /// `root` is the path in messages.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
@@ -207,7 +207,7 @@ impl Manifest {
         Ok((manifest.transpose()?, description))
     }
 
-    /// Reads the manifest; returns `None` if the store is not finished and therefore has no manifest.
+    /// Reads the manifest. Returns `None` if the store is not finished and therefore has no manifest.
     pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
         Self::read_as(root, FILE)
     }
@@ -241,7 +241,7 @@ fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
 }
 
 fn damaged(path: &Path) -> OpenError {
-    OpenError::damaged(path, "the lines differ from those written")
+    OpenError::damaged(path, "the lines of the manifest differ from the lines that were written")
 }
 
 /// Returns the last line of a manifest, which is the checksum of all lines before it.

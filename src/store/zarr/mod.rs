@@ -227,8 +227,8 @@ impl TensorStore {
     /// Opens a store for reading. Reading values of an unfinished store is an error.
     ///
     /// # Errors
-    /// Returns an error if there is no store at `path` or its metadata is damaged. Slices are checked when
-    /// they are opened.
+    /// Returns an error if there is no store at `path` or its metadata is damaged. A slice is checked when
+    /// the slice is opened.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let (manifest, root) = match &place {
@@ -355,7 +355,7 @@ impl TensorStore {
         Ok(store)
     }
 
-    /// Returns the part of a render that the store contains; `None` for a whole render.
+    /// Returns the part of a render that the store contains, or `None` for a whole render.
     pub fn part(&self) -> Option<Part> {
         Part::of_attributes(&self.attributes())
     }

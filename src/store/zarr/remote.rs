@@ -165,7 +165,7 @@ impl Remote {
             Some(writing) if writing.hold.is_sure() => Ok(()),
             Some(_) => Err(Refusal::new(
                 "the lock of the store was lost (removed, or not renewed in time); another process may be writing the store",
-                "check that no other process writes the store",
+                "check that no other process writes the store, then run the command again",
             )),
             None => Err(Refusal::new("the store is open for reading only", "open the store for writing")),
         }

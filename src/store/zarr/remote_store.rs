@@ -43,7 +43,7 @@ pub(super) struct Making<'a> {
     pub(super) origin: Option<&'a str>,
 }
 
-/// Returns the objects at an address; `None` for a local path.
+/// Returns the objects at an address, or `None` for a local path.
 pub(super) fn objects_of(path: &Path) -> Result<Option<Objects>, Refusal> {
     Ok(match Place::of(path)? {
         Place::Folder(_) => None,
@@ -201,7 +201,7 @@ pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusa
     Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())
 }
 
-/// Opens a store at an address for writing; returns `None` if there is no store.
+/// Opens a store at an address for writing. Returns `None` if there is no store.
 pub(super) fn open_for_write(
     path: &Path,
     objects: &Objects,

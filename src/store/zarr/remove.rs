@@ -21,7 +21,7 @@ pub enum RemoveError {
     Locked(#[from] CreateError),
     #[error("cannot remove {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
-    #[error("cannot remove {path}: {cause}")]
+    #[error("cannot remove {path}: {cause}; check the permissions of the folder")]
     Io { path: PathBuf, cause: std::io::Error },
 }
 

@@ -6,7 +6,7 @@ use super::error::AccessError;
 use std::sync::Arc;
 
 impl TensorStore {
-    /// Returns the shape and the chunk shape of the sample counts, both as (rows, columns); `None` if the
+    /// Returns the shape and the chunk shape of the sample counts, both as (rows, columns), or `None` if the
     /// store has no sample counts.
     pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
         let array = self.samples.as_ref()?;

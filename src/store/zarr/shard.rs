@@ -4,9 +4,9 @@
 //! The file contains sealed frames (each a Zstandard frame and its CRC-32C), a table of the frames'
 //! checksums, and the index. The index has two 64-bit numbers per frame, offset and size (all ones for a
 //! missing frame), and the CRC-32C of these numbers. The table is an addition of Sunstone; the codec allows
-//! any bytes between frames and index. The manifest contains the checksum of table and index, so the tail
-//! of a shard and one frame are sufficient to detect that the frame was replaced by another valid frame.
-//! The index alone is not sufficient, because incompressible frames give equal indices in all shards.
+//! any bytes between frames and index. The manifest contains the checksum of table and index. The tail of a
+//! shard and one frame are therefore sufficient to detect that another valid frame replaced this frame. The
+//! index alone is not sufficient, because incompressible frames give equal indices in all shards.
 
 use serde_json::Value;
 use std::collections::HashMap;
@@ -51,8 +51,8 @@ pub(super) fn tail_len(frames: usize) -> u64 {
     (frames * (SEAL + PLACE) + SEAL) as u64
 }
 
-/// Returns the checksum of a shard for the manifest. It covers the shard's tail except the checksum of the
-/// index. With that checksum, a CRC would no longer depend on the content of the index.
+/// Returns the checksum of a shard for the manifest. The checksum covers the tail of the shard except the
+/// checksum of the index. With that checksum, a CRC would no longer depend on the content of the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
@@ -74,7 +74,7 @@ impl Builder {
         self.bytes.extend_from_slice(frame);
     }
 
-    /// Returns the bytes of the shard and the checksum for the manifest; `None` if there are no frames.
+    /// Returns the bytes of the shard and the checksum for the manifest, or `None` if there are no frames.
     pub(super) fn finish(self) -> Option<(Vec<u8>, u32)> {
         let Self { mut bytes, pieces } = self;
         if pieces.iter().all(Option::is_none) {
@@ -140,14 +140,14 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let mut end = 0;
     for (number, piece) in there {
         if piece.offset != end {
-            return Some(format!("chunk {number} begins at byte {}, expected {end}", piece.offset));
+            return Some(format!("chunk {number} begins at byte {}, expected byte {end}", piece.offset));
         }
         end = piece.range().end;
         if let Some(reason) = piece.fault(&bytes[piece.offset as usize..end as usize]) {
             return Some(format!("chunk {number}: {reason}"));
         }
     }
-    (end != data).then(|| format!("the chunks end at byte {end}, expected {data}"))
+    (end != data).then(|| format!("the chunks end at byte {end}, expected byte {data}"))
 }
 
 /// The files of a store that are shards, with the number of frames of each, from the metadata of arrays.
@@ -181,7 +181,7 @@ impl Shards {
         Self::of(descriptions)
     }
 
-    /// Returns the number of frames of a file; `None` if the file is not a shard.
+    /// Returns the number of frames of a file, or `None` if the file is not a shard.
     pub(super) fn frames(&self, path: &str) -> Option<usize> {
         let (folder, name) = path.rsplit_once('/')?;
         self.0.get(folder).filter(|_| name.starts_with("c.")).copied()
@@ -190,7 +190,7 @@ impl Shards {
 
 pub(super) const CODEC: &str = "sharding_indexed";
 
-/// Returns the number of chunks of a shard; `None` if chunks do not divide the shard.
+/// Returns the number of chunks of a shard, or `None` if chunks do not divide the shard.
 pub(super) fn frames(shard: &[u64], chunk: &[u64]) -> Option<usize> {
     let along = |(s, c): (&u64, &u64)| (*c > 0 && *s > 0 && s % c == 0).then(|| s / c);
     let counts: Vec<u64> = shard.iter().zip(chunk).map(along).collect::<Option<_>>()?;

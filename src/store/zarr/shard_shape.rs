@@ -1,10 +1,10 @@
 //! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
 //! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that all
-//! values of a pixel are a small part of a file. A shard is a block of chunks. The shard grows first along
-//! the axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows
-//! along the camera axes until the shard is large enough.
+//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk. All values of a
+//! pixel are therefore a small part of a file. A shard is a block of chunks. The shard grows first along the
+//! axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows along
+//! the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
@@ -93,7 +93,7 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     inner
 }
 
-/// Returns the number of chunks of a shard along each axis after one growth step; `None` if the shard
+/// Returns the number of chunks of a shard along each axis after one growth step, or `None` if the shard
 /// contains all chunks.
 fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     let more = |axis: &usize| counts[*axis] < grid[*axis];

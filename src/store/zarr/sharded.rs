@@ -59,7 +59,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
-    /// Reads the bytes of a chunk in a shard; `None` if the chunk is not stored because all values are zero.
+    /// Reads the bytes of a chunk in a shard. Returns `None` if the chunk is not stored because all values
+    /// are zero.
     pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
         let (shard, number) = sharded.place(index);
         let Some(contents) = self.contents(sharded, &shard)? else {

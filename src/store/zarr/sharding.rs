@@ -108,8 +108,8 @@ fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
-    // Process several shards concurrently, so that one is assembled while another is written. Their number
-    // limits the memory.
+    // Process several shards concurrently, so that one is assembled while another is written. The number of
+    // concurrent shards limits the memory.
     for some in all.chunks(AT_ONCE) {
         some.par_iter().try_for_each(|shard| write(target, sharded, shard, source))?;
     }

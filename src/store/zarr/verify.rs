@@ -22,7 +22,7 @@ pub struct Verified {
     pub files: usize,
     /// Total size of the files in the manifest, in bytes.
     pub bytes: u64,
-    /// The part of a render that the store contains; `None` for a whole render.
+    /// The part of a render that the store contains, or `None` for a whole render.
     pub part: Option<Part>,
     /// Faults, one line each, sorted by path.
     pub faults: Vec<String>,

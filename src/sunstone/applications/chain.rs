@@ -147,8 +147,8 @@ impl Link {
     }
 }
 
-/// Returns a laboratory's detectors. Their exposures are chosen for an observation's slices, captured
-/// with a scheme.
+/// Returns a laboratory's detectors. The exposures of the detectors are chosen for an observation's slices,
+/// captured with a scheme.
 ///
 /// # Errors
 /// [`ChainFailure::Slice`] if a slice cannot be captured.

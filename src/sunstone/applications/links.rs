@@ -23,7 +23,7 @@ pub enum LinksError {
     #[error(transparent)]
     Apply(#[from] ApplyError),
     /// The application's methods refuse the slices that one configuration captured.
-    #[error("captured, {label}: {cause}")]
+    #[error("with captures simulated for {label}: {cause}")]
     Captured { label: String, cause: ApplyError },
     #[error("stopped; run the same command again to resume")]
     Interrupted,
@@ -99,7 +99,10 @@ impl Part {
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();
             found.filter(|x| part.takes(*x)).ok_or_else(|| {
-                format!("`{v}` is not a value of `{name}`; write for example {name}={}", part.values()[1])
+                format!(
+                    "`{v}` is not a valid value of parameter `{name}`; write for example {name}={}",
+                    part.values()[1]
+                )
             })
         };
         let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
@@ -107,7 +110,7 @@ impl Part {
             return Err(format!("parameter `{name}` has {} values; use at most {MOST_VALUES}", values.len()));
         }
         if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
-            return Err(format!("`{name}` lists {v} twice; list each value once"));
+            return Err(format!("parameter `{name}` lists {v} twice; list each value once"));
         }
         Ok((part, values))
     }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// The reason why a file was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    #[error("cannot write {}: {cause}", path.display())]
+    #[error("cannot write {}: {cause}; check that the folder is writable and the disk is not full", path.display())]
     Write { path: PathBuf, cause: std::io::Error },
     #[error(transparent)]
     Figure(#[from] FigureError),

@@ -40,21 +40,21 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
     })
 }
 
-/// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN
+/// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre, or NaN
 /// without an object.
 pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |surface, out| out[0] = f64::from(surface.object))
 }
 
-/// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must
-/// keep texture coordinates ([`Scene::keep_texture_coordinates`]).
+/// Returns the texture coordinates at each pixel's centre, or NaN without an object. The scene must keep
+/// texture coordinates ([`Scene::keep_texture_coordinates`]).
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |surface, out| {
         out.iter_mut().zip(surface.surface.uv).for_each(|(o, uv)| *o = f64::from(uv));
     })
 }
 
-/// Returns the layer with a name as a map; `None` if there is no such layer.
+/// Returns the layer with a name as a map, or `None` if there is no such layer.
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
     let [width, height] = layers.size.map(|n| n as usize);
@@ -69,7 +69,7 @@ pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     })
 }
 
-/// Returns the camera and the projector of a scene as a rig without calibration error; `None` if the scene
+/// Returns the camera and the projector of a scene as a rig without calibration error, or `None` if the scene
 /// has no projector.
 pub fn rig(scene: &Scene) -> Option<Rig> {
     Some(Rig { camera: pinhole(&scene.camera), projector: pinhole(&scene.projector.as_ref()?.pinhole) })

@@ -100,7 +100,9 @@ impl<'a> Applications<'a> {
         if let Some([low, high]) =
             view.limits.filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
         {
-            let message = format!("limits = [{low}, {high}] is not a valid range");
+            let message = format!(
+                "limits = [{low}, {high}] is not a valid range, because the first limit is not smaller"
+            );
             return Err(source.error(at, message, "write the smaller limit first").into());
         }
         self.add(at, (&view.name, String::new()), application, Links::None)
@@ -177,7 +179,7 @@ impl<'a> Applications<'a> {
             let report = now.report().map_err(|e| match e {
                 // If captures are impossible, the chain or the view must be changed.
                 ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
-                    let help = "correct the chain, or remove the view";
+                    let help = "correct the chain so that the captures are possible, or remove the view";
                     FigureFileError::Input(source.error(run.at, e.to_string(), help))
                 }
                 e => e.into(),
@@ -328,7 +330,9 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
     let channels = channels.max(1);
     match (view.channel, channels) {
         (Some(c), _) if c >= channels => {
-            return Err(format!("no channel {c}: the image has {channels} channels, numbered from 0"));
+            return Err(format!(
+                "channel {c} does not exist: the image has {channels} channels, numbered from 0"
+            ));
         }
         // Channels are in order of ascending wavelength: blue comes first.
         (None, 3) => {

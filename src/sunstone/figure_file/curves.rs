@@ -26,7 +26,9 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &Application) -> Resu
     let name = application.name;
     let fault = |message: String, help: &str| Err((message, help.to_owned()));
     if application.plan.slices.is_empty() {
-        let message = format!("application `{name}` captures its own input");
+        let message = format!(
+            "application `{name}` captures its own input, so a view of curves does not apply to this application"
+        );
         return fault(message, "remove the view");
     }
     metric(view, application)?;
@@ -38,10 +40,12 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &Application) -> Resu
     if let Some([low, high]) = view.limits
         && !(low < high && (high - low).is_finite())
     {
-        let message = format!("limits = [{low}, {high}] is not a valid range");
+        let message =
+            format!("limits = [{low}, {high}] is not a valid range, because the first limit is not smaller");
         return fault(message, "write the smaller limit first");
     }
-    let chain = file::load(chain).map_err(|e| (e.to_string(), "correct the chain file".to_owned()))?;
+    let chain = file::load(chain)
+        .map_err(|e| (e.to_string(), "correct the chain file at the stated position".to_owned()))?;
     let beliefs: Vec<&str> = chain.beliefs.iter().map(|b| b.name()).collect();
     if let Some(belief) = view.belief.as_ref().filter(|b| !beliefs.contains(&b.as_str())) {
         let message = format!("the chain has no belief `{belief}`");

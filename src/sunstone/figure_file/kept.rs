@@ -177,8 +177,8 @@ pub fn digest(bytes: &[u8]) -> String {
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Returns a digest of this executable; `None` if the executable cannot be read. The digest does
-/// not identify the build if code is loaded dynamically, as by Python.
+/// Returns a digest of this executable, or `None` if the executable cannot be read. The digest does not
+/// identify the build if code is loaded dynamically, as by Python.
 pub fn program() -> Option<String> {
     // This symbolic link is valid even if another build replaced the executable.
     let own = Path::new("/proc/self/exe");

@@ -72,7 +72,7 @@ impl Source {
         self.path.parent().unwrap_or(Path::new("")).join(name)
     }
 
-    /// Returns the width of the figure in millimetres; `None` if the width is invalid.
+    /// Returns the width of the figure in millimetres, or `None` if the width is invalid.
     pub fn width_mm(&self) -> Option<f64> {
         match self.file.width.as_str() {
             "single" => Some(COLUMN_MM[0]),
@@ -100,20 +100,30 @@ impl Source {
         if file.column_headings.len() > columns {
             return Err(self.error(
                 &file.columns,
-                format!("{} column_headings for {columns} columns", file.column_headings.len()),
-                "set at most one per column",
+                format!(
+                    "`column_headings` has {} entries, but the figure has only {columns} columns",
+                    file.column_headings.len()
+                ),
+                "set at most one heading per column",
             ));
         }
         for scene in file.scenes.values() {
             for size in [&scene.preview, &scene.full] {
-                let bad =
-                    |at, message: String, most: u32| self.error(at, message, format!("set 1 to {most}"));
+                let bad = |at, message: String, most: u32| {
+                    self.error(at, message, format!("set a value from 1 to {most}"))
+                };
                 if !(1..=MOST_PIXELS).contains(&*size.pixels) {
-                    let message = format!("camera width of {} pixels", *size.pixels);
+                    let message = format!(
+                        "the camera has a width of {} pixels, which is outside the supported range",
+                        *size.pixels
+                    );
                     return Err(bad(&size.pixels, message, MOST_PIXELS));
                 }
                 if !(1..=MOST_SAMPLES).contains(&*size.spp) {
-                    let message = format!("{} samples per pixel", *size.spp);
+                    let message = format!(
+                        "the number of samples per pixel is {}, which is outside the supported range",
+                        *size.spp
+                    );
                     return Err(bad(&size.spp, message, MOST_SAMPLES));
                 }
             }
@@ -125,8 +135,9 @@ impl Source {
         }
         let shown = file.panels.iter().filter(|p| p.view.is_some()).count();
         if shown == 0 || file.panels.len() > MOST_PANELS {
-            let message = format!("{} panels, of which {shown} have a view", file.panels.len());
-            let help = "add 1 to 200 [[panels]], at least one with a view";
+            let message =
+                format!("the figure has {} panels, of which {shown} have a view", file.panels.len());
+            let help = "add 1 to 200 [[panels]], and give at least one of them a view";
             return Err(InputError::new(&self.path, Arc::clone(&self.text), None, message, help));
         }
         file.panels.iter().try_for_each(|p| self.check_panel(p))
@@ -137,12 +148,16 @@ impl Source {
         if let Some(span) = panel.span.as_ref().filter(|s| !(1..=columns).contains(&***s)) {
             return Err(self.error(
                 span,
-                format!("panel width of {} columns in a figure of {columns}", **span),
-                "set 1 to the number of columns",
+                format!("the panel spans {} columns, but the figure has {columns} columns", **span),
+                "set `span` to a value from 1 to the number of columns",
             ));
         }
         if let Some(aspect) = panel.aspect.as_ref().filter(|a| !(0.05..=20.0).contains(&***a)) {
-            return Err(self.error(aspect, format!("aspect ratio of {}", **aspect), "set 0.05 to 20"));
+            return Err(self.error(
+                aspect,
+                format!("the aspect ratio is {}, outside the supported range", **aspect),
+                "set 0.05 to 20",
+            ));
         }
         for inset in &panel.insets {
             self.inset(inset)?;
@@ -157,12 +172,16 @@ impl Source {
                 return Err(self.error(
                     bar,
                     "the scale bar has an invalid length or position",
-                    "set length_mm above 0, and of = [x, y] with 0 to 1",
+                    "set length_mm to a value above 0, and of = [x, y] to fractions from 0 to 1",
                 ));
             }
             if view.application().is_some() {
                 let help = "remove the scale bar: only views of a scene have a scale bar";
-                return Err(self.error(bar, "the image of an application has no scale bar", help));
+                return Err(self.error(
+                    bar,
+                    "a scale bar cannot be drawn, because the panel shows the image of an application",
+                    help,
+                ));
             }
         }
         match (view.application(), &panel.scene) {
@@ -173,7 +192,7 @@ impl Source {
             (Some(_), None) => Ok(()),
             (None, None) => {
                 let help = format!("add scene = \"…\", with one of: {}", self.scenes());
-                Err(self.error(view, "this view needs a scene", help))
+                Err(self.error(view, "this view draws a slice of a scene, but the panel has no scene", help))
             }
             (None, Some(scene)) if !self.file.scenes.contains_key(&**scene) => {
                 let help = format!("use one of: {}", self.scenes());

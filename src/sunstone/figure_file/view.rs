@@ -49,7 +49,10 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {
             if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
-                return Err(format!("slice `{}` has no travel time axis", slice.name));
+                return Err(format!(
+                    "slice `{}` has no travel time axis, but the view sets `time_ps`",
+                    slice.name
+                ));
             }
             if v.element.at == [0, 0] { Ok(()) } else { mueller(slice) }
         }
@@ -81,13 +84,13 @@ pub fn tile(
         return layer(view, &stage.scene).map_err(|e| fault(e).into());
     }
     let (Some(store), Some(name)) = (&stage.store, view.slice()) else {
-        return Err(fault("this view needs a slice".into()).into());
+        return Err(fault("this view requires a slice, but the view names none".into()).into());
     };
     figures::read(store, name, matches!(view, ViewFile::Profile(_)), |panel| match (plain(view), view) {
         (Some(plain), _) => tile::of_view(&plain, panel).map_err(bad),
         (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
         (None, ViewFile::Decomposition(v)) => decomposition(v, panel.mean).map_err(|e| fault(e).into()),
-        _ => Err(fault("this view needs a slice".into()).into()),
+        _ => Err(fault("this view requires a slice, but the view names none".into()).into()),
     })
 }
 
@@ -104,7 +107,7 @@ fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), St
     if low < high && (high - low).is_finite() {
         Ok((quantity, name, Scale::Linear { low, high }))
     } else {
-        Err("`limits` must be [low, high] with low below high".into())
+        Err("`limits` must be [low, high], where low is smaller than high".into())
     }
 }
 
@@ -189,7 +192,7 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     let at = DVec2::new(bar.of[0] * w, bar.of[1] * h);
     let sight = Viewer::new(scene).look(at, true).ok_or_else(|| {
         (
-            "no surface is visible at the scale bar's point, so its depth is unknown".to_owned(),
+            "no surface is visible at the point of the scale bar, so the depth is unknown".to_owned(),
             "choose another position with of = [x, y], fractions of the image".to_owned(),
         )
     })?;
@@ -197,7 +200,10 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     let share = bar.length_mm / 1000.0 / depth * camera.focal.x / w;
     if !(0.001..=0.9).contains(&share) {
         return Err((
-            format!("{} mm at this depth correspond to {share:.3e} of the image's width", bar.length_mm),
+            format!(
+                "the scale bar of {} mm at this depth covers {share:.3e} of the image's width, expected 0.001 to 0.9",
+                bar.length_mm
+            ),
             format!("use a {} length_mm", if share > 0.9 { "shorter" } else { "longer" }),
         ));
     }

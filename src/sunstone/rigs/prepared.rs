@@ -194,7 +194,7 @@ impl Prepared {
             let above = output.exists() && real(input).starts_with(real(output));
             if is_same(input, output) || above {
                 return Err(wrong(format!(
-                    "{}: is, or contains, an input ({}); choose another output",
+                    "{}: this output is or contains an input ({}); choose another output",
                     output.display(),
                     input.display()
                 )));

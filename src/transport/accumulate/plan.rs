@@ -208,7 +208,7 @@ impl SlicePlan {
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// Returns the projector pixels for which separate paths are sampled; `None` if there are too many.
+    /// Returns the projector pixels for which separate paths are sampled, or `None` if there are too many.
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }
@@ -241,7 +241,7 @@ impl SlicePlan {
         )
     }
 
-    /// Returns the indices of camera pixel (x, y) along `y`, `x`; `None` if the slice omits the pixel.
+    /// Returns the indices of camera pixel (x, y) along `y`, `x`, or `None` if the slice omits the pixel.
     #[inline]
     pub(crate) fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
         let at = [self.camera[0][y as usize], self.camera[1][x as usize]];

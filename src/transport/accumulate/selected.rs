@@ -33,7 +33,7 @@ pub enum Selected {
     },
 }
 
-/// Returns the probability of each pixel of a band; 0 if the band is empty.
+/// Returns the probability of each pixel of a band, or 0 if the band is empty.
 #[inline]
 pub fn chance_in(band: &[u32]) -> f32 {
     if band.is_empty() { 0.0 } else { 1.0 / band.len() as f32 }

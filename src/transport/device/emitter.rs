@@ -17,7 +17,8 @@ pub struct PointEmitter {
     pub profile: Profile,
     /// Image that the emitter projects.
     pub slide: Option<Slide>,
-    /// Reference axis. Its projection perpendicular to the ray is the horizontal axis of the Stokes frame.
+    /// Reference axis. The projection of this axis perpendicular to the ray is the horizontal axis of the
+    /// Stokes frame.
     pub axis: Vec3A,
 }
 
@@ -65,8 +66,8 @@ impl PointEmitter {
     }
 }
 
-/// An environment that emits the same radiance from all directions. Its light has no travel time; slices with
-/// a time axis count it as overflow.
+/// An environment that emits the same radiance from all directions. The light of the environment has no
+/// travel time, so slices with a time axis count this light as overflow.
 #[derive(Clone, Copy, Debug)]
 pub struct Environment {
     /// Radiance per wavelength, W/(m² sr nm).

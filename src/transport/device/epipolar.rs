@@ -31,8 +31,8 @@ const ROOM: f32 = 1.0;
 /// Number of pixels along each side of a square.
 const SIDE: u32 = 16;
 
-/// Bounds of the pixels in a square, for a lens with distortion: the centre and half extent of normalized x,
-/// y, and the maximum absolute derivatives of x and y with respect to column and row.
+/// Bounds of the pixels in a square, for a lens with distortion. The bounds are the centre and half extent of
+/// normalized x, y, and the maximum absolute derivatives of x and y with respect to column and row.
 #[derive(Clone, Debug)]
 struct Square {
     middle: [f32; 2],

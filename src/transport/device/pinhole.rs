@@ -116,7 +116,7 @@ impl Pinhole {
                 let back = self.normalized(p).ok_or_else(|| refused(p))?;
                 if (back - n).length() > 1e-6 * (1.0 + n.length_squared()) {
                     return Err(format!(
-                        "the distortion maps two directions to pixel ({:.0}, {:.0}): the distortion folds the image",
+                        "the distortion maps two directions to pixel ({:.0}, {:.0}), so the distortion cannot be inverted",
                         p.x, p.y
                     ));
                 }
@@ -125,7 +125,7 @@ impl Pinhole {
         Ok(max)
     }
 
-    /// Returns the undistorted normalized coordinates of a pixel position; `None` if undistortion fails.
+    /// Returns the undistorted normalized coordinates of a pixel position, or `None` if undistortion fails.
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
         Some(n - self.shift)
@@ -268,8 +268,8 @@ impl Pinhole {
         (pixels, local)
     }
 
-    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world
-    /// point; `None` if the point is behind the device or outside the image.
+    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point,
+    /// or `None` if the point is behind the device or outside the image.
     #[inline(always)]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);

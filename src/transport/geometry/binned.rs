@@ -208,7 +208,7 @@ impl Bins {
         [below, above].map(|side| side.iter().fold(Extent::EMPTY, |all, e| all.and(*e)))
     }
 
-    /// Returns the cut with minimum cost; `None` if no bin boundary has entries on both sides.
+    /// Returns the cut with minimum cost, or `None` if no bin boundary has entries on both sides.
     fn cut(&self, grid: &Grid) -> Option<Cut> {
         let cost = |count: u32, extent: &Extent| count.div_ceil(LEAF_SIZE as u32) as f32 * extent.half_area();
         let mut best = (f32::INFINITY, None);
@@ -293,7 +293,7 @@ fn part(
     Part::Branch(extent.aabb(), Box::new([below, above]))
 }
 
-/// Returns the best cut of a set; `None` if there is none, or at the maximum depth.
+/// Returns the best cut of a set, or `None` if there is none, or at the maximum depth.
 fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
     if depth < DEEP { bins.cut(grid) } else { None }
 }

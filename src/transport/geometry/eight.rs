@@ -1,7 +1,7 @@
 //! Vectors of eight f32 lanes, to intersect a ray with eight boxes or triangles at a time.
 //!
-//! The operations are plain loops over arrays, which the compiler vectorizes: with two vectors of four lanes
-//! on any processor, or with one vector of eight lanes if the caller is compiled for AVX2 (see
+//! The operations are plain loops over arrays, which the compiler vectorizes. The loops use two vectors of
+//! four lanes on any processor, or one vector of eight lanes if the caller is compiled for AVX2 (see
 //! [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the results
 //! are bit-identical on all processors.
 

@@ -26,19 +26,21 @@ pub struct Mesh {
 /// Reasons why a mesh is rejected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
-    #[error("no triangles of non-zero area; export the mesh with faces, or remove the mesh")]
+    #[error("the mesh has no triangles of non-zero area; export the mesh with faces, or remove the mesh")]
     Empty,
-    #[error("found {found} {what} for {vertices} vertices; provide one per vertex, or none")]
+    #[error("the mesh has {found} {what} for {vertices} vertices; provide one per vertex, or none")]
     Length { what: &'static str, found: usize, vertices: usize },
-    #[error("{what} {vertex} (counted from 0) is not finite; correct it and export the mesh again")]
+    #[error("{what} {vertex} (counted from 0) is not finite; correct this value and export the mesh again")]
     NonFinite { what: &'static str, vertex: usize },
-    #[error("normal {vertex} (counted from 0) is zero; correct it, or remove all normals for flat shading")]
+    #[error(
+        "normal {vertex} (counted from 0) is zero; correct this normal, or remove all normals for flat shading"
+    )]
     ZeroNormal { vertex: usize },
     #[error(
-        "triangle {triangle} uses vertex {index} (counted from 0) of only {vertices} vertices; correct the index"
+        "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices; correct the index"
     )]
     Index { triangle: usize, index: u32, vertices: usize },
-    #[error("found {0} vertices, but at most 4294967295 are supported; split the mesh")]
+    #[error("the mesh has {0} vertices, but at most 4294967295 are supported; split the mesh")]
     TooLarge(usize),
 }
 

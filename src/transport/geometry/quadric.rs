@@ -96,7 +96,7 @@ impl Quadric {
         if self.facing < 0.0 { moved.flipped() } else { moved }
     }
 
-    /// Returns the centre and the radius (metres) of a surface that is a sphere in world space; `None` for
+    /// Returns the centre and the radius (metres) of a surface that is a sphere in world space, or `None` for
     /// other surfaces.
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
         (self.radius > 0.0).then_some((self.centre, self.radius))
@@ -111,7 +111,7 @@ impl Quadric {
         let r = self.radius;
         let mut disc = r * r - closest.length_squared();
         if disc < 0.0 {
-            // This is the same computation as in [`roots`].
+            // The computation is the same as in [`roots`].
             let distance = o.length();
             disc = (r - distance) * (r + distance);
             if disc <= 0.0 {
@@ -349,7 +349,7 @@ pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     Mat3A::from_cols(across(slope.x_axis), across(slope.y_axis), across(slope.z_axis))
 }
 
-/// Returns the scale factor of a similarity transform; 0 for other maps.
+/// Returns the scale factor of a similarity transform, or 0 for other maps.
 pub(super) fn similarity(m: Mat3A) -> f32 {
     let r = m.x_axis.length();
     let uneven = [

@@ -41,7 +41,7 @@ impl Owner {
         Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
     }
 
-    /// Returns the index of the instance that owns the primitive; `None` for the world.
+    /// Returns the index of the instance that owns the primitive, or `None` for the world.
     #[inline(always)]
     pub fn number(self) -> Option<u32> {
         self.0.get().checked_sub(2)

@@ -21,7 +21,8 @@ use glam::{DVec3, Vec3A};
 /// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Fraction by which a line is shortened at its end. It exceeds the rounding error of a distance on a ray.
+/// Fraction by which a line is shortened at its end. This fraction exceeds the rounding error of a distance
+/// on a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
 /// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a

@@ -1,5 +1,6 @@
-//! Computes conservative depth bounds for each small pyramid of directions from a point: of the nearest
-//! primitive, of all other primitives, and of the primitive that occludes everything behind it.
+//! Computes conservative depth bounds for each small pyramid of directions from a point. The bounds are for
+//! the nearest primitive, for all other primitives, and for the primitive that occludes everything behind
+//! this primitive.
 
 use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;

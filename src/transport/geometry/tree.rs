@@ -51,8 +51,8 @@ impl Node {
     }
 }
 
-/// The operations of a traversal at a leaf. This is a trait and not a closure, because a closure cannot be
-/// force-inlined into the loop that is compiled with particular target features.
+/// The operations of a traversal at a leaf. The operations are a trait and not a closure, because a closure
+/// cannot be force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
     /// Processes leaf `leaf`; hits beyond `end` are ignored. Returns the new `end`; a value of 0 or less
     /// stops the traversal.
@@ -138,7 +138,7 @@ impl Tree {
             .unwrap_or_default()
     }
 
-    /// Returns the tree of width eight; `None` if the binary tree is empty.
+    /// Returns the tree of width eight, or `None` if the binary tree is empty.
     fn collapsed(
         binary: &Binary,
         fits: &impl Fn(&[u32]) -> bool,

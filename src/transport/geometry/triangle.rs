@@ -101,14 +101,14 @@ impl Triangle {
         [(e1 * v2 - e2 * v1) / det, (e2 * u1 - e1 * u2) / det]
     }
 
-    /// Returns the indices of the corners into `normals`; `None` for a flat triangle.
+    /// Returns the indices of the corners into `normals`, or `None` for a flat triangle.
     #[inline(always)]
     pub(super) fn normals(&self) -> Option<[u32; 3]> {
         let [a, b, c] = [index(&self.e1), index(&self.e2), index(&self.normal)];
         (a != u32::MAX).then_some([a, b, c])
     }
 
-    /// Returns the indices of the corners into `uvs`; `None` if there are no texture coordinates.
+    /// Returns the indices of the corners into `uvs`, or `None` if there are no texture coordinates.
     #[inline(always)]
     pub(super) fn uvs(&self) -> Option<[u32; 3]> {
         let a = index(&self.tangent);

@@ -59,8 +59,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::intersect`] in scenes with instances. This is a separate function, so that
-        /// scenes without instances are not slower.
+        /// Returns [`Geometry::intersect`] in scenes with instances. This function is separate so that scenes
+        /// without instances are not slower.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>
@@ -182,7 +182,7 @@ impl Geometry {
         }
     }
 
-    /// Returns the unit shading normals at the corners of a triangle in an instance; `None` for a flat
+    /// Returns the unit shading normals at the corners of a triangle in an instance, or `None` for a flat
     /// triangle.
     #[inline]
     fn corner_normals(&self, instance: &Instance, tri: &Triangle) -> Option<[Vec3A; 3]> {

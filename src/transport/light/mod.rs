@@ -114,7 +114,7 @@ impl Lights {
         self.is_dark() && self.distant.is_empty()
     }
 
-    /// Returns the area light of a material and the light's index; `None` if the material does not emit.
+    /// Returns the area light of a material and the light's index, or `None` if the material does not emit.
     #[inline]
     pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
         let number = *self.of_material.get(material as usize)?;

@@ -87,7 +87,7 @@ impl Choice {
         Self { number: light | LEAF, chance, which }
     }
 
-    /// Returns the index of the chosen light; `None` if no light can reach the point.
+    /// Returns the index of the chosen light, or `None` if no light can reach the point.
     #[inline]
     pub fn light(&self) -> Option<u32> {
         (self.chance > 0.0).then_some(self.number ^ LEAF)

@@ -8,9 +8,9 @@ use optics::spectrum::Spectral;
 impl Materials {
     /// Returns the plain material visible from `wo`, and the surface with the normal of this material.
     ///
-    /// In a composite, the plain material is the side of a two-sided material that faces `wo`, the blend
-    /// component with the larger share, or the material under a normal map or a depolarizer. Returns `None`
-    /// for a side that absorbs all light.
+    /// In a composite, the plain material is one of its parts: the side of a two-sided material that faces
+    /// `wo`, the blend component with the larger share, or the material under a normal map or a depolarizer.
+    /// Returns `None` for a side that absorbs all light.
     pub(crate) fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
             Material::TwoSided(m) => self.foremost(m.side(at, wo)?, at, wo),

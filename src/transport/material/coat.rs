@@ -194,7 +194,8 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
             masking: Masking::Separable,
             ..model
         };
-        // Use Mitsuba's quadrature. Its cosines include both ends, so that 1 - F is 2 % too low at small α.
+        // Use Mitsuba's quadrature. The cosines of this quadrature include both ends, so that 1 - F is 2 %
+        // too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);

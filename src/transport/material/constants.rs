@@ -48,7 +48,7 @@ pub struct OpticalConstants {
 pub enum ConstantsError {
     #[error("unknown optical constants `{name}`; known names: {known}")]
     Unknown { name: String, known: String },
-    #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
+    #[error("the optical constants of {name} cover only {first} to {last} nm, not {nm} nm")]
     Range { name: String, nm: f64, first: f64, last: f64 },
 }
 

@@ -99,7 +99,7 @@ impl Dielectric {
         Some((through(at, n, wo, far / near)?, near / far))
     }
 
-    /// Returns the interface for light that leaves along `wo`; `None` if the shading and geometric normals
+    /// Returns the interface for light that leaves along `wo`, or `None` if the shading and geometric normals
     /// disagree about the side.
     #[inline]
     pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {

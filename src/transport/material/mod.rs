@@ -150,7 +150,7 @@ impl Materials {
         material.parts().any(|part| self.has_extended_lobe(part))
     }
 
-    /// Returns the Mueller BRDF times |cosθ_i|, 1/sr; `None` if it is zero.
+    /// Returns the Mueller BRDF times |cosθ_i|, 1/sr, or `None` if it is zero.
     #[inline(never)]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval_inline(id, at, wo, wi)
@@ -175,7 +175,7 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::eval`] for composite and rarer materials. This is a separate function so that common
+    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate so that common
     /// materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
@@ -191,7 +191,7 @@ impl Materials {
         }
     }
 
-    /// Returns the density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
+    /// Returns the density of [`Self::sample`] per solid angle of `wi`, or 0 for delta lobes.
     pub fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         match &self.list[id as usize] {
             Material::Diffuse(_) => diffuse::pdf(at, wo, wi),
@@ -208,8 +208,8 @@ impl Materials {
         }
     }
 
-    /// Samples the direction from which the light along `wo` arrives; `None` if the material absorbs the
-    /// light.
+    /// Samples the direction from which the light along `wo` arrives. Returns `None` if the material absorbs
+    /// the light.
     #[inline(never)]
     pub fn sample(
         &self,
@@ -244,8 +244,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::sample`] for composite and rarer materials. This is a separate function so that
-    /// common materials can be inlined.
+    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate so that common
+    /// materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -350,8 +350,8 @@ impl Materials {
         }
     }
 
-    /// Returns the Mueller matrix of a sheet for light transmitted to `wo` without deflection; `None` if the
-    /// material blocks or deflects the light.
+    /// Returns the Mueller matrix of a sheet for light transmitted to `wo` without deflection, or `None` if
+    /// the material blocks or deflects the light.
     #[inline]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
         let s = self.specular(id, at, wo, Lobe::Transmitted, 0)?;

@@ -77,8 +77,9 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let inside = tangential / ior + n * cos_t;
     let optic = normal.cross(fast);
     let along = inside.dot(optic);
-    // The ordinary ray's electric vector is perpendicular to the ray and to the optic axis. These are never
-    // parallel, because the ray is inclined by at most asin(1/ior) to the sheet's normal.
+    // The ordinary ray's electric vector is perpendicular to the ray and to the optic axis. The ray and the
+    // optic axis are never parallel, because the ray is inclined by at most asin(1/ior) to the sheet's
+    // normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
     // Outside the plate, the component along s is the same; the perpendicular one is rotated with the ray.

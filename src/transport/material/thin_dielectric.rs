@@ -60,7 +60,7 @@ pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
 }
 
 impl ThinDielectric {
-    /// Returns the reflected or transmitted lobe; `None` if shading and geometric normals disagree about
+    /// Returns the reflected or transmitted lobe, or `None` if shading and geometric normals disagree about
     /// the side.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A, lobe: Lobe) -> Option<Specular> {

@@ -99,9 +99,9 @@ pub struct Bulk {
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
-    /// Mean scattering cross section of a particle, m²; 0 without particles.
+    /// Mean scattering cross section of a particle, m², or 0 without particles.
     pub c_sca: f64,
-    /// Mean absorption cross section of a particle, m²; 0 without particles.
+    /// Mean absorption cross section of a particle, m², or 0 without particles.
     pub c_abs: f64,
 }
 

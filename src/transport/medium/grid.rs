@@ -147,7 +147,7 @@ impl Grid {
         sum
     }
 
-    /// Returns the distance along a ray, in metres, at which the integral of one lane reaches `wanted`;
+    /// Returns the distance along a ray, in metres, at which the integral of one lane reaches `wanted`, or
     /// infinity if the integral stays below `wanted`.
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);

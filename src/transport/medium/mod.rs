@@ -148,7 +148,7 @@ impl Media {
         }
     }
 
-    /// Returns the minimum extinction coefficient μ_t over all lanes of a homogeneous medium, 1/m; 0 for
+    /// Returns the minimum extinction coefficient μ_t over all lanes of a homogeneous medium, 1/m, or 0 for
     /// other media.
     #[inline]
     pub(crate) fn clearest(&self, id: u32, lanes: usize) -> f32 {
@@ -190,8 +190,8 @@ impl Media {
         }
     }
 
-    /// Samples a scattering angle with the phase function of lane `lane`; `None` if the phase function is
-    /// isotropic.
+    /// Samples a scattering angle with the phase function of lane `lane`. Returns `None` if the phase
+    /// function is isotropic.
     #[inline]
     fn sample_angle(&self, phase: Phase, lane: usize, stream: &mut Stream) -> Option<Angle> {
         match phase {

@@ -19,8 +19,8 @@
 //!
 //! **Marble, skin**: the source is Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for
 //! subsurface light transport", table of figure 5. The table lists reduced scattering and absorption in red,
-//! green and blue. These are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced scattering is
-//! μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with selectable g.
+//! green and blue. These values are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced
+//! scattering is μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;

@@ -18,8 +18,8 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0. This is needed
-/// because forward peaks are narrower than the resolution of cosθ in f32.
+/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0. This accuracy is
+/// needed because forward peaks are narrower than the resolution of cosθ in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
     /// 1 - cosθ, in [0, 2].

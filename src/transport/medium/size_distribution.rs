@@ -36,7 +36,7 @@ pub enum SizeDistribution {
 /// Reasons why a distribution is rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SizeError {
-    #[error("the particle radius is {0} m; expected 1e-12 m to 0.01 m")]
+    #[error("the particle radius is {0} m; expected a radius from 1e-12 m to 0.01 m")]
     Radius(f64),
     #[error("sigma is {0}; expected 0.001 to 2 (standard deviation of ln r)")]
     Sigma(f64),

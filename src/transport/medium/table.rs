@@ -1,11 +1,11 @@
 //! A scattering matrix tabulated by scattering angle for up to four wavelengths, with importance sampling.
 //!
 //! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) above 90°. The grid is nearly
-//! uniform in θ (dθ/dv = 2 to 2.8), and computing v takes only one square root. It is accurate at both ends,
-//! where peaks of large particles are narrower than the resolution of cosθ in f32. S1 and S2 are polynomials
-//! in cosθ = 1 - 2v², so all elements are smooth and even functions of v. Interpolation is cubic over four
-//! nodes; the node before the first equals the second. The grid is doubled until the interpolated matrix
-//! halfway between nodes is accurate to [`TOLERANCE`].
+//! uniform in θ (dθ/dv = 2 to 2.8), and computing v takes only one square root. The result v is accurate at
+//! both ends, where peaks of large particles are narrower than the resolution of cosθ in f32. S1 and S2 are
+//! polynomials in cosθ = 1 - 2v², so all elements are smooth and even functions of v. Interpolation is cubic
+//! over four nodes; the node before the first equals the second. The grid is doubled until the interpolated
+//! matrix halfway between nodes is accurate to [`TOLERANCE`].
 //!
 //! Directions are sampled with a density that agrees with S11 at the nodes and is linear in cosθ between
 //! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time does not depend on the

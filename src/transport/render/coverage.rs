@@ -2,7 +2,7 @@
 //!
 //! The projector and the camera have no spatial extent. Paths from the camera therefore miss light of the
 //! projector that a mirror or smooth glass has redirected. Paths from both ends miss light that is redirected
-//! both before and after its only rough surface, except for the light that manifold connections find through
+//! both before and after its only rough surface. Manifold connections find a part of this light, through
 //! interfaces and crystals and over mirrors.
 
 use crate::integrator_choice::meets;
@@ -27,7 +27,7 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     if !both && lit.mirror + lit.split > 0.0 {
         out.push(format!(
             "{} of the projector's pixels illuminate mirrors or crystals, and integrator = \"path\" does not find the light \
-             redirected there; remove `integrator`, or set it to \"caustics\"",
+             redirected there; remove `integrator`, or set `integrator = \"caustics\"`",
             percent(lit.mirror + lit.split)
         ));
     }

@@ -23,7 +23,8 @@ const MOST_SURFACES: u32 = 32;
 /// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap. It excludes wedges, which are thin at the edge.
+/// Minimum cosine between the normals on both sides of a gap. This minimum excludes wedges, which are thin at
+/// the edge.
 const PARALLEL: f32 = 0.95;
 
 /// Reciprocal of the maximum component difference between directions that count as equal.
@@ -52,7 +53,7 @@ pub struct Gap {
     pub objects: [Option<u32>; 2],
     pub contact: Contact,
     /// False if `across` contradicts `contact`. Each of two coincident surfaces is found behind the other,
-    /// but only one direction is plausible: light leaves glass toward an object that touches the glass, and
+    /// but only one direction is plausible. Light leaves glass toward an object that touches the glass, and
     /// light from a sheet hits the front of the surface below.
     likely: bool,
 }

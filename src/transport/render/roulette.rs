@@ -55,7 +55,7 @@ const UNSURE: f32 = 2.0;
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
-/// The threshold τ; 0 if all connections are made.
+/// The threshold τ, or 0 if all connections are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Roulette(pub f32);
 
@@ -77,7 +77,7 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
-    /// Returns the weight of a connection whose contribution is at most about `expected`; `None` if the
+    /// Returns the weight of a connection whose contribution is at most about `expected`, or `None` if the
     /// connection is skipped.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
@@ -97,8 +97,8 @@ impl Roulette {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
     }
 
-    /// Decides with probability `expected / threshold` to make a connection. Returns its weight, or `None` if
-    /// it is skipped.
+    /// Decides with probability `expected / threshold` to make a connection. Returns the weight of the
+    /// connection, or `None` if the connection is skipped.
     #[inline]
     fn decide(expected: f32, threshold: f32, stream: &mut Stream) -> Option<f32> {
         if expected >= threshold || expected.is_nan() {

@@ -70,7 +70,7 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the medium's matrix for light on the ray to `surface`; `None` if the medium has no effect.
+    /// Returns the medium's matrix for light on the ray to `surface`, or `None` if the medium has no effect.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {

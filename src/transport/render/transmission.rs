@@ -88,7 +88,7 @@ pub(super) struct End {
     pub at: DVec3,
 }
 
-/// Traces the line to its end; returns `None` if the line is blocked. Multiplies `chain`, whose light has the
+/// Traces the line to its end. Returns `None` if the line is blocked. Multiplies `chain`, whose light has the
 /// frame `frame`, by the transmission of the line, and counts the traced rays.
 // Not inlined, to keep this code out of the inner loop of scenes without sheets.
 #[inline(never)]

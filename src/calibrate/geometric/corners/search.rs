@@ -23,7 +23,7 @@ pub struct Found {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotFound {
     #[error(
-        "no chessboard found: the complete board must be in the image, in focus, with squares of at least 10 pixels"
+        "the image shows no chessboard: the complete board must be in the image, in focus, with squares of at least 10 pixels"
     )]
     Nothing,
     #[error(

@@ -44,7 +44,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
         return Err(format!(
-            "got {} images, but the sequence for {} × {} pixels with {} shifts has {} patterns",
+            "got {} images, but the sequence for {} × {} pixels with {} shifts has {} patterns; pass one image per pattern",
             images.len(),
             sequence.size[0],
             sequence.size[1],
@@ -55,7 +55,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let (width, height) = (images[0].width, images[0].height);
     if let Some(i) = images.iter().position(|i| i.width != width || i.height != height) {
         return Err(format!(
-            "image {} has {} × {} pixels, but the first image has {width} × {height}",
+            "image {} has {} × {} pixels, but the first image has {width} × {height} pixels; use images of one size",
             i + 1,
             images[i].width,
             images[i].height
@@ -99,7 +99,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     Ok(Decoded { width, height, u: axis(Axis::Column), v: axis(Axis::Row) })
 }
 
-/// Returns the coordinate that Gray code bits encode; NaN if the code is invalid. `steps` holds the
+/// Returns the coordinate that Gray code bits encode, or NaN if the code is invalid. `steps` holds the
 /// difference between each bit and its inverse relative to the contrast, most significant bit first.
 fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let (mut code, mut bits, mut unsure) = (0_u32, 0_u32, None);

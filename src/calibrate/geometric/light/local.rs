@@ -11,8 +11,8 @@ pub type Thrown = (Vector2<f64>, Matrix2<f64>);
 /// Minimum number of decoded pixels around a corner.
 const FEWEST: usize = 40;
 
-/// Returns the projector coordinates of corners; `None` for a corner with too few decoded pixels
-/// within `reach`.
+/// Returns the projector coordinates of corners, or `None` for a corner with too few decoded pixels within
+/// `reach`.
 pub fn at_corners(decoded: &Decoded, corners: &[Vector2<f64>], reach: f64) -> Vec<Option<Thrown>> {
     corners.iter().map(|c| at_corner(decoded, *c, reach)).collect()
 }

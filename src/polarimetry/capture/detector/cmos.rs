@@ -111,7 +111,7 @@ impl Cmos {
         demand("read_noise_e", read, non_negative(read), "zero or more electrons")?;
         demand("dark_current_e_s", dark, non_negative(dark), "zero or more electrons per second")?;
         let holds = positive(self.full_well_e) && self.full_well_e > 2.0 * CERTAIN * read;
-        demand("full_well_e", self.full_well_e, holds, "more than 8 times `read_noise_e`")?;
+        demand("full_well_e", self.full_well_e, holds, "a number greater than 8 times `read_noise_e`")?;
         let bits = (1..=24).contains(&self.bit_depth);
         demand("bit_depth", f64::from(self.bit_depth), bits, "1 to 24 bits")?;
         number("gain_e_per_dn", self.gain(), "a positive number of electrons")?;

@@ -12,7 +12,7 @@ pub enum DetectorError {
         /// Description of valid values.
         need: &'static str,
     },
-    #[error("expected {expected} values for {what}, got {found}")]
+    #[error("expected {expected} values for {what}, got {found} values")]
     Count {
         /// Description of the list's entries.
         what: &'static str,

@@ -24,7 +24,7 @@
 /// The number of detections per pulse and bin that a diode would have if it were always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN if the diode was never armed, or if it detected a photon whenever it was armed.
+    /// The rate, or NaN if the diode was never armed, or if it detected a photon whenever it was armed.
     pub value: f64,
     /// An unbiased estimate of the variance. The estimate is 0 in an empty bin and is therefore
     /// unsuitable for weighting single bins.
@@ -65,7 +65,7 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     counts.iter().zip(armed).map(rate).collect()
 }
 
-/// Returns A_i of [`coates`]: the pulses in which a synchronous diode was still armed at each bin; 0 where
+/// Returns A_i of [`coates`]: the pulses in which a synchronous diode was still armed at each bin, or 0 where
 /// counts exceed pulses.
 pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     let mut left = pulses as f64;
@@ -122,9 +122,9 @@ mod tests {
     use proptest::prelude::*;
 
     /// Checks for each bin that the mean of the corrected rates equals the true rate within 5 standard
-    /// errors, and that the mean of the stated variances equals the observed variance. The sum over bins
-    /// is checked in the same way. This reveals biases that are ten times smaller. The variance of the
-    /// sum is the sum of the variances, because the increments of a martingale are uncorrelated.
+    /// errors, and that the mean of the stated variances equals the observed variance. The sum over bins is
+    /// checked in the same way. The check of the sum reveals biases that are ten times smaller. The variance
+    /// of the sum is the sum of the variances, because the increments of a martingale are uncorrelated.
     fn assert_unbiased(rates: &[f64], captures: &[Vec<Rate>]) {
         for (i, rate) in rates.iter().enumerate() {
             let seen = Moments::of(captures.iter().map(|c| c[i].value));

@@ -18,7 +18,7 @@ pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }
 
-/// Returns a Poisson-distributed random number; 0 if the mean is NaN or not positive.
+/// Returns a Poisson-distributed random number, or 0 if the mean is NaN or not positive.
 pub(super) fn poisson(mean: f64, stream: &mut Stream) -> f64 {
     if mean > NORMAL_ABOVE {
         let mean = mean.min(f64::MAX);

@@ -54,8 +54,8 @@ pub(super) fn most_detections(rates: &[f64], recovery: &Recovery, pulses: u64) -
     seen.min(pulses * rates.len() as f64 / recovery.dead)
 }
 
-/// Returns the counts of `pulses` periods of a free-running diode that is armed at the start; `rates` are
-/// the detections per pulse and bin while the diode is armed, constant within a bin.
+/// Returns the counts of `pulses` periods of a free-running diode that is armed at the start. `rates` are the
+/// detections per pulse and bin while the diode is armed. A rate is constant within a bin.
 ///
 /// A pending after-pulse is dropped if a photon is detected first, because that avalanche refills the traps.
 pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stream: &mut Stream) -> Vec<u64> {
@@ -141,7 +141,7 @@ impl<'a> Clock<'a> {
         Time { pulse: time.pulse.saturating_add(laps as u64), bin: (bin - laps * self.bins()).max(0.0) }
     }
 
-    /// Returns the time when the integral of the rate from `time` reaches `wait`; `None` without light.
+    /// Returns the time when the integral of the rate from `time` reaches `wait`, or `None` without light.
     fn photon(&self, time: Time, wait: f64) -> Option<Time> {
         let total = *self.integral.last()?;
         let rate = |bin: usize| self.rates.get(bin).map_or(0.0, |rate| sound(*rate));
@@ -152,7 +152,8 @@ impl<'a> Clock<'a> {
             return None;
         }
         let rest = target - laps * total;
-        // This skips bins without light, whose integral equals that of the next bin.
+        // The search skips bins without light, because the integral of such a bin equals the integral of the
+        // next bin.
         let bin = self.integral.partition_point(|sum| *sum <= rest).saturating_sub(1);
         let inside = (rest - self.integral.get(bin)?) / rate(bin);
         let inside = if inside < 1.0 { inside } else { 0.0 };
@@ -273,8 +274,8 @@ mod tests {
         let counts = free_running(&rates, &recovery, 10_000_000, &mut stream(3, 0, 0));
         assert_eq!(counts[1..20].iter().sum::<u64>(), 0);
         let after: u64 = counts[20..].iter().sum();
-        // Mean delay of the first after-pulses. It is measured from the light, which arrives half a bin
-        // earlier on average.
+        // Mean delay of the first after-pulses. The delay is measured from the light, which arrives half a
+        // bin earlier on average.
         let early = &counts[20..41];
         assert!(early[..5].iter().sum::<u64>() > early[5..10].iter().sum::<u64>());
         let (n, share) = (counts[0] as f64, 0.1 / 0.9);

@@ -22,17 +22,17 @@ pub struct Components {
     pub spectrum: MatrixRow,
     /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set without variance.
     pub share: MatrixRow,
-    /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
-    /// positive.
+    /// V by columns: `vectors[k]` is the unit vector of component k. The element of largest magnitude of each
+    /// vector is positive.
     pub vectors: [MatrixRow; 16],
-    /// V Σ / √n by columns: the standard deviation of the set along each component, as a matrix. These are
-    /// the paper's scaled components, in a scale that does not depend on the number of bins.
+    /// V Σ / √n by columns: the standard deviation of the set along each component, as a matrix. These
+    /// columns are the paper's scaled components, in a scale that does not depend on the number of bins.
     pub scaled: [MatrixRow; 16],
 }
 
 impl Components {
-    /// Computes the components of a set; `None` if it is empty or overflowed. In a set of n < 17 rows, all
-    /// components from the n-th on have no variance and arbitrary perpendicular directions.
+    /// Computes the components of a set. Returns `None` if it is empty or overflowed. In a set of n < 17
+    /// rows, all components from the n-th on have no variance and arbitrary perpendicular directions.
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
         let finite = mean.iter().chain(covariance.as_flattened()).all(|e| e.is_finite());

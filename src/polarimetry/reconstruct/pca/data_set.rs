@@ -4,7 +4,8 @@ use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Number of slabs between two merges. It is large enough for many threads, and small enough to limit memory.
+/// Number of slabs between two merges. This number is large enough for many threads, and small enough to
+/// limit memory.
 const BATCH: u32 = 64;
 
 /// Settings for the data that is kept for each material.
@@ -79,7 +80,7 @@ pub enum DataError {
     #[error("{name}: no bin is valid (finite, M00 > 0, no element larger than M00); exclude this material")]
     NoBins { name: String },
     /// The factor c of arctan(c T) is invalid.
-    #[error("expected a positive number c of arctan(c T), got {0}; the paper uses 8")]
+    #[error("the factor c of arctan(c T) is {0}; expected a positive number, such as 8")]
     Factor(f64),
     /// The training set or the test set of a split would be empty.
     #[error(

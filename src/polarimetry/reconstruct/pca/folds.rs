@@ -2,9 +2,9 @@
 //! §4).
 //!
 //! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all
-//! others. Related materials, whose names are adjacent, are thus in different folds; no random numbers
-//! are used. If the training set contains materials related to a test material (a silicone of another
-//! colour), the fold tests generalization to new specimens rather than to new kinds of material.
+//! others. Related materials, whose names are adjacent, are thus in different folds; no random numbers are
+//! used. The training set may contain materials related to a test material (a silicone of another colour).
+//! The fold then tests generalization to new specimens, not to new kinds of material.
 
 use super::data_set::{DataError, DataSet, Weight};
 use super::moments::Moments;

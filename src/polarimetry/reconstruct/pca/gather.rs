@@ -1,8 +1,8 @@
 //! Selects the valid entries of a pBRDF and accumulates their moments and samples.
 //!
-//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is
-//! positive; it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible
-//! for passive materials. Its T00 is noise around 0, so the quotient is arbitrarily large. A few such
+//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive;
+//! it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible for passive
+//! materials. The T00 of such an entry is noise around 0, so the quotient is arbitrarily large. A few such
 //! entries would dominate the second moments, so they are excluded and counted. Entries that are slightly
 //! unphysical because of noise stay as measured. There is no lower limit of T00, because a dark bin is a
 //! valid measurement and the paper uses all bins.
@@ -15,7 +15,7 @@ use optics::sampling::mix::mix;
 
 /// Largest valid magnitude of a normalized element: 1, plus 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
-/// Smallest T00 of a valid entry. Below it, the other elements lose digits in single precision.
+/// Smallest T00 of a valid entry. Below this value, the other elements lose digits in single precision.
 const LEAST: f32 = 1e-30;
 
 /// Number of entries of each kind.

@@ -110,7 +110,7 @@ impl Moments {
         self.mean
     }
 
-    /// Returns E[(v - μ)(v - μ)ᵀ] = C / n, exactly symmetric; 0 for the empty set.
+    /// Returns E[(v - μ)(v - μ)ᵀ] = C / n, exactly symmetric, or 0 for the empty set.
     pub fn covariance(&self) -> [MatrixRow; 16] {
         if self.count <= 0.0 {
             return [[0.0; 16]; 16];

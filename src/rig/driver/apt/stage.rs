@@ -173,7 +173,7 @@ impl RotationStage for AptStage {
                         return Ok(());
                     }
                     if status.bits & bits::MOTION_ERROR != 0 {
-                        let what = "cannot find the zero position; check for an obstruction";
+                        let what = "the stage cannot find the zero position; check for an obstruction";
                         return self.fail(Fault::Stalled, what);
                     }
                 }
@@ -182,9 +182,9 @@ impl RotationStage for AptStage {
             }
             if Instant::now() >= until {
                 let what = if begun {
-                    "homing is still in progress; allow more time"
+                    "homing is still in progress at the deadline; allow more time"
                 } else {
-                    "homing did not start"
+                    "homing did not start; check the cable and the power of the stage"
                 };
                 return self.fail(Fault::Timeout, what);
             }
@@ -199,7 +199,7 @@ impl RotationStage for AptStage {
             return self.fail(Fault::Limit, what + "; correct the plan");
         }
         if !self.homed {
-            return self.fail(Fault::Refused, "zero position unknown; home the stage first");
+            return self.fail(Fault::Refused, "the zero position is unknown; home the stage first");
         }
         let counts = self.model.counts(angle_deg);
         self.send(&Message::MoveAbsolute(counts))?;
@@ -225,18 +225,19 @@ impl RotationStage for AptStage {
             stands = if !reading.moving && last == Some(status.position) { stands + 1 } else { 0 };
             last = Some(status.position);
             let cause = if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
-                Some(": motor stall or limit switch")
+                Some(", because the motor stalled or a limit switch was reached")
             } else {
-                (stands >= STANDS).then_some(", before its goal")
+                (stands >= STANDS).then_some(", before the stage reached the target angle")
             };
             if let Some(cause) = cause {
                 self.goal = None;
                 let at = reading.angle_deg;
-                let what = format!("stopped at {at:.3}°{cause}; check for an obstruction");
+                let what = format!("the stage stopped at {at:.3}°{cause}; check for an obstruction");
                 return self.fail(Fault::Stalled, what);
             }
             if left(until).is_zero() {
-                return self.fail(Fault::Timeout, "the move is still in progress; allow more time");
+                return self
+                    .fail(Fault::Timeout, "the move is still in progress at the deadline; allow more time");
             }
             std::thread::sleep(left(until).min(ASK / 5));
         }
@@ -257,7 +258,10 @@ impl RotationStage for AptStage {
                 return Ok(());
             }
             if Instant::now() >= until {
-                return self.fail(Fault::Timeout, "did not stop before the deadline");
+                return self.fail(
+                    Fault::Timeout,
+                    "the stage did not stop before the deadline; check the cable, and stop the stage by hand",
+                );
             }
             std::thread::sleep(ASK / 10);
         }

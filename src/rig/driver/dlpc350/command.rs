@@ -204,11 +204,11 @@ pub enum Question {
 /// messages are warnings.
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
-        "exposure or period is out of range",
-        "the pattern number exceeds its bit depth",
+        "the exposure or the period is out of range",
+        "the pattern number exceeds the bit depth",
         "the trigger output overlaps the black period",
         "an externally triggered pattern needs a black period before it",
-        "period and exposure differ by less than 230 µs",
+        "the period and the exposure differ by less than 230 µs",
     ];
     let set = |(i, text): (usize, &'static str)| (bits >> i & 1 == 1).then_some(text);
     all.into_iter().enumerate().filter_map(set).collect()

@@ -51,7 +51,7 @@ pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
 impl HidLine for HidRaw {
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError> {
         let Some((file, _)) = &mut self.open else {
-            return Err(LineError::Gone("the device is not open".into()));
+            return Err(LineError::Gone("the device is not open; connect the device and resume".into()));
         };
         // The kernel expects the report number first: 0 if the device does not number its reports.
         let mut bytes = [0; REPORT + 1];
@@ -65,14 +65,14 @@ impl HidLine for HidRaw {
 
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError> {
         let Some((_, reports)) = &self.open else {
-            return Err(LineError::Gone("the device is not open".into()));
+            return Err(LineError::Gone("the device is not open; connect the device and resume".into()));
         };
         match reports.recv_timeout(within) {
             Ok(report) => Ok(report),
             Err(RecvTimeoutError::Timeout) => Err(LineError::Timeout),
             Err(RecvTimeoutError::Disconnected) => {
                 self.open = None;
-                Err(LineError::Gone("the device was unplugged".into()))
+                Err(LineError::Gone("the device was disconnected; connect the device and resume".into()))
             }
         }
     }
@@ -81,7 +81,9 @@ impl HidLine for HidRaw {
         self.open = None;
         let [maker, product] = self.ids;
         let path = find(Path::new("/sys/class/hidraw"), self.ids).into_iter().next().ok_or_else(|| {
-            LineError::Gone(format!("HID device {maker:04x}:{product:04x} not found; check the cable"))
+            LineError::Gone(format!(
+                "the HID device {maker:04x}:{product:04x} does not exist; check the cable"
+            ))
         })?;
         let gone = |e: std::io::Error| {
             LineError::Gone(format!("{}: {e}; check read and write permissions", path.display()))

@@ -60,11 +60,15 @@ impl Dlpc350 {
     ) -> Result<Self, Failure> {
         let limit = |what: String| Err(Failure::new(Fault::Limit, name, what));
         if flash.0.len() > IMAGES || flash.0.iter().any(|i| i.len() > PLANES) {
-            return limit(format!("the flash holds at most {IMAGES} images of {PLANES} planes"));
+            return limit(format!(
+                "the flash memory holds at most {IMAGES} images of {PLANES} planes; list fewer images in `flash`"
+            ));
         }
         if flash.0.iter().flatten().any(|p| !fits(p)) {
             let [w, h] = SIZE;
-            return limit(format!("patterns in flash must have {w} x {h} pixels with values 0 or 255"));
+            return limit(format!(
+                "patterns in flash memory must have {w} x {h} pixels with values 0 or 255; create the images with `sunstone rig flash`"
+            ));
         }
         if leds == 0 || leds > 7 {
             return limit(format!(
@@ -73,7 +77,9 @@ impl Dlpc350 {
         }
         let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
         if !(SHORTEST_US..=1_000_000).contains(&period_us) {
-            return limit(format!("the period {period:?} is outside {SHORTEST_US} µs to 1 s"));
+            return limit(format!(
+                "the period {period:?} is outside the range {SHORTEST_US} µs to 1 s; correct the period"
+            ));
         }
         Ok(Self {
             name: name.to_owned(),
@@ -108,7 +114,10 @@ impl Dlpc350 {
 
     fn lost(&self, e: LineError) -> Failure {
         match e {
-            LineError::Timeout => self.failure(Fault::Timeout, "no answer before the deadline"),
+            LineError::Timeout => self.failure(
+                Fault::Timeout,
+                "the projector did not answer before the deadline; check the cable and the power",
+            ),
             LineError::Gone(why) => self.failure(Fault::Disconnected, why),
         }
     }
@@ -148,13 +157,14 @@ impl Dlpc350 {
     fn ask(&mut self, question: Question, least: usize, until: Instant) -> Result<Vec<u8>, Failure> {
         let answer = self.exchange(true, question as u16, &[], until)?;
         if answer.len() < least {
-            let what = format!("got {} bytes in reply to {question:?}, expected {least}", answer.len());
+            let what =
+                format!("the reply to {question:?} has {} bytes, but expected {least} bytes", answer.len());
             return self.fail(Fault::Disconnected, what);
         }
         Ok(answer)
     }
 
-    /// Returns the place in flash of a pattern or of its negative; `None` if the flash contains neither.
+    /// Returns the place in flash of a pattern or of its negative, or `None` if the flash contains neither.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {
@@ -230,7 +240,7 @@ impl Dlpc350 {
         loop {
             let main = self.ask(Question::Main, 1, until)?[0];
             if main & 1 != 0 {
-                return self.fail(Fault::Refused, "mirrors are parked; switch the projector on");
+                return self.fail(Fault::Refused, "the mirrors are parked; switch the projector on");
             }
             let period = Duration::from_micros(u64::from(self.period_us));
             if main & 2 != 0 {
@@ -240,7 +250,9 @@ impl Dlpc350 {
             }
             let hardware = self.ask(Question::Hardware, 1, until)?[0];
             if hardware & 0xC0 != 0 {
-                let what = format!("the sequence was aborted (hardware status {hardware:02X})");
+                let what = format!(
+                    "the projector aborted the sequence (hardware status {hardware:02X}); switch the projector off and on"
+                );
                 return self.fail(Fault::Refused, what);
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -320,7 +332,8 @@ impl PatternProjector for Dlpc350 {
             places.iter().filter(|p| p.plane != Entry::WHITE).map(|p| p.image + 1).max().unwrap_or(0);
         if needed > images {
             let what = format!(
-                "the flash has {images} images, but the patterns need {needed}; the `flash` list does not match the firmware"
+                "the flash memory has {images} images, but the patterns need {needed} images; correct `flash` so that the list \
+                 matches the firmware"
             );
             return self.fail(Fault::Limit, what);
         }

@@ -100,7 +100,8 @@ impl GalvoScanner for AnalogGalvo {
         let left = self.left(until);
         if settle > left {
             self.clock.sleep(left);
-            return self.fail(Fault::Timeout, "the mirrors are still moving; allow more time");
+            return self
+                .fail(Fault::Timeout, "the mirrors are still moving at the deadline; allow more time");
         }
         self.clock.sleep(settle);
         self.at = Some(goal);

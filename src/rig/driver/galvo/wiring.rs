@@ -115,7 +115,7 @@ impl Wiring {
         for volts in corner.iter().flat_map(|v| [*v, -v]) {
             if !(volts >= least && volts <= most) {
                 return Err(format!(
-                    "±{:?}° needs {volts} V, but the card outputs {least} to {most} V; reduce the range",
+                    "an angle of ±{:?}° needs {volts} V, but the card outputs only {least} to {most} V; reduce the range of angles",
                     self.range_deg
                 ));
             }
@@ -123,7 +123,8 @@ impl Wiring {
         let samples = self.samples(corner.map(|v| -v), corner);
         if samples > card.samples {
             return Err(format!(
-                "the longest move has {samples} samples, but the card holds {}; reduce the sample rate, or increase the speed",
+                "the longest move has {samples} samples, but the card holds only {} samples; reduce the sample rate, or increase the \
+                 speed",
                 card.samples
             ));
         }

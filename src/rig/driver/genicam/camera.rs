@@ -163,7 +163,9 @@ impl GenICamCamera {
         let found = n.number("ExposureTime")?;
         let off = (found / micros - 1.0).abs();
         if off.is_nan() || off > EXPOSURE_OFF {
-            let what = format!("the exposure time is {found} µs, expected {micros} µs; correct the plan");
+            let what = format!(
+                "the camera set an exposure time of {found} µs instead of {micros} µs; correct the exposure time in the plan"
+            );
             return n.fail(Fault::Limit, what);
         }
         n.set_number("Gain", settings.gain_db)?;
@@ -181,7 +183,7 @@ impl GenICamCamera {
     fn raw(&self, block: Block, settings: &CameraSettings) -> Result<RawFrame, Failure> {
         if block.region != settings.region || block.format != Some(settings.format) {
             let what = format!(
-                "got a frame with region {:?} and format {:?}, expected region {:?} and format {}",
+                "got a frame with region {:?} and format {:?}, but the camera is configured for region {:?} and format {}",
                 block.region,
                 block.format,
                 settings.region,
@@ -262,10 +264,13 @@ impl AreaCamera for GenICamCamera {
 
     fn expose(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.settings else {
-            return self.fail(Fault::Refused, "the camera is not configured");
+            return self.fail(Fault::Refused, "the camera is not configured; configure the camera first");
         };
         if self.pending {
-            return self.fail(Fault::Refused, "an exposure is already in progress");
+            return self.fail(
+                Fault::Refused,
+                "an exposure is already in progress; wait for the end of the exposure",
+            );
         }
         if settings.trigger == Trigger::Software {
             self.nodes.command("TriggerSoftware")?;
@@ -276,14 +281,17 @@ impl AreaCamera for GenICamCamera {
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
         let (Some(settings), true) = (self.settings, self.pending) else {
-            return self.fail(Fault::Refused, "no exposure was started");
+            return self.fail(Fault::Refused, "no exposure was started; start an exposure first");
         };
         match self.frames.next(within) {
             Ok(Some(block)) => {
                 self.pending = false;
                 self.raw(block, &settings)
             }
-            Ok(None) => self.fail(Fault::Timeout, "no frame arrived before the deadline"),
+            Ok(None) => self.fail(
+                Fault::Timeout,
+                "no frame arrived before the deadline; check the trigger and the cable",
+            ),
             Err(e) => {
                 self.pending = false;
                 Err(self.of_stream(&e))

@@ -49,7 +49,7 @@ impl Nodes {
         }
         let xml = control.genapi().map_err(message)?;
         let context = NoCacheGenApiCtxt::from_xml(&xml).map_err(|e| {
-            let what = format!("cannot parse the device description: {e}");
+            let what = format!("cannot parse the description of the camera: {e}");
             Failure::new(Fault::Refused, name, what)
         })?;
         Ok(Self { name: name.to_owned(), control, context })
@@ -99,10 +99,12 @@ impl Nodes {
     ) -> Result<T, Failure> {
         let mut params = self.params();
         let Some(node) = params.node(feature) else {
-            return self.fail(Fault::Refused, format!("no feature {feature}"));
+            return self.fail(Fault::Refused, format!("the camera has no feature {feature}"));
         };
         match f(node, &mut params) {
-            None => self.fail(Fault::Refused, format!("feature {feature} has an unexpected type")),
+            None => {
+                self.fail(Fault::Refused, format!("the camera's feature {feature} has an unexpected type"))
+            }
             Some(Err(e)) => self.fail(of_feature(&e), format!("{feature}: {e}")),
             Some(Ok(value)) => Ok(value),
         }
@@ -181,8 +183,10 @@ impl Nodes {
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {
-            let what =
-                format!("feature {feature} does not support {entry}; available: {}", entries.join(", "));
+            let what = format!(
+                "the camera's feature {feature} does not support {entry}; available: {}",
+                entries.join(", ")
+            );
             return self.fail(Fault::Limit, what);
         }
         self.with(feature, |n, p| n.as_enumeration(p).map(|n| n.set_entry_by_symbolic(p, entry)))

@@ -85,7 +85,7 @@ impl<S> Streamed<S> {
 
 fn block(payload: Payload) -> Result<Block, StreamError> {
     let Some(info) = payload.image_info() else {
-        return Err(StreamError::InvalidPayload("the block contains no image".into()));
+        return Err(StreamError::InvalidPayload("the data block of the camera contains no image".into()));
     };
     let n = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
     let format = match info.pixel_format {

@@ -22,9 +22,14 @@ pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenI
         there.push(format!("{} {}", info.model_name, info.serial_number));
     }
     let what = if there.is_empty() {
-        "no USB3 Vision camera found; connect the camera, and give this user access (udev)".to_owned()
+        "no USB3 Vision camera is connected; connect the camera, and give this user access to it (udev)"
+            .to_owned()
     } else {
-        format!("no camera with serial number {}; found {}", serial.unwrap_or_default(), there.join(", "))
+        format!(
+            "no camera has the serial number {}; connected cameras: {}",
+            serial.unwrap_or_default(),
+            there.join(", ")
+        )
     };
     Err(Failure::new(Fault::Disconnected, name, what))
 }

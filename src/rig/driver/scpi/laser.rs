@@ -74,8 +74,9 @@ impl PulsedLaser for ScpiLaser {
             if let Some(question) = self.table.ask_interlock.clone() {
                 let answer = self.talk.ask(&question, left(until))?;
                 if !["1", "+1", "ON"].contains(&answer.to_ascii_uppercase().as_str()) {
-                    let what =
-                        format!("interlock open (`{question}` returned `{answer}`); close the interlock");
+                    let what = format!(
+                        "the interlock is open (`{question}` returned `{answer}`); close the interlock"
+                    );
                     return self.fail(Fault::Refused, what);
                 }
             }
@@ -90,9 +91,9 @@ impl PulsedLaser for ScpiLaser {
             return Ok(());
         }
         let what = if on {
-            "not emitting after the command to turn on; check the key switch and the interlock"
+            "the laser does not emit after the command to turn on; check the key switch and the interlock"
         } else {
-            "still emitting after the command to turn off; turn it off with the key switch"
+            "the laser still emits after the command to turn off; turn the laser off with the key switch"
         };
         self.fail(Fault::Refused, what)
     }

@@ -112,12 +112,14 @@ impl LaserTable {
                 return Err("`rate_hz` is a range, but `set_rate` is missing; add `set_rate`".into());
             }
             Some(c) if c.matches("{hz}").count() != 1 => {
-                return Err(format!("`set_rate` is `{c}`; it must contain {{hz}} exactly once"));
+                return Err(format!(
+                    "`set_rate` is `{c}`, but must contain {{hz}} exactly once; correct the command"
+                ));
             }
             _ => {}
         }
         if self.set_rate.is_some() && self.ask_rate.is_none() {
-            return Err("`set_rate` is set, but `ask_rate` is missing; set both".into());
+            return Err("`set_rate` is set, but `ask_rate` is missing; set both keys".into());
         }
         if self.on_answers.is_empty() {
             return Err("`on_answers` is empty; list the replies to `ask_on` when light is on".into());
@@ -127,7 +129,7 @@ impl LaserTable {
             (Some(_), Some(p)) if p > 0.0 && p.is_finite() => {}
             _ => {
                 return Err(
-                    "`ask_power` and `nominal_power` (above 0) belong together; set both or none".into()
+                    "only one of `ask_power` and `nominal_power` (above 0) is set; set both keys, or remove both".into()
                 );
             }
         }
@@ -135,7 +137,7 @@ impl LaserTable {
         let commands = [&self.on, &self.off, &self.ask_on, &self.errors].into_iter();
         for command in commands.chain(optional.into_iter().flatten()) {
             if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-                return Err(format!("{command:?} is not a command; write a single line"));
+                return Err(format!("{command:?} is not a command; write a command of a single line"));
             }
         }
         Ok(())

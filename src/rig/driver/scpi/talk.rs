@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// Whether a late reply may be pending. It would be mistaken for the reply to the next query.
+    /// Whether a late reply may be pending. A late reply would be mistaken for the reply to the next query.
     out_of_step: bool,
 }
 
@@ -85,7 +85,7 @@ impl Talk {
             }
             looked = self.held.len();
             if looked > LONGEST {
-                return Err(self.nonsense(question, "a reply that is too long"));
+                return Err(self.nonsense(question, "a reply that exceeds the maximum length"));
             }
             self.more(question, until)?;
         };
@@ -112,7 +112,7 @@ impl Talk {
     pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
         match self.ask("*OPC?", within)?.as_str() {
             "1" | "+1" => Ok(()),
-            other => self.fail(Fault::Disconnected, format!("`*OPC?` returned `{other}`")),
+            other => self.fail(Fault::Disconnected, format!("`*OPC?` returned `{other}`, expected `1`")),
         }
     }
 
@@ -143,7 +143,10 @@ impl Talk {
                 self.failure(fault, format!("`{after}` failed with `{answer}`"))
             });
         }
-        self.fail(Fault::Disconnected, format!("`{question}` reports too many errors"))
+        self.fail(
+            Fault::Disconnected,
+            format!("`{question}` reports more errors than expected; check the instrument"),
+        )
     }
 
     /// Queries maker, model, serial number and firmware (`*IDN?`).

@@ -94,7 +94,7 @@ impl Th260Counter {
         f: impl FnOnce(&mut dyn Th260, i32) -> Result<T, i32>,
     ) -> Result<T, Failure> {
         if self.device < 0 {
-            return self.fail(Fault::Disconnected, "no board is open");
+            return self.fail(Fault::Disconnected, "no board is open; connect the board");
         }
         f(self.library.as_mut(), self.device).map_err(|e| self.describe(doing, e))
     }
@@ -129,7 +129,10 @@ impl Th260Counter {
         let Some((device, serial)) = opened else {
             if !found.is_empty() {
                 let wanted = self.settings.serial.as_deref().unwrap_or_default();
-                let what = format!("no board with serial number {wanted}; found {}", found.join(", "));
+                let what = format!(
+                    "no board has the serial number {wanted}; connected boards: {}",
+                    found.join(", ")
+                );
                 return self.fail(Fault::Disconnected, what);
             }
             return Err(self.describe("cannot open a board", worst));
@@ -140,7 +143,7 @@ impl Th260Counter {
         self.hardware = self.call("hardware", |l, device| l.hardware(device))?;
         let (finest_ps, binnings) = self.call("base resolution", |l, device| l.base_resolution(device))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
-            let what = format!("invalid base resolution: {finest_ps} ps with {binnings} binnings");
+            let what = format!("the base resolution of {finest_ps} ps with {binnings} binnings is invalid");
             return self.fail(Fault::Disconnected, what);
         }
         (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);
@@ -163,8 +166,9 @@ impl Th260Counter {
         let inputs = self.ask(Question::Inputs)?;
         if s.channel >= inputs {
             let input = s.channel;
-            let what =
-                format!("input {input} does not exist; the board has {inputs} inputs; correct `channel`");
+            let what = format!(
+                "input {input} does not exist, because the board has {inputs} inputs; correct `channel`"
+            );
             return self.fail(Fault::Limit, what);
         }
         self.tell(Order::SyncDivider(s.sync_divider))?;
@@ -178,7 +182,8 @@ impl Th260Counter {
                 self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge as i32))?;
             }
             other => {
-                let what = format!("unknown model `{other}`; supported: TimeHarp 260 P and N");
+                let what =
+                    format!("the model `{other}` of the board is unknown; supported: TimeHarp 260 P and N");
                 return self.fail(Fault::Refused, what);
             }
         }
@@ -200,7 +205,7 @@ impl Th260Counter {
             return self.fail(Fault::Disconnected, what);
         }
         if flags & FLAG_OVERFLOW != 0 {
-            return self.fail(Fault::Saturated, "a bin is full; reduce the dwell time");
+            return self.fail(Fault::Saturated, "a histogram bin is full; reduce the dwell time");
         }
         let elapsed = self.call("elapsed time", |l, device| l.elapsed_ms(device))?;
         let pulses = f64::from(self.sync_rate()?) * elapsed / 1e3;
@@ -265,7 +270,10 @@ impl PhotonCounter for Th260Counter {
         self.measurement = None;
         let bins = self.ask(Question::Length(measurement.length_code))?;
         if usize::try_from(bins).is_ok_and(|b| b < measurement.bins) {
-            let what = format!("the histogram has {bins} bins, expected {}", measurement.bins);
+            let what = format!(
+                "the board allows {bins} bins, but the histogram has {} bins; reduce the number of bins",
+                measurement.bins
+            );
             return self.fail(Fault::Limit, what);
         }
         self.tell(Order::Binning(measurement.binning))?;
@@ -277,10 +285,13 @@ impl PhotonCounter for Th260Counter {
 
     fn begin(&mut self) -> Result<(), Failure> {
         let Some(measurement) = self.measurement else {
-            return self.fail(Fault::Refused, "the counter is not configured");
+            return self.fail(Fault::Refused, "the counter is not configured; configure the counter first");
         };
         if self.running.is_some() {
-            return self.fail(Fault::Refused, "an acquisition is already in progress");
+            return self.fail(
+                Fault::Refused,
+                "an acquisition is already in progress; wait for the end of the acquisition",
+            );
         }
         if self.sync_rate()? == 0 {
             let what = "no pulses at the sync input; check the laser, the cable and `sync_mv`";
@@ -294,12 +305,15 @@ impl PhotonCounter for Th260Counter {
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         let (Some(measurement), Some(begun)) = (self.measurement, self.running) else {
-            return self.fail(Fault::Refused, "no acquisition was started");
+            return self.fail(Fault::Refused, "no acquisition was started; start an acquisition first");
         };
         let until = Instant::now() + within;
         while self.ask(Question::Done)? == 0 {
             if left(until).is_zero() {
-                return self.fail(Fault::Timeout, "the acquisition is still in progress");
+                return self.fail(
+                    Fault::Timeout,
+                    "the acquisition is still in progress at the deadline; allow more time",
+                );
             }
             std::thread::sleep(POLL.min(left(until)));
         }

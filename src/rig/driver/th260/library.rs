@@ -115,7 +115,7 @@ type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_i
 /// Declares the function table and the code that fills it, one entry per name.
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
-        /// The loaded library. Its function pointers are valid while `_library` is loaded.
+        /// The loaded library. The function pointers are valid while `_library` is loaded.
         pub(super) struct Loaded {
             $($field: $kind,)*
             _library: Library,

@@ -100,7 +100,7 @@ impl Measurement {
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(
-                "the histogram has {} bins; expected 1 to {LONGEST_HISTOGRAM}",
+                "the histogram has {} bins; expected 1 to {LONGEST_HISTOGRAM} bins",
                 settings.bins
             ));
         }

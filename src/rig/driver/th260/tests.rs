@@ -217,7 +217,7 @@ fn boards_are_selected_by_serial_number() {
     assert_eq!(board.identify(WITHIN).expect("answers").serial, "1000002");
     assert_eq!(fake.state().reported[..2], [Order::Close, Order::Initialize(0)]);
     let failure = Th260Counter::new("counter", Box::new(fake.clone()), named("7")).err().expect("none");
-    assert!(failure.what.contains("found 1000001, 1000002"), "{failure}");
+    assert!(failure.what.contains("connected boards: 1000001, 1000002"), "{failure}");
     fake.state().serials.clear();
     for failure in [
         board.reconnect(WITHIN).err(),

@@ -6,7 +6,7 @@ pub enum PbsdfError {
     #[error("cannot read the file: {0}; check that the path is correct and the file is readable")]
     Read(std::io::Error),
     #[error(
-        "not a tensor file (it does not start with `tensor_file`); provide a .pbsdf file in the KAIST format"
+        "the file is not a tensor file, which begins with `tensor_file`; provide a .pbsdf file in the KAIST format"
     )]
     Magic,
     #[error("the tensor file has version {0}.{1}, expected 1.0; convert the file to version 1.0")]
@@ -35,17 +35,21 @@ pub enum PbsdfError {
     #[error("field `wvls` has no entries; add at least one wavelength")]
     NoWavelengths,
     /// An axis value that is not finite, or outside the range of its angle (radians).
-    #[error("value {value} on axis `{axis}` is out of range; expected radians in {low:.4}..{high:.4}")]
+    #[error("value {value} on axis `{axis}` is outside the range; expected radians in {low:.4}..{high:.4}")]
     Angle { axis: &'static str, value: f32, low: f32, high: f32 },
-    #[error("{before} followed by {after} on axis `{axis}`; values must be strictly increasing")]
+    #[error(
+        "the values {before} and {after} on axis `{axis}` do not increase; values must be strictly increasing"
+    )]
     Order { axis: &'static str, before: f64, after: f64 },
     #[error("phi_d covers only {0} to {1}; provide angles over the full circle from -π to π")]
     HalfCircle(f32, f32),
-    #[error("no valid entry (M00 is NaN everywhere); download the file again, or use the inpainted variant")]
+    #[error(
+        "the table has no valid entry, because M00 is NaN everywhere; download the file again, or use the inpainted variant"
+    )]
     Empty,
     /// The table to write is too large for the address space.
     #[error("the table has too many elements; use shorter axes")]
     TooLarge,
-    #[error("cannot write the file: {0}; check that the folder exists and that its disk is not full")]
+    #[error("cannot write the file: {0}; check that the folder exists and that the disk is not full")]
     Write(std::io::Error),
 }

@@ -298,7 +298,7 @@ impl<'a> Connector<'a> {
         meet(chain, Beam { travel, frame }, y, &record, &mut self.out);
     }
 
-    /// Traces a connection; returns `None` if it is blocked.
+    /// Traces a connection. Returns `None` if it is blocked.
     #[inline]
     fn follow(
         &mut self,

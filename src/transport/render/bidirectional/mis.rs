@@ -3,15 +3,15 @@
 //! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
 //! vertices and a camera subpath with t vertices. Both ends count as vertices, so s + t = k + 2. The power
 //! heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of
-//! densities are products along the path: if the camera subpath instead of the light subpath samples vertex
+//! densities are products along the path. If the camera subpath instead of the light subpath samples vertex
 //! i, p changes by the ratio of the densities of this vertex from the camera and from the light.
 //!
 //! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
 //! subpaths with hundreds of medium vertices come close to each other, many of their connections contribute;
 //! otherwise none contribute. On a path with m medium vertices, each connection of two subpaths therefore
-//! counts as 1/m of a sample, so that all connections together count as one sample. This is the simplest form
-//! of Grittmann, Georgiev & Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional
-//! rendering algorithms".
+//! counts as 1/m of a sample, so that all connections together count as one sample. This weight is the
+//! simplest form of the weights of Grittmann, Georgiev & Slusallek 2021, "Correlation-aware multiple
+//! importance sampling for bidirectional rendering algorithms".
 
 use crate::strategy::{Strategies, Strategy};
 

@@ -182,8 +182,8 @@ impl Plan {
             match made {
                 Ok(splat_file) => plan.splat_file = Some(splat_file?),
                 Err(e) => tracing::warn!(
-                    "cannot store the vertices of light paths in {}: {e}; they are traced again for each of {} parts \
-                     of the image. To avoid this, set TMPDIR to a folder with more free space",
+                    "cannot store the vertices of light paths in {}: {e}; the light paths are traced again for each of {} parts of \
+                     the image. To avoid this, set TMPDIR to a folder with more free space",
                     std::env::temp_dir().display(),
                     parts.count
                 ),

@@ -38,7 +38,7 @@ struct Exit {
 }
 
 impl Exit {
-    /// Finds the exit for a vertex in medium `id`; `None` if no rough interface is near.
+    /// Finds the exit for a vertex in medium `id`. Returns `None` if no rough interface is near.
     fn find(scene: &Scene, id: u32, z: &Vertex, to: Vec3A) -> Option<Self> {
         let p = z.surface.p;
         let dir = (to - p).try_normalize()?;

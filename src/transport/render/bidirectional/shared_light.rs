@@ -1,9 +1,9 @@
 //! Shares light subpaths between all parts of a render on many machines, through files in a common folder.
 //!
 //! Each part renders some tiles, but the vertices that its pixels see are on any of the light subpaths. Each
-//! part therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees them,
-//! and reads its own vertices from the files of all parts. A part may also trace shares that another part has
-//! not started or not finished.
+//! part therefore traces its share of the *subpaths* and sorts the visible vertices by the part that sees
+//! these vertices. The part then reads its own vertices from the files of all parts. A part may also trace
+//! shares that another part has not started or not finished.
 //!
 //! A file depends only on scene, seed and share, and is written atomically. The result is therefore the same
 //! if a part stops, starts late or computes a share twice. No scheduler is needed, and no part waits
@@ -47,7 +47,7 @@ impl SharedLight {
 
     pub(super) fn warn(&self, what: &str, e: &io::Error) {
         tracing::warn!(
-            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths",
+            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths again",
             self.folder.display()
         );
     }

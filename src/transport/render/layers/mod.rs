@@ -75,7 +75,7 @@ fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
     runs.rev().max_by_key(|(_, n)| *n)
 }
 
-/// Returns the unit vector along a sum of vectors; NaN if the sum is zero.
+/// Returns the unit vector along a sum of vectors, or NaN if the sum is zero.
 fn unit(sum: DVec3) -> [f32; 3] {
     sum.try_normalize().map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
 }

@@ -103,8 +103,8 @@ impl Connector<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter: connections between two subpaths, or connections of a light subpath to the
-    /// camera through interfaces.
+    /// mirrors to an emitter. These strategies are connections between two subpaths, and connections of a
+    /// light subpath to the camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Vertex]) -> bool {
         let last = camera.len() - 1;

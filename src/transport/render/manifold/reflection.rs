@@ -23,7 +23,7 @@ pub(super) struct ShadingNormal {
     pub bend: Mat3A,
 }
 
-/// Returns the direction of light along `dir` after reflection; `None` if the delta lobe and the geometric
+/// Returns the direction of light along `dir` after reflection, or `None` if the delta lobe and the geometric
 /// normal disagree.
 #[inline]
 pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {

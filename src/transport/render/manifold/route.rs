@@ -73,7 +73,7 @@ impl<'a> Route<'a> {
         Self { through, over, mirrors: Some(mirrors), passes: 1.0 }
     }
 
-    /// Returns the route of the straight line to `to`; `None` if the line is blocked or crosses no
+    /// Returns the route of the straight line to `to`, or `None` if the line is blocked or crosses no
     /// interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {

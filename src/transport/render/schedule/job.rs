@@ -31,7 +31,7 @@ pub(super) fn plans(scene: &Scene) -> Vec<SlicePlan> {
     scene.slices.iter().map(|s| SlicePlan::new(s, &extents)).collect()
 }
 
-/// Returns the attributes that describe the render and are known before it starts.
+/// Returns the attributes that describe the render and are known before the render starts.
 fn provenance(scene: &Scene) -> Map<String, Value> {
     let pose = |p: &Pinhole| {
         let per = if p.parallel { "pixels_per_m" } else { "focal_px" };

@@ -29,7 +29,7 @@ pub enum RenderError<E: std::error::Error + 'static> {
     #[error("{0}")]
     Part(String),
     /// No threads are available for rendering.
-    #[error("cannot start threads: {0}")]
+    #[error("cannot start threads: {0}; use fewer threads")]
     Threads(String),
     #[error(transparent)]
     Sink(E),
@@ -71,7 +71,10 @@ impl Share<'_> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
         {
-            return Err(format!("got sample counts for {} tiles, but the image has {tiles}", counts.len()));
+            return Err(format!(
+                "got sample counts for {} tiles, but the image has {tiles} tiles",
+                counts.len()
+            ));
         }
         let any = |tile: &u32| self.samples.is_none_or(|counts| counts[*tile as usize] > 0);
         let Some(part) = self.part else {
@@ -87,7 +90,7 @@ impl Share<'_> {
             return Ok(None);
         };
         let Some(Part::Share { number, of }) = self.part else {
-            return Err("only parts K/N can share light paths, not ranges of tiles; use K/N".into());
+            return Err("ranges of tiles cannot share light paths; use parts K/N".into());
         };
         // Only Sunstone reads the key, so the hash of the standard library suffices.
         let mut hash = DefaultHasher::new();

@@ -56,7 +56,7 @@ impl Hero {
         Self { lane: lanes.nth(0), likely: lanes.ones() }
     }
 
-    /// Records an event with `densities` by lane. Returns the density that divides weights; `None` on
+    /// Records an event with `densities` by lane. Returns the density that divides weights, or `None` on
     /// underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {

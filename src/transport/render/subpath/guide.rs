@@ -9,7 +9,7 @@
 //! emitters, apart from a small angle that is sampled from the phase function. The next small deflection, to
 //! the emitter, is evaluated with the phase function, and the two peaks cancel. The phase function of the
 //! large deflection is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
-//! directions toward a light that is blurred by scattering; this is the simplest case.)
+//! directions toward a light that is blurred by scattering. The method here is the simplest case.)
 //!
 //! Subpaths also *lean* toward targets. Light with many small deflections changes direction gradually and
 //! reaches the opposite end only if its direction happens to lead there. For two directions that are mirror
@@ -28,8 +28,8 @@ use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
 /// Probability of guided scattering toward a target at each medium vertex. Light on a path may have its large
-/// deflection at any of dozens of vertices, so with a higher probability, few subpaths reach later vertices
-/// unguided. (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
+/// deflection at any of dozens of vertices. With a higher probability, few subpaths therefore reach later
+/// vertices unguided. (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
 const SHARE: f32 = 0.06;
 
 /// Maximum strength of the lean toward a target; less than 1, so that all directions remain possible.
@@ -84,8 +84,8 @@ impl Guide {
         !self.targets(medium, from).is_empty()
     }
 
-    /// Decides at random whether a subpath is guided toward a target. If so, returns the direction from which
-    /// the subpath would come if it came straight from the opposite end.
+    /// Decides at random whether a subpath is guided toward a target. For a guided subpath, returns the
+    /// direction from which the subpath would come if the subpath came straight from the opposite end.
     #[inline]
     pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
         let targets = self.targets(at.medium, at.from);

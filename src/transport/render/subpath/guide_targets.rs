@@ -50,7 +50,8 @@ impl Lines {
         self.vector += across * p;
     }
 
-    /// Returns the point nearest to all lines; `None` if there are too few lines or they are nearly parallel.
+    /// Returns the point nearest to all lines, or `None` if there are too few lines or they are nearly
+    /// parallel.
     fn nearest(&self) -> Option<Vec3A> {
         if f64::from(self.count) < LEAST_SEEN * f64::from(GRID * GRID) {
             return None;

@@ -96,8 +96,8 @@ fn sample_surface(
     Some((sampled, density))
 }
 
-/// Replaces the scattering matrix of a direction, which was sampled with density `density` by a subpath from
-/// direction `back`, by the matrix of one kind of lobe divided by the probability of this kind. Returns the
+/// Replaces the scattering matrix of a direction by the matrix of one kind of lobe divided by the probability
+/// of this kind. A subpath from direction `back` sampled the direction with density `density`. Returns the
 /// path-label bits of the kind.
 #[inline(never)]
 fn select_lobe(

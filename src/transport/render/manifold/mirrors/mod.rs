@@ -131,7 +131,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the reflection point for light between two points; `None` if it is outside these mirrors.
+    /// Returns the reflection point for light between two points, or `None` if it is outside these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -242,7 +242,7 @@ impl Mirrors {
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
-    /// Returns the seed at a hit point on a mirror; `None` on other surfaces.
+    /// Returns the seed at a hit point on a mirror, or `None` on other surfaces.
     #[inline]
     pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
         let group = self.group(hit);
@@ -358,7 +358,7 @@ impl Mirrors {
         Some(point)
     }
 
-    /// Samples a random point on the curved mirrors; `None` if there are none.
+    /// Samples a random point on the curved mirrors. Returns `None` if there are none.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
         let listed = self.curved.last().map_or(0.0, |c| c.1);
         let all = listed + self.copied.area();
