@@ -66,7 +66,7 @@ fn all<'py, T: Real + Element>(
     for name in only {
         let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
         wanted.push(found.ok_or_else(|| {
-            input(format!("only: unknown quantity `{name}`; choose from {}", quantities().join(", ")))
+            input(format!("`only`: unknown quantity `{name}`; choose from {}", quantities().join(", ")))
         })?);
     }
     let elements = slice("matrices", matrices)?;

@@ -174,5 +174,5 @@ pub fn wavelength(text: &str) -> Result<f64, String> {
 
 /// Parses a horizontal field of view in degrees.
 pub fn view(text: &str) -> Result<f64, String> {
-    number(text, |deg| deg > 0.0 && deg < 170.0, "expected an angle above 0 and below 170 degrees")
+    number(text, |deg| deg > 0.0 && deg < 180.0, "expected an angle above 0 and below 180 degrees")
 }

@@ -83,6 +83,12 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
         );
     }
     let pixels = shape[want.len()..].to_vec();
+    if pixels.contains(&0) {
+        bail!(
+            "{} has shape {shape:?}, which contains no pixel; pass an array with at least one pixel",
+            a.source.display()
+        );
+    }
     let lanes = a.wavelengths.len();
     if lanes != 1 && pixels.last() != Some(&lanes) {
         bail!(

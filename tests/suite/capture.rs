@@ -181,6 +181,7 @@ fn invalid_inputs_are_refused() {
     schemes(d);
     save(d, "flat", &[2, 16], &[0.0; 32]);
     save(d, "dark", &[2, 4, 4], &[0.0; 32]);
+    save(d, "empty", &[36, 0, 5], &[]);
     std::fs::write(d.join("camera.toml"), "[cmos]\nexposure = 1\n").expect("space");
     std::fs::write(d.join("spad.toml"), "[spad]\n").expect("space");
     std::fs::write(d.join("bins.toml"), "[spad]\nbins = 63\n").expect("space");
@@ -205,6 +206,7 @@ fn invalid_inputs_are_refused() {
             "64 bins of 100 ps",
         ),
         ("capture M.npy --noise 1 --scheme drr36.toml -o I.npy --variance V.npy", "--detector"),
+        ("reconstruct empty.npy --scheme drr36.toml -o M2.npy", "contains no pixel"),
         ("trial dark.npy --scheme drr36.toml", "not positive"),
         ("trial M.npy --scheme drr36.toml --repeat 0", "1..=10000"),
         ("trial M.npy --scheme drr36.toml --prior none.toml", "pbrdf pca"),

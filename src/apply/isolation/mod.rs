@@ -48,7 +48,7 @@ pub(crate) fn run(
             outcome.notes.push(match &learnt {
                 Some(learnt) => format!("{}, by {name}: {learnt}", task.name),
                 None => format!(
-                    "{}, by {name}: no element was learned, because the training variants contain no example",
+                    "{}, by {name}: no element was learned, because the training variants contain no pixel of this kind of light",
                     task.name
                 ),
             });

@@ -93,7 +93,9 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
             ));
         }
         if c.pulses == 0 {
-            return wrong("the number of pulses is 0; set the number of laser pulses".into());
+            return wrong(
+                "the number of laser pulses is 0; set the number of laser pulses of the capture".into(),
+            );
         }
         let whole = counter.mode == Mode::Synchronous && (8..=bins).contains(&c.counts.len());
         if c.counts.len() != bins && !whole {

@@ -124,7 +124,9 @@ fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a
 
 fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, found: &[String]) -> Verified {
     let foreign = found.iter().filter(|name| !entries.contains_key(*name));
-    faults.extend(foreign.map(|name| format!("{name}: was not in the store when the store was finished")));
+    faults.extend(
+        foreign.map(|name| format!("{name}: the file was not in the store when the store was finished")),
+    );
     Verified {
         files: entries.len(),
         bytes: entries.values().map(|e| e.size).sum(),
