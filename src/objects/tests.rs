@@ -56,7 +56,7 @@ fn errors_name_the_fix() {
         ("operation timed out", "gs", "in time", "network"),
         ("error sending request: tcp", "gs", "cannot connect", "GOOGLE_BASE_URL"),
         ("error sending request: tcp", "https", "cannot connect", "the address"),
-        ("403 <Code>SignatureDoesNotMatch</Code>", "s3", "denied", "AWS_SECRET_ACCESS_KEY"),
+        ("403 <Code>SignatureDoesNotMatch</Code>", "s3", "denies access", "AWS_SECRET_ACCESS_KEY"),
         ("301 Moved Permanently", "s3", "another region", "AWS_REGION"),
         ("what\nnobody knows", "s3", "what nobody knows", "check"),
     ] {

@@ -113,7 +113,7 @@ const CASES: &[Case] = &[
     ("tiles that cut bins", "tile = 8", "tile = 7", "^7\n", "multiple of 2"),
     ("a view along up", "target = [0, 1, 0] }", "target = [0, 2, 3] }", "^pose.look_at = { origin = [0, 1, 3]", "look_at"),
     ("a pose that is not rigid", "pose.look_at = { origin = [0, 1, 3], target = [0, 1, 0] }", "pose.matrix = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]", "pose.matrix", "rotation"),
-    ("a folding lens", "fov_x_deg = 50", "fov_x_deg = 50\ndistortion = { k1 = -9 }", "^{ k1 = -9 }", "folds"),
+    ("a folding lens", "fov_x_deg = 50", "fov_x_deg = 50\ndistortion = { k1 = -9 }", "^{ k1 = -9 }", "two directions to one pixel"),
     ("coincident centres", "origin = [0.2, 1, 3]", "origin = [0, 1, 3]", "[[slices]]\nname = \"rows\"", "the same centre"),
     ("a name of a slice that cannot be", "name = \"rows\"", "name = \"../rows\"", "^\"../rows\"", "../rows"),
     ("a reserved name of a slice", "name = \"rows\"", "name = \"samples\"", "^\"samples\"", "samples"),

@@ -62,7 +62,7 @@ const CASES: &[Case] = &[
     ("a second kind that is too large", "radius_nm = [20, 30]", "radius_nm = [20, 900000]", "{ index = \"Au\"", "size parameter"),
     ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "particle kinds is empty"),
     ("cream beyond butter", "fat_percent = 0.1", "fat_percent = 80", "80", "fat_percent is 80"),
-    ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover 380 to 770 nm"),
+    ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover only 380 to 770 nm"),
     ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "increasing"),
 ];
 

@@ -131,7 +131,7 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         let again = whole.render(&mut scene, &target(&at("stopped"), true)).expect("a store");
         assert!(again.complete && again.samples == 0);
         let other = to_error(goal(0.2, 0.7), &Unwatched).render(&mut scene, &target(&at("stopped"), true));
-        assert!(other.is_err_and(|e| e.to_string().contains("target differs")));
+        assert!(other.is_err_and(|e| e.to_string().contains("differ in target")));
 
         let rounds = folder_of(&at("joined"));
         for round in 0.. {

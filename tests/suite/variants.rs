@@ -80,7 +80,7 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
     // Another variant neither resumes it nor merges with it.
     let message = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
-    assert!(message.contains("variant differs"), "{message}");
+    assert!(message.contains("differ in variant"), "{message}");
     render("varied.toml", &["--variant", "0", "--seed", "5", "-o", "other.zarr"], 0);
     let message = stderr(&run(at, &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"], 2));
     assert!(message.contains("different scenes"), "{message}");
