@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-/// Names of units with their lengths in metres. A name that ends with another name precedes it.
+/// Names of units with their lengths in metres. A name that ends with another name precedes the other name.
 const UNITS: [(&str, f64); 7] =
     [("nm", 1e-9), ("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
 

@@ -63,13 +63,13 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Writes a file atomically, by a temporary file in the same directory that is then renamed. Creates
+/// Writes a file atomically: writes a temporary file in the same directory and then renames the file. Creates
 /// missing directories.
 ///
 /// # Errors
 /// Returns the error of the file system. The old file, if any, is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // Another process that opens a store for writing may remove the temporary file; retry.
+    // Retry, because another process that opens a store for writing may remove the temporary file.
     let mut attempts = 3;
     loop {
         attempts -= 1;
@@ -90,7 +90,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Re
     put(path, fill)
 }
 
-/// Removes temporary files of `path` whose processes have ended; ignores errors.
+/// Removes temporary files of `path` whose processes have ended, and ignores errors.
 fn sweep(path: &Path) {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,

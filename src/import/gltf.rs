@@ -135,9 +135,10 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
 struct Importer<'a> {
     data: Data<'a>,
     materials: Vec<String>,
-    /// Node-to-world transforms; `None` for nodes that do not belong to a tree.
+    /// Node-to-world transforms, or `None` for nodes that do not belong to a tree.
     worlds: Vec<Option<DAffine3>>,
-    /// Primitives of each mesh in the mesh's own space with default weights; `None` before the mesh is read.
+    /// Primitives of each mesh in the mesh's own space with default weights, or `None` before the mesh is
+    /// read.
     primitives: Vec<Option<Vec<Local>>>,
     parts: Parts,
     triangles: usize,

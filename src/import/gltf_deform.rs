@@ -15,7 +15,7 @@ use transport::geometry::mesh::Mesh;
 pub(super) struct Pose<'a> {
     /// Weights of the morph targets; `None` uses the weights of the mesh.
     pub weights: Option<&'a [f32]>,
-    /// Mesh-to-world transforms of the skin's joints; `None` without a skin.
+    /// Mesh-to-world transforms of the skin's joints, or `None` without a skin.
     pub joints: Option<Vec<DAffine3>>,
 }
 

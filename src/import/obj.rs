@@ -151,7 +151,7 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     Ok((out, found))
 }
 
-/// Corner of a face: indices of position, texture coordinates and normal, counted from 1; 0 if absent.
+/// Corner of a face: indices of position, texture coordinates and normal, counted from 1, or 0 if absent.
 type Corner = [u32; 3];
 
 const NONE: u32 = u32::MAX;

@@ -13,8 +13,8 @@ pub enum Field {
     Overflow,
     /// Standard error of [`Field::Overflow`].
     OverflowStdError,
-    /// Standard error of a camera element's total (axes `y`, `x` only): M00 summed over all other axes,
-    /// including light outside the time bins, averaged over wavelengths.
+    /// Standard error of a camera element's total (axes `y`, `x` only). The total is M00, summed over all
+    /// other axes and averaged over wavelengths. The total includes light outside the time bins.
     TotalStdError,
 }
 

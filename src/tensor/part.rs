@@ -20,7 +20,7 @@ pub enum Part {
         /// Total number of parts.
         of: u32,
     },
-    /// A range of tiles; tiles are numbered from 0, row by row.
+    /// A range of tiles, which are numbered from 0, row by row.
     Tiles {
         /// First tile of the range.
         first: u32,
@@ -68,7 +68,7 @@ impl Part {
         }
     }
 
-    /// Parses a store attribute written by [`Self::to_json`]. Returns `None` for anything else.
+    /// Parses a store attribute written by [`Self::to_json`]. Returns `None` for any other value.
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {

@@ -74,8 +74,8 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
-            // These names differ from `y` and `x` because dimensions of the root apply to all groups in
-            // `xarray.open_datatree`, and a slice may cover only a part of the camera.
+            // In `xarray.open_datatree`, dimensions of the root apply to all groups. A slice may cover only a
+            // part of the camera, so the dimensions of the sample counts must not be named `y` and `x`.
             names: vec!["camera_y", "camera_x"],
             attributes,
             sharding: shardings.get("samples").cloned(),

@@ -11,8 +11,9 @@ use std::io;
 const LEVEL: i32 = -2;
 /// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;
-/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. Such a chunk consists
-/// of several chunks of the shard. Reads of whole arrays use blocks of this shape.
+/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. An unsharded chunk
+/// consists of several chunks of a shard. Reads of whole arrays use blocks of the shape of an unsharded
+/// chunk.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {

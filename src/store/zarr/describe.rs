@@ -1,10 +1,15 @@
 //! The Zarr v3 metadata of a store: groups, coordinate arrays and consolidated metadata.
 //!
-//! Layout of the directory (Zarr v3 core specification; `xarray`'s conventions for names and coordinates):
-//! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/`,
-//! `NAME/{overflow,overflow_std_error}/` if time is resolved, `NAME/total_std_error/` for renders, and one
-//! coordinate array per axis. All arrays except coordinates may be sharded. Each group contains
-//! `consolidated_metadata` in the inline form of zarr-python 3, so that readers open the group with one read.
+//! The directory follows the Zarr v3 core specification, and `xarray`'s conventions for names and
+//! coordinates. The root contains the root group (`zarr.json`) and the array `samples/`. A slice consists of:
+//! - `NAME/zarr.json`, the group.
+//! - `NAME/{mean,std_error}/`.
+//! - `NAME/{overflow,overflow_std_error}/` if time is resolved.
+//! - `NAME/total_std_error/` for renders.
+//! - One coordinate array per axis.
+//!
+//! All arrays except coordinates may be sharded. Each group contains `consolidated_metadata` in the inline
+//! form of zarr-python 3, so that readers open the group with one read.
 
 use std::path::Path;
 use std::sync::Arc;
