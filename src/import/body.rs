@@ -1,5 +1,5 @@
-//! Computes the albedo of the body below a coat from another model's base colour. The two models
-//! then have the same directional albedo at normal incidence.
+//! Computes the albedo of the body below a coat from another model's base colour. This body albedo gives the
+//! two models the same directional albedo at normal incidence.
 //!
 //! Other models add diffuse reflection of albedo `base` to the coat's directional albedo E(θ), and
 //! attenuate the diffuse reflection by an approximation. In Sunstone, the body receives the light that the

@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
         let other = document().replace("9.25", "9.26");
         assert_ne!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
-        // A pose in the scene overrides that of the calibration.
+        // A pose in the scene overrides the pose of the calibration.
         let placed = BY_KEY
             .replace("[projector]", "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]");
         assert_eq!(scene(&placed, &document()).expect("a scene").camera.origin.z, 5.0);

@@ -344,7 +344,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     Ok(TimeSelect::Bins { start_ps: b.start_ps, bin_ps: *b.bin_ps, bins: *b.bins })
 }
 
-/// Returns the least common multiple of the camera bin sizes; tile sizes must be a multiple of it.
+/// Returns the least common multiple of the camera bin sizes. Tile sizes must be a multiple of this number.
 fn bin_multiple(slices: &[Slice]) -> u64 {
     let gcd = |mut a: u64, mut b: u64| {
         while b != 0 {

@@ -1,5 +1,5 @@
-//! Checks objects filled with a medium. The surfaces of these objects must be closed and must not intersect
-//! other objects of the same priority. Normals that point inward are reversed.
+//! Checks objects filled with a medium. The surfaces of filled objects must be closed and must not intersect
+//! other objects of the same priority. Normals of filled objects that point inward are reversed.
 
 use super::context::Context;
 use super::shapes::Solid;

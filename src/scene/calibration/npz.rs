@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Maximum number of elements of an array; larger arrays are not part of a calibration and are ignored.
+/// Maximum number of elements of an array. Larger arrays are not part of a calibration and are ignored.
 const MOST: u64 = 1 << 16;
 
 /// Reads a NumPy archive.

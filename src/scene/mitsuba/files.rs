@@ -61,7 +61,7 @@ pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) ->
         for (name, contents) in files {
             fill(&fresh.join(name), contents)?;
         }
-        // Replace an empty folder of that name, but not one that was filled in the meantime.
+        // Replace an empty folder, but not a folder that was filled in the meantime.
         match fs::remove_dir(&absolute) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
             _ => fs::rename(&fresh, &absolute),

@@ -20,7 +20,7 @@ struct Text {
     text: Arc<str>,
 }
 
-/// All files, the main file first, and all errors so far.
+/// All files, beginning with the main file, and all recorded errors.
 #[derive(Default)]
 pub(super) struct Source {
     texts: RefCell<Vec<Text>>,
