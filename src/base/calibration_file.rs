@@ -55,7 +55,7 @@ impl Part {
         }
     }
 
-    /// Returns the tables and keys of a document that belong to this part.
+    /// Returns the tables and keys of a document that belong to the part.
     fn of(self, all: &Table) -> Table {
         let mut out = Table::new();
         for (key, inner) in self.keys() {
@@ -145,7 +145,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
 }
 
 /// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys of
-/// the replaced part only. The other parts are those of `old`, the current text of the file at `path`.
+/// the replaced part only. All other parts are those of `old`, the current text of the file at `path`.
 ///
 /// # Errors
 /// If `old` is not a calibration, returns [`InputError`] at the unknown key or at the invalid TOML.
@@ -171,14 +171,13 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
 }
 
 /// Writes a part to the calibration file at `path`, which is created if it does not exist. `text` is TOML
-/// with the keys of the written part only. The other parts are kept except for comments. Readers see either
-/// the old or the new file.
+/// with the keys of the written part only. All other parts are kept, without comments. Readers see either the
+/// old or the new file.
 ///
 /// # Errors
 /// If writing fails, returns [`PutError`] and leaves the file unchanged.
 pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
-    // Without the lock, two writers could read the same file, and one writer would overwrite the result of
-    // the other writer.
+    // Without the lock, two writers could read the same fileand overwrite each other's results.
     let _lock = Lock::take(path).map_err(|e| match e {
         LockError::Held(who) => PutError::Held(who),
         LockError::Io(e) => PutError::Io(e),

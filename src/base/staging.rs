@@ -1,7 +1,7 @@
 //! Atomic creation of folders, which are built next to the destination under a hidden name and then renamed.
 //!
 //! A killed process may leave `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a
-//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds these
+//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds both
 //! folders.
 
 use std::fs;

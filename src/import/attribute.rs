@@ -2,7 +2,7 @@
 //! coordinates.
 //!
 //! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`). An attribute
-//! `vertex_NAME` or `face_NAME` has one of these sets of columns:
+//! `vertex_NAME` or `face_NAME` has one of the following sets of columns:
 //! - One column, `NAME_0`.
 //! - Three columns, `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or `NAME_x` to `NAME_z`.
 //!

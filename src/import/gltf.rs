@@ -1,4 +1,4 @@
-//! Reads glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with these extensions:
+//! Reads glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with the following extensions:
 //! - `EXT_mesh_gpu_instancing`
 //! - `KHR_mesh_quantization`
 //! - `KHR_node_visibility`

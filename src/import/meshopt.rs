@@ -266,8 +266,8 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// Reverses a filter on elements of `stride` bytes. Returns `None` if the filter does not exist for this
-/// size.
+/// Reverses a filter on elements of `stride` bytes. Returns `None` if the filter does not exist for elements
+/// of the given size.
 pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<()> {
     let int16 = |b: &[u8], i: usize| f32::from(i16::from_le_bytes([b[2 * i], b[2 * i + 1]]));
     match (filter, stride) {

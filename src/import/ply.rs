@@ -25,14 +25,14 @@ const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Parses a PLY file as one mesh without a material and with an empty name.
 ///
-/// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz and the texture coordinates (u,
-/// v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Also uses the face lists `vertex_indices` or
-/// `vertex_index` and `texcoord`, and the strips `tristrips`. Numbers can have any type. Faces without
-/// texture coordinates become a separate part if other faces have texture coordinates. Notes list all other
-/// contents.
+/// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz. Texture coordinates are the
+/// properties (u, v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Also uses the face lists
+/// `vertex_indices` or `vertex_index` and `texcoord`, and the strips `tristrips`. Numbers can have any type.
+/// Faces without texture coordinates become a separate part if other faces have texture coordinates. Notes
+/// list all other contents.
 ///
 /// # Errors
-/// Returns [`ImportError`], with the line number in ASCII files, if the header or the data is invalid, or if
+/// Returns [`ImportError`], with the line number in ASCII files, if the header or the data is invalid or if
 /// there are no triangles.
 pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     read(bytes, None)

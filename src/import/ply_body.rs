@@ -44,7 +44,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Ends a row. In ASCII files, skips the rest of the line and returns whether this rest was not empty.
+    /// Ends a row. In ASCII files, skips the rest of the line and returns whether the rest was not empty.
     pub fn end_row(&mut self) -> bool {
         if self.format != Format::Ascii {
             return false;

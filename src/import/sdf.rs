@@ -41,8 +41,8 @@ const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, so
 /// Computes a triangle mesh of the surface on which the distance is zero.
 ///
 /// # Errors
-/// Returns [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis,
-/// no change of sign, or more than 4 million triangles.
+/// Returns [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis, or
+/// no change of sign. Returns [`ImportError`] if the surface needs more than 4 million triangles.
 pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {

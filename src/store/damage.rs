@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Maximum size of one allocation, in bytes. The longest valid axis has coordinates of this size.
+/// Maximum size of one allocation, in bytes. The coordinates of the longest valid axis have the maximum size.
 const MEMORY: usize = 1 << 27;
 /// Maximum time for the readers of one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -368,8 +368,8 @@ fn damaged_stores_give_results_or_errors() {
         let damaged = folder.path().join("damaged");
         copy(if in_shards { &sharded } else { &a }, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
-        // In half of the cases, a new manifest is written after the damage. The damage then passes the
-        // manifest check and reaches the readers.
+        // In half of the cases, a new manifest is written after the damage. With a new manifest, the damage
+        // passes the manifest check and reaches the readers.
         if list.len() % 2 == 0 {
             crate::zarr::reseal(&damaged);
         }

@@ -9,12 +9,12 @@
 //! (`replicates_per_pixel`).
 //!
 //! Errors of totals (`total_std_error`) are pooled in the same way, with the totals of the means as m. The
-//! merged store has no errors of totals if an input, written by an earlier version, lacks them.
+//! merged store has no errors of totals if an input from an earlier version has no errors of totals.
 //!
 //! Sums are computed in f64. The remaining error is the rounding of the stored f32 values.
 //!
 //! If an element averages several pixels, the samples are not identically distributed and only their means
-//! are known. The pooled values are then m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+//! are known. The pooled values of several pixels are m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined and not pooled. The result
 //! equals the whole render byte for byte.

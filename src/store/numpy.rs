@@ -50,7 +50,7 @@ pub enum NumpyError {
 pub struct NumpyReader {
     path: PathBuf,
     bytes: Bytes,
-    /// Length of every axis; the last axis is the fastest.
+    /// Length of every axis, of which the last axis is the fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
@@ -157,8 +157,8 @@ impl NumpyReader {
 }
 
 impl NumpyArray {
-    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes unchanged, integers of up to 2 bytes as
-    /// `f32`, larger integers as `f64`.
+    /// Reads a `.npy` file of real numbers. Floats of 4 or 8 bytes are unchanged. Integers of up to 2 bytes
+    /// become `f32`, and larger integers become `f64`.
     ///
     /// # Errors
     /// Returns an error if the file is not a `.npy` file of real numbers, or is truncated.
@@ -212,7 +212,7 @@ pub fn write<T: NumpyNumber>(
     buffered.flush()
 }
 
-/// Writes the header of an array. [`append`] then writes the elements in row-major order.
+/// Writes the header of an array, after which [`append`] writes the elements in row-major order.
 ///
 /// # Errors
 /// Returns an error if the writer fails.

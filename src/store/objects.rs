@@ -1,9 +1,9 @@
 //! The interface to object stores. Clients implement [`ObjectClient`], and [`install`] registers the
 //! function that opens a client.
 //!
-//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
-//! because these clients have more dependencies than the rest of the program's input and output. Without a
-//! client, every URL is refused.
+//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`. The
+//! separate crate keeps the many dependencies of these clients out of this crate. Without a client, every URL
+//! is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -54,14 +54,14 @@ pub struct Version {
 pub enum Condition {
     /// The object does not exist (`If-None-Match: *`).
     Absent,
-    /// The object exists in this version (`If-Match`).
+    /// The object exists in the given version (`If-Match`).
     Is(Version),
 }
 
 /// The result of a conditional put.
 #[derive(Debug)]
 pub enum Put {
-    /// The object was written and now has this version.
+    /// The object was written and now has the given version.
     Done(Version),
     /// The condition does not hold. The object may be the result of an earlier request for the same put, if
     /// the response was lost.
@@ -162,7 +162,7 @@ impl Objects {
         self.0.put_many(vec![(key.to_owned(), bytes)])
     }
 
-    /// Writes an object if there is no object with this key.
+    /// Writes an object if there is no object with the given key.
     pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Absent)
     }

@@ -12,7 +12,7 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// The destination of a render, and the treatment of an existing store at this destination.
+/// The destination of a render, and the treatment of an existing store at the destination.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     pub path: PathBuf,
@@ -103,7 +103,7 @@ impl ZarrSink {
         move |cause| SinkError::Journal { path: path.clone(), cause }
     }
 
-    /// Opens the store to resume, after checking that this store contains the same render.
+    /// Opens the store to resume, after checking that the store contains the same render.
     fn go_on(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let store = TensorStore::open_for_write(&self.target.path)?;
         denoised::refuse(&store)?;

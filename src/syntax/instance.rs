@@ -35,7 +35,7 @@ pub struct InstanceFile {
 }
 
 impl GroupFile {
-    /// Creates a group of these objects.
+    /// Creates a group of the given objects.
     pub fn new(objects: impl IntoIterator<Item = ObjectFile>) -> Self {
         Self { objects: objects.into_iter().map(Into::into).collect() }
     }

@@ -3,9 +3,9 @@
 //! Values are substituted in the parsed document and keep their location in the file. An error in a
 //! substituted value is therefore reported at its location in `[vary]`.
 //!
-//! A number drawn from a range is min + u (max - min). The factor u in [0, 1) is a 53-bit hash (SplitMix64's
-//! finalizer; Steele, Lea & Flood 2014) of the parameter's name, ⌊k / every⌋ and the number's index in the
-//! list. Adding a parameter therefore does not change the values of other parameters.
+//! A number drawn from a range is min + u (max - min). The factor u in [0, 1) is a 53-bit hash of the
+//! parameter's name, ⌊k / every⌋ and the number's index in the list. The hash is SplitMix64's finalizer
+//! (Steele, Lea & Flood 2014). Adding a parameter therefore does not change the values of other parameters.
 
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
@@ -150,7 +150,7 @@ impl<'a> Vary<'a> {
         Ok(all)
     }
 
-    /// Checks that the types of a parameter's values allow them to replace the value `present`.
+    /// Checks that the types of a parameter's values allow the values to replace the value `present`.
     fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),

@@ -67,8 +67,8 @@ impl Tensor {
         }
     }
 
-    /// Returns three numbers for an axis: the product of the lengths of all earlier axes, the length of the
-    /// axis, and the product of the lengths of all later axes.
+    /// Returns the number of elements before an axis, along the axis and after the axis, as products of the
+    /// axes' lengths.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())

@@ -11,8 +11,8 @@ use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSe
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
 /// Number of tensor elements (4 MiB of f32) above which each matrix element has separate chunks. With
-/// separate chunks, matrix elements that are zero in a whole tile need no chunks. A reader can also read a
-/// matrix element without the other 15.
+/// separate chunks, matrix elements that are zero in a whole tile need no chunks. A reader can read one
+/// matrix element without the other 15 elements.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
 /// Dimension of the transport tensor T that an axis resolves.
@@ -124,7 +124,7 @@ pub struct Axis {
     pub kind: AxisKind,
     /// Coordinates: a pixel's index (its centre minus 0.5), or the centre of a bin of pixels or time.
     pub coords: Vec<f64>,
-    /// Chunk length along this axis.
+    /// Chunk length along the axis.
     pub chunk: u64,
 }
 
@@ -155,7 +155,7 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // This condition also rejects NaN.
+        // The condition also rejects NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }
@@ -318,7 +318,8 @@ impl SliceLayout {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the layout without the time axis, under the same name. The overflow arrays have this layout.
+    /// Returns the layout without the time axis, under the same name. The overflow arrays use the layout
+    /// without the time axis.
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);

@@ -89,8 +89,8 @@ mod tests {
 
     #[test]
     fn errors_much_smaller_than_their_neighbours_are_doubtful() {
-        // The centre of 3 × 3 pixels is unreliable if 9 · 1² < ¼ · Σ e². This condition means that the error
-        // is less than half of the root mean square.
+        // The centre of 3 × 3 pixels is unreliable if 9 · 1² < ¼ · Σ e². If the condition holds, the error is
+        // less than half of the root mean square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
         let marks = doubtful(&errors(&[0.0, 1.0, 2.0], &data), true);

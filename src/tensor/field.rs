@@ -47,7 +47,7 @@ impl Field {
         }
     }
 
-    /// Returns the layout of this field in a slice, or `None` if the slice does not have the field.
+    /// Returns the layout of the field in a slice, or `None` if the slice does not have the field.
     pub fn layout_in(self, slice: &SliceLayout) -> Option<SliceLayout> {
         match self {
             Self::Mean | Self::StdError => Some(slice.clone()),

@@ -83,7 +83,7 @@ pub struct TileRecord {
 /// Statistics of a render.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// True if every tile is finished; false after an interruption.
+    /// True if every tile is finished, or false after an interruption.
     pub complete: bool,
     /// Number of finished tiles, including those of earlier runs.
     pub tiles_done: u32,
@@ -102,8 +102,9 @@ pub struct Summary {
 
 /// Receiver of the tiles of one render.
 ///
-/// [`Sink::begin`] is called first and [`Sink::end`] last. Between these calls, `put`, `put_samples` and then
-/// `tile_done` are called for each tile from one thread. Calls for different tiles may be concurrent.
+/// [`Sink::begin`] is called first and [`Sink::end`] last. For each tile, one thread calls `put`,
+/// `put_samples` and then `tile_done`, after `begin` and before `end`. Calls for different tiles may be
+/// concurrent.
 pub trait Sink: Sync {
     /// Error type of the sink.
     type Error: std::error::Error + Send + Sync + 'static;

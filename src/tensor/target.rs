@@ -52,7 +52,7 @@ pub struct Goal {
     pub slice: String,
     /// Relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Fraction of the lit pixels that must reach this error, 0 to 1. The value 0.5 selects the median.
+    /// Fraction of the lit pixels that must reach the target error, 0 to 1. The value 0.5 selects the median.
     pub share: f64,
     /// Samples per pixel in the first round.
     pub first: u32,
@@ -61,7 +61,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names (`--`).
+    /// Returns an error message if the goal is invalid. `dashes` is the prefix of option names (`--`).
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
@@ -144,12 +144,12 @@ pub enum Next {
     Reached,
     /// Stop: pixels have the maximum number of samples.
     Exhausted,
-    /// Render a round with this number of samples per pixel for each tile.
+    /// Render a round with the given number of samples per pixel for each tile.
     Round(Vec<u32>),
 }
 
-/// Returns the quantile `share` of the `sorted` values: the smallest value that at least a fraction `share`
-/// of the values does not exceed. Returns `None` if there are no values.
+/// Returns the quantile `share` of the `sorted` values, or `None` if there are no values. The quantile is the
+/// smallest value that at least a fraction `share` of the values does not exceed.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()

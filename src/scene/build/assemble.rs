@@ -269,8 +269,7 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
 
 /// Returns the content of the scene as canonical text, for the scene hash. The text does not depend on
 /// comments, table order, number formats, explicit defaults, the tables `figures` and `vary`, or names
-/// without effect. The text excludes these render settings: samples per pixel, replicates, seed and tile
-/// size.
+/// without effect. The text excludes the samples per pixel, the replicates, the seed and the tile size.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {

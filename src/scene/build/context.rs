@@ -24,7 +24,8 @@ pub(crate) struct Context {
     pub folder: PathBuf,
     /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of in-memory files that the build derived from other files. The scene does not list these names.
+    /// Names of in-memory files that the build derived from other files. The scene does not list the derived
+    /// files.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
     /// Wavelengths to which lists in the file refer. The listed wavelengths differ from `wavelengths` only if
@@ -300,7 +301,7 @@ impl Context {
     }
 }
 
-/// Largest accepted magnitude of a value in a scene file. This limit keeps f32 arithmetic finite.
+/// Largest accepted magnitude of a value in a scene file. The limit keeps f32 arithmetic finite.
 pub(crate) const HUGE: f64 = 1e12;
 
 /// Reads the text of a scene or material file.

@@ -13,7 +13,7 @@ use transport::material::constants::ConstantsError;
 /// Name of the ideal mirror among the metals.
 const MIRROR: &str = "mirror";
 
-/// Extinction coefficient k of the ideal mirror, dimensionless. With n = 0, this k reflects all
+/// Extinction coefficient k of the ideal mirror, dimensionless. With n = 0, this value of k reflects all
 /// light and gives both polarizations the same phase shift.
 const MIRROR_K: f32 = 1e6;
 

@@ -327,8 +327,8 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     if !(1..=1 << 20).contains(&*b.bins) {
         return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
     }
-    // The bin width must be representable next to the latest time. Bin edges are then finite and
-    // increasing, and bin centres differ.
+    // The bin width must be representable next to the latest time. A representable bin width makes bin edges
+    // finite and increasing, and bin centres different.
     let end = b.start_ps + f64::from(*b.bins) * *b.bin_ps;
     let latest = b.start_ps.abs().max(end.abs());
     if !(latest.is_finite() && latest * LEAST_BIN < *b.bin_ps) {

@@ -1,8 +1,8 @@
 //! Separates or overlaps objects that touch within rounding errors. The surface of one object is moved by
 //! the smallest distance that single precision resolves.
 //!
-//! Glass on an opaque object is extended into the object, so that light in the glass reaches the object
-//! without an air gap, as in other renderers. A sheet, which does not refract, is moved away from the object.
+//! Glass on an opaque object is extended into the object, as in other renderers. Light in the extended glass
+//! reaches the object without an air gap. A sheet, which does not refract, is moved away from the object.
 
 use super::context::Context;
 use super::pose::matrix;

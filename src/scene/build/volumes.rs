@@ -107,7 +107,7 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Returns whether the surface of this volume is partly inside and partly outside another volume.
+    /// Returns whether the surface of the volume is partly inside and partly outside another volume.
     fn cuts(&self, other: &Self) -> bool {
         let found: Vec<bool> = self.points.iter().filter_map(|p| other.holds(*p)).collect();
         found.contains(&true) && found.contains(&false)

@@ -55,7 +55,7 @@ pub fn is_calibration(path: &Path) -> bool {
 ///
 /// # Errors
 /// Returns [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
-/// contains the location of the fault if this location is known.
+/// contains the location of the fault if the location is known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }

@@ -4,9 +4,9 @@
 //! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A
 //! feature that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
 //!
-//! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at these
-//! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A
-//! scene for mono variants is therefore exported at one wavelength, as plain numbers.
+//! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at the scene's
+//! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A scene for
+//! mono variants is therefore exported at one wavelength, as plain numbers.
 
 use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;

@@ -334,8 +334,8 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one
-    /// facet). These BSDFs model interreflection but no polarization.
+    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one facet).
+    /// Both BSDFs model interreflection but no polarization.
     fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
@@ -419,7 +419,8 @@ impl<'a> MaterialWriter<'a> {
         self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// Writes a constant spectrum, or a grayscale image in sRGB encoding. Both programs decode sRGB values.
+    /// Writes a constant spectrum, or a grayscale image in sRGB encoding. Sunstone and Mitsuba decode sRGB
+    /// values.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));

@@ -297,7 +297,7 @@ fn heading(xml: &Path) -> String {
 }
 
 /// Builds the scene with locations in the XML file and file names relative to the scene file. Returns the
-/// notes and, if light is lost in a gap, this gap.
+/// notes and, if light is lost in a gap, the gap.
 fn check(
     importer: &Importer,
     file: &SceneFile,

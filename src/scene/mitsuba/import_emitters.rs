@@ -302,7 +302,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
 }
 
 fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
-    // Irradiances are f32 in the scene. Rounding here removes the rounding error of the factor.
+    // Irradiances are f32 in the scene. Rounding to f32 removes the rounding error of the factor.
     let times = |v: &f64| f64::from((v * factor) as f32);
     let mut out = spectrum.clone();
     match &mut out {
@@ -313,7 +313,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Returns the size in pixels of a projector's image, and whether this image is uniformly white.
+/// Returns the size in pixels of a projector's image, and whether the image is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
     let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;

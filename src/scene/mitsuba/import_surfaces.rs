@@ -79,7 +79,7 @@ pub(super) fn metal<'a>(
     }
 }
 
-/// Refuses a factor other than 1, because Sunstone's material does not have this factor.
+/// Refuses a factor other than 1, because Sunstone's material does not have the factor.
 pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None => Ok(()),

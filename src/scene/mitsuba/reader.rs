@@ -240,7 +240,7 @@ impl<'s> Reader<'s> {
                 "remove the <include> of a file that includes this one, or nest fewer files",
             ));
         }
-        // As in Mitsuba, search folders set in an included file apply to that file only.
+        // As in Mitsuba, search folders set in an included file apply only to the included file.
         let mut folders = self.folders.clone();
         folders.prepend(self.folder.clone());
         let path = folders.find(&name);

@@ -96,7 +96,7 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-/// Iterates over all boxes that combine one range per axis; the last axis varies fastest.
+/// Iterates over all boxes that combine one range per axis. The last axis varies fastest.
 fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
     let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
     region::indices(&vec![0; counts.len()], &counts)

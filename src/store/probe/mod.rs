@@ -11,9 +11,9 @@
 //! of chunks of camera pixels.
 //!
 //! **Standard errors.** Elements of one camera pixel are estimated from the same samples and may be
-//! correlated in any way. The standard error of a weighted sum over such elements has the bound Σ|w|·se,
-//! which is valid for any correlation. Different camera pixels are estimated from different samples, so
-//! errors add in quadrature over y and x.
+//! correlated in any way. The standard error of a weighted sum over elements of one pixel has the bound
+//! Σ|w|·se, which is valid for any correlation. Different camera pixels are estimated from different samples,
+//! so errors add in quadrature over y and x.
 
 mod engine;
 mod error;

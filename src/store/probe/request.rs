@@ -43,7 +43,8 @@ pub enum Pulse {
     Samples(Vec<f64>),
 }
 
-/// A probe of a stored slice. The default probe returns the slice unchanged. Steps apply in this order:
+/// A probe of a stored slice. The default probe returns the slice unchanged. The steps apply in the following
+/// order:
 /// 1. Contraction with the pattern and the Stokes state.
 /// 2. Convolution with the pulse.
 /// 3. Selection.
@@ -92,7 +93,7 @@ impl Probe {
         probe
     }
 
-    /// Returns the same probe for arrays without a time axis.
+    /// Returns a copy of the probe for arrays without a time axis.
     pub(super) fn without_time(&self) -> Self {
         let mut probe = self.clone();
         probe.select.retain(|s| s.axis != AxisKind::T);

@@ -175,7 +175,7 @@ mod tests {
             json["chunk_key_encoding"] = encoding;
             Array::of("/a/mean", "float32", &json).map(|array| array.chunk_key(index))
         };
-        // Section "Chunk key encoding": `default` has the prefix "c" and the separator "/" by default; `v2`
+        // Section "Chunk key encoding": `default` has the prefix "c" and the separator "/" by default. `v2`
         // has no prefix and the separator ".".
         for (encoding, expected) in [
             (json!("default"), "a/mean/c/1/20"),

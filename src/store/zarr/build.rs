@@ -15,12 +15,12 @@ use tensor::axes::SliceLayout;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleGrid {
     pub camera: [u32; 2],
-    /// Edge length of a tile in camera pixels; a chunk is one tile.
+    /// Edge length of a tile in camera pixels. A chunk is one tile.
     pub tile: u32,
 }
 
 impl SampleGrid {
-    /// Returns the grid of sample counts with this shape and chunk (rows, columns).
+    /// Returns the grid of sample counts with the given shape and chunk (rows, columns).
     pub(crate) fn new(shape: [u64; 2], chunk: [u64; 2]) -> Self {
         Self { camera: [shape[1] as u32, shape[0] as u32], tile: chunk[0].max(chunk[1]) as u32 }
     }

@@ -2,8 +2,8 @@
 //!
 //! Each chunk is a file, or part of a shard ([`super::sharded`]).
 //!
-//! Before a chunk file is decoded, the reader checks that the file is exactly one Zstandard frame (RFC 8878,
-//! section 3.1.1) of the chunk's declared size. A damaged file is therefore an error and never causes an
+//! Before a chunk file is decoded, the reader checks that the file is exactly one Zstandard frame of the
+//! declared size (RFC 8878, section 3.1.1). A damaged file is therefore an error and never causes an
 //! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
 //! damage inside the frame. Computing the checksum is fast, because the checksum covers the compressed bytes
 //! and not the decompressed zeros.
@@ -196,8 +196,9 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Calls `f(index of the unit, overlap start, overlap shape, start of the unit, whether the region
-    /// covers the unit completely)` for every unit that a region intersects.
+    /// Calls `f` for every unit that a region intersects. The arguments of `f` are the index of the unit, the
+    /// start and the shape of the overlap, the start of the unit, and whether the region covers the unit
+    /// completely.
     fn for_units(
         &self,
         units: &[Vec<u64>],
@@ -241,8 +242,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(values)
     }
 
-    /// Writes a region, row-major. Other elements of the intersected chunks keep their values. For
-    /// `touched`, see [`sparse_frame::encode`].
+    /// Writes a region, row-major. Elements of the intersected chunks outside the region keep their values.
+    /// For `touched`, see [`sparse_frame::encode`].
     pub(super) fn write(
         &self,
         start: &[u64],
@@ -262,7 +263,7 @@ impl<T: Number> ChunkedArray<T> {
         self.for_units(&units, start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
             if shape == self.chunk && origin == start {
-                // The region is exactly this chunk, so the values need not be copied.
+                // The region is exactly one chunk, so the values need not be copied.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));
             }

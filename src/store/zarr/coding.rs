@@ -27,7 +27,7 @@ thread_local! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) frame: Frame,
-    /// Whether the byte order of the file differs from that of this machine.
+    /// Whether the byte order of the file differs from the byte order of this machine.
     pub(super) swapped: bool,
 }
 
@@ -128,7 +128,8 @@ fn names(codecs: &Value) -> Vec<&str> {
     codecs.as_array().into_iter().flatten().filter_map(name).collect()
 }
 
-/// Returns whether the first codec, `bytes`, specifies a byte order other than that of this machine.
+/// Returns whether the first codec, `bytes`, specifies a byte order other than the byte order of this
+/// machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {

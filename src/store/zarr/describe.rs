@@ -172,7 +172,7 @@ fn create_coordinates(
     }
 }
 
-/// Creates an array with these values at `node`.
+/// Creates an array with the given values at `node`.
 pub(super) fn create_filled<T: Number>(
     storage: &Arc<AtomicDirectory>,
     node: &str,

@@ -121,8 +121,8 @@ impl FrameStore {
     /// dropped.
     ///
     /// # Errors
-    /// Returns an error if the path exists, another process writes the store, the size of a map differs from
-    /// that of a frame, or writing fails.
+    /// Returns an error if the path exists, another process writes the store, or writing fails. Returns an
+    /// error if the size of a map differs from the size of a frame.
     pub fn create(
         path: &Path,
         layout: &FrameLayout,
@@ -336,7 +336,7 @@ impl FrameStore {
             .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
-    /// Reads a map. Returns `None` if the store has no map of this name.
+    /// Reads a map. Returns `None` if the store has no map of the given name.
     ///
     /// # Errors
     /// Returns an error if the map is damaged.
@@ -360,7 +360,7 @@ impl FrameStore {
             Err(e) => return Err(e),
         }
         match file.parent() {
-            // Synchronize the folder too, because it contains the new file's name.
+            // Also synchronize the folder, which contains the new file's name.
             Some(folder) => std::fs::File::open(folder)?.sync_data(),
             None => Ok(()),
         }
@@ -370,8 +370,8 @@ impl FrameStore {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
-    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of this
-    /// name.
+    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of the
+    /// given name.
     ///
     /// # Errors
     /// Returns an error if the column is damaged.

@@ -44,7 +44,7 @@ pub(super) struct Entry {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
-/// Returns the file name of the manifest of a store with these root attributes.
+/// Returns the file name of the manifest of a store with the given root attributes.
 pub(super) fn name(attributes: &Map<String, Value>) -> &'static str {
     if Part::of_attributes(attributes).is_some() { OF_PART } else { FILE }
 }
@@ -55,7 +55,7 @@ pub(super) fn is_plain(path: &str) -> bool {
     path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
-/// Returns the checksum in the manifest for a file with these bytes.
+/// Returns the checksum in the manifest for a file with the given bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
         Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
@@ -165,7 +165,7 @@ impl Manifest {
         [FILE, OF_PART].iter().try_for_each(|name| remove_if_present(&root.join(name)))
     }
 
-    /// Reads the manifest with this file name at `place`. Returns `None` if the manifest does not exist.
+    /// Reads the manifest with the given file name at `place`. Returns `None` if the manifest does not exist.
     /// `root` is the path in messages.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {

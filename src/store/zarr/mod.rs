@@ -11,9 +11,9 @@
 //! - Attributes that the program reads have the right type.
 //!
 //! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
-//! a finished store must match the manifest, so lost or exchanged chunks are errors and are not read as
-//! zeros. An unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a time
-//! writes a store ([`base::lock`]).
+//! a finished store must match the manifest. A lost or exchanged chunk is therefore an error and is not read
+//! as zeros. An unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a
+//! time writes a store ([`base::lock`]).
 
 mod array;
 mod atomic;
@@ -106,7 +106,7 @@ impl std::fmt::Debug for TensorStore {
 impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
-    /// The store is built next to `path` and then renamed, so it is created atomically. With `replace`, an
+    /// The store is built next to `path` and then renamed, so the creation is atomic. With `replace`, an
     /// existing *store* at `path` is deleted first. A path with any other content is refused. Objects at a
     /// URL cannot be renamed, so an old store at a URL is deleted first. The new store at a URL is written in
     /// place, and remains unfinished until [`Self::finish`].

@@ -28,7 +28,7 @@ const AT_A_TIME: u64 = 8 << 20;
 pub(super) enum Known {
     /// A file that this process has written, with its manifest entry.
     Put(Entry),
-    /// An existing file with this size, in bytes.
+    /// An existing file with the given size in bytes.
     Found(u64),
 }
 
@@ -176,7 +176,7 @@ impl Remote {
         self.put_as(key, bytes, entry)
     }
 
-    /// Writes a file as [`Self::put`] does, with this manifest entry.
+    /// Writes a file as [`Self::put`] does, with the given manifest entry.
     pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
         self.may_write()?;
         self.objects.put(key, bytes.clone())?;

@@ -80,7 +80,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
     let io = |cause| RemoveError::Io { path: path.to_owned(), cause };
-    // If the process is killed after the rename, the creation of the next store at this path removes the
+    // If the process is killed after the rename, the creation of the next store at the same path removes the
     // leftover.
     let part = staging::part_of(path);
     staging::remove(&part).map_err(io)?;

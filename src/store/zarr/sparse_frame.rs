@@ -1,7 +1,7 @@
 //! Writes Zstandard frames of mostly zero bytes directly (RFC 8878, section 3.1.1).
 //!
 //! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates the
-//! time. This encoder therefore writes only runs of zeros, as one repeated byte, and raw bytes between the
+//! time. The encoder therefore writes only runs of zeros, as one repeated byte, and raw bytes between the
 //! runs. Every Zstandard decoder reads blocks of repeated bytes and blocks of raw bytes.
 
 use tensor::sink::STRETCH;

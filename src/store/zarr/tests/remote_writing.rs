@@ -1,5 +1,5 @@
-//! Tests that stores written at a URL equal stores in a folder byte for byte, even after failures and killed
-//! processes.
+//! Tests that stores written at a URL are byte-identical to stores in a folder, even after failures and
+//! killed processes.
 
 use super::*;
 use crate::objects::fake::life;
