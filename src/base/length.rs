@@ -34,8 +34,8 @@ impl Length {
     /// Returns the length in metres if it has a unit or is at most `limit` metres.
     ///
     /// # Errors
-    /// Returns a message about the length `what`, if the length has no unit and exceeds `limit`, because it
-    /// may be in millimetres.
+    /// Returns a message about the length `what`, if the length has no unit and exceeds `limit`, because the
+    /// length may be in millimetres.
     pub fn within(self, limit: f64, what: &str) -> Result<f64, String> {
         if self.has_unit || self.metres <= limit {
             return Ok(self.metres);

@@ -109,8 +109,8 @@ impl Header {
             .ok_or_else(|| invalid("the header is not a dictionary of descr, fortran_order and shape"))
     }
 
-    /// Returns the type of the elements and whether they are big-endian, or `None` if they are not numbers of
-    /// a supported type.
+    /// Returns the type of the elements and whether the elements are big-endian. Returns `None` if the
+    /// elements are not numbers of a supported type.
     pub fn element(&self) -> Option<(Element, bool)> {
         let kind = self.kind.as_deref()?;
         let (order, kind) = kind.split_at_checked(1)?;

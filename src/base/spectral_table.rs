@@ -10,8 +10,8 @@ pub struct SpectralTable<'a> {
 }
 
 impl SpectralTable<'_> {
-    /// Returns whether the table is valid: it has at least one entry and as many values as wavelengths. All
-    /// numbers must be finite, and wavelengths positive and strictly increasing.
+    /// Returns whether the table is valid. A valid table has at least one entry and as many values as
+    /// wavelengths. All numbers must be finite, and wavelengths positive and strictly increasing.
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
         finite

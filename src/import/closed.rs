@@ -1,4 +1,5 @@
-//! Checks whether meshes are closed, how they are oriented, and whether points are inside.
+//! Checks whether meshes are closed, reverses meshes whose normals point inward, and tests whether points are
+//! inside.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;

@@ -29,9 +29,9 @@ use transport::geometry::mesh::Mesh;
 /// Maximum number of triangles after instancing of one file (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Parses a glTF document or GLB container. Uses the default scene, or else the first scene, or else all
-/// nodes, or else all meshes. Each primitive of each node with a mesh becomes a part in world space, named
-/// after the node.
+/// Parses a glTF document or GLB container. Uses the default scene if there is one. Otherwise, uses the first
+/// of these that exists: the first scene, all nodes, or all meshes. Each primitive of each node with a mesh
+/// becomes a part in world space, named after the node.
 ///
 /// `base_dir` is the folder of external buffers. Without `base_dir`, external buffers are an error. Materials
 /// without a name are named `material_` and their index. Notes list points, lines and all other contents that

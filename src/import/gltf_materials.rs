@@ -64,8 +64,8 @@ fn colour(value: &Value, missing: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
 }
 
-/// Sets the reflectance at normal incidence, `f0`. If `f0` is within the range of glass, the reflectance is
-/// that of a coat, and otherwise that of a mirror.
+/// Sets the reflectance at normal incidence, `f0`. If `f0` is within the range of glass, the reflectance
+/// belongs to a coat, and otherwise to a mirror.
 fn specular(f0: [f64; 3], out: &mut Appearance) {
     const MOST: f64 = 0.16;
     let strongest = f0.into_iter().fold(0.0, f64::max);

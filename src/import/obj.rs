@@ -156,7 +156,7 @@ type Corner = [u32; 3];
 
 const NONE: u32 = u32::MAX;
 
-/// The part being read, which has one name and one material.
+/// The part that is being read, which has one name and one material.
 #[derive(Default)]
 struct Object {
     name: String,

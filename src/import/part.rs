@@ -36,7 +36,7 @@ impl IntoIterator for Model {
     }
 }
 
-/// The contents of a file while it is read.
+/// The contents of a file that is being read.
 #[derive(Default)]
 pub(super) struct Parts {
     pub list: Vec<MeshPart>,

@@ -206,8 +206,8 @@ mod tests {
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
     }
 
-    /// Tests a square whose outline includes a corner above one edge, outside the square's plane. n corners
-    /// give n - 2 triangles.
+    /// Tests a square whose outline includes a corner above one edge, outside the square's plane. A polygon
+    /// of n corners gives n - 2 triangles.
     #[test]
     fn corners_off_the_plane_leave_no_hole() {
         let points =

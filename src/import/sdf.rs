@@ -142,7 +142,7 @@ impl Grid<'_> {
         sum
     }
 
-    /// Returns the surface with `parts` subdivisions per cell and axis, or `None` if it has too many
+    /// Returns the surface with `parts` subdivisions per cell and axis, or `None` if the surface has too many
     /// triangles.
     fn surface(&self, parts: usize, normals: Normals) -> Option<Surface> {
         let mut out = Surface { mesh: Mesh::default(), deviation: 0.0 };

@@ -11,7 +11,7 @@ pub struct Ies {
     pub vertical: Vec<f32>,
     /// Horizontal angles in degrees, increasing from 0 to 0, 90, 180 or 360.
     pub horizontal: Vec<f32>,
-    /// Relative intensities, 0..1: one row per horizontal angle, one column per vertical angle.
+    /// Relative intensities, 0..1: one row per horizontal angle, and one column per vertical angle.
     pub values: Vec<f32>,
 }
 

@@ -1,4 +1,5 @@
-//! Merges renders of one scene with different seeds. The result equals that of one render with all samples.
+//! Merges renders of one scene with different seeds. The result equals the result of one render with all
+//! samples.
 //!
 //! For an element that belongs to one camera pixel (`pixels_per_element` = 1), the pooled values are exact
 //! (Chan, Golub & LeVeque 1979). The values are equivalent to pooling Σx and Σx². N samples with mean m and
@@ -90,13 +91,13 @@ pub(crate) struct Parts<'a> {
 /// Merges the stores `inputs` into a new store `out`. An existing store is replaced only if `replace` is
 /// true.
 ///
-/// Sample counts come from the array `samples` of a store, or else from its root attribute
-/// `samples_per_pixel`. The root attributes `seeds` are concatenated. `samples_per_pixel`,
-/// `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All other root
-/// attributes are those of the first input.
+/// Sample counts come from the array `samples` of a store. If the array does not exist, sample counts come
+/// from the root attribute `samples_per_pixel`. The root attributes `seeds` are concatenated.
+/// `samples_per_pixel`, `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All
+/// other root attributes have the values of the first input.
 ///
-/// If the inputs are the parts of one render, `out` equals that render byte for byte, except for
-/// `wall_time_s`, which is the sum.
+/// If the inputs are the parts of one render, `out` equals the whole render byte for byte. The only
+/// difference is `wall_time_s`, which is the sum over the parts.
 ///
 /// # Errors
 /// Returns an error if reading or writing fails, or if the inputs cannot be merged. Valid inputs are renders

@@ -2,7 +2,7 @@
 //! function that opens a client.
 //!
 //! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`. The
-//! separate crate keeps the many dependencies of these clients out of this crate. Without a client, every URL
+//! separate crate keeps the many dependencies of the clients out of this crate. Without a client, every URL
 //! is refused.
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ pub struct MediumSet {
 impl MediumSet {
     /// Reads a media file (`wavelengths_nm` and `[media]` as in a scene file) and builds its media.
     ///
-    /// With `only`, builds just the medium of the given name, because computing the tables of large particles
+    /// With `only`, builds only the medium of the given name, because computing the tables of large particles
     /// takes seconds. With `wavelengths`, builds the media for the given wavelengths, and interpolates lists
     /// between the file's own wavelengths.
     ///

@@ -117,7 +117,7 @@ impl<'a> Volume<'a> {
 /// Checks that filled objects of equal priority with different media do not intersect.
 ///
 /// # Errors
-/// Returns [`InputError`] at the second of two volumes if they intersect.
+/// Returns [`InputError`], located at the second volume, if two volumes intersect.
 pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputError> {
     for (i, b) in volumes.iter().enumerate() {
         for a in &volumes[..i] {

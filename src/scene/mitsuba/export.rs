@@ -1,8 +1,8 @@
 //! Exports a scene file to Mitsuba 3's XML, with meshes, images and tables in files next to it.
 //!
-//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames,
-//! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A
-//! feature that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
+//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames and
+//! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A feature
+//! that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
 //!
 //! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at the scene's
 //! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A scene for

@@ -1,9 +1,9 @@
 //! Converts Mitsuba 3's XML to a scene file in TOML.
 //!
-//! The supported subset of Mitsuba's format is that of [`super::export`]. RGB colours become values at the
-//! scene's wavelengths: red above 590 nm, green from 500 to 590 nm, and blue below 500 nm. The wavelengths
-//! are 660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` sets other wavelengths. One-sided BSDFs
-//! become `two_sided` with a black back.
+//! The import supports the same subset of Mitsuba's format as [`super::export`]. RGB colours become values at
+//! the scene's wavelengths: red above 590 nm, green from 500 to 590 nm, and blue below 500 nm. The
+//! wavelengths are 660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` sets other wavelengths.
+//! One-sided BSDFs become `two_sided` with a black back.
 
 use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
@@ -43,7 +43,7 @@ pub struct Import {
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct ImportError(
-    /// At least one error, sorted by file and location.
+    /// One or more errors, sorted by file and location.
     pub Vec<InputError>,
 );
 
@@ -54,8 +54,8 @@ impl From<InputError> for ImportError {
 }
 
 impl Import {
-    /// Reads Mitsuba's file `xml` and converts it to a scene file to be written at `toml`. `parameters` are
-    /// the values of `$name` (Mitsuba's `-D`).
+    /// Reads Mitsuba's file `xml` and converts the scene to a scene file for the path `toml`. `parameters`
+    /// are the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
     /// Returns [`ImportError`] if the scene has unsupported elements. The error lists each element with file,

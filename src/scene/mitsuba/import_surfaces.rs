@@ -46,8 +46,8 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// Returns the metal for Mitsuba's conductor. A conductor without a material, or with `none`, has η = 0 and k
-/// = 1 by default and therefore reflects all light.
+/// Returns the metal for Mitsuba's conductor. The defaults η = 0 and k = 1 apply to a conductor without a
+/// material, or with `none`, and reflect all light.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,

@@ -67,7 +67,7 @@ pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result
 }
 
 /// Decodes a chunk file into `out`, in the byte order of the file. Returns the fault if the decoded size
-/// differs from that of `out`.
+/// differs from the size of `out`.
 pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), String> {
     let (content, seal) = match frame {
         Frame::Sealed => bytes.split_at(bytes.len().saturating_sub(SEAL)),

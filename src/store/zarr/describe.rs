@@ -71,7 +71,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Returns the names of the slices from the root's metadata, or `None` if the metadata is not that of a
+/// Returns the names of the slices from the root's metadata, or `None` if the metadata does not belong to a
 /// Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
@@ -207,7 +207,7 @@ fn read_axis(
     }
 }
 
-/// Reads `expected` coordinates from the metadata of the coordinate array if possible, else from the
+/// Reads `expected` coordinates from the metadata of the coordinate array if possible, and otherwise from the
 /// array's values.
 fn read_coordinates<T: Number>(
     storage: &Arc<AtomicDirectory>,

@@ -320,8 +320,8 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a store exists at a path, so that a new store would have to replace it. At a URL, an
-    /// unfinished store of a killed merge does not count, because the same merge resumes the store.
+    /// Returns whether a new store at a path would have to replace an existing store. At a URL, an unfinished
+    /// store of a killed merge does not count, because the same merge resumes the store.
     ///
     /// # Errors
     /// Returns an error if an object store refuses the request or cannot be reached.

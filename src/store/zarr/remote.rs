@@ -18,8 +18,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const AHEAD_FILES: usize = 64;
 /// Maximum number of bytes of one concurrent fetch, if the manifest contains the sizes.
 const AHEAD_BYTES: u64 = 64 << 20;
-/// Maximum gap, in bytes, between ranges of one file that one request fetches together. A second request
-/// would take longer than the transfer of a gap of this size.
+/// Maximum gap, in bytes, between ranges of one file that one request fetches together. Transferring a
+/// shorter gap takes less time than a second request.
 const GAP: u64 = 32 << 10;
 const AT_A_TIME: u64 = 8 << 20;
 

@@ -3,8 +3,8 @@
 //!
 //! The file contains sealed frames, a table of the frames' checksums, and the index. A sealed frame is a
 //! Zstandard frame and its CRC-32C. The index contains two 64-bit numbers per frame, offset and size, and the
-//! CRC-32C of all offsets and sizes. For a missing frame, all bits of both numbers are ones. The table is an
-//! addition of Sunstone, which is valid because the codec allows any bytes between frames and index. The
+//! CRC-32C of all offsets and sizes. For a missing frame, all bits of offset and size are ones. The table is
+//! an addition of Sunstone, which is valid because the codec allows any bytes between frames and index. The
 //! manifest contains the checksum of table and index. The tail of a shard is therefore sufficient to detect
 //! that a frame was replaced by another valid frame. The index alone is not sufficient, because
 //! incompressible frames give equal indices in all shards.

@@ -1,10 +1,10 @@
 //! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
 //! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk. All values of a
-//! pixel therefore occupy a small part of a file. A shard is a block of chunks. The shard grows first along
-//! the axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows
-//! along the camera axes until the shard is large enough.
+//! A chunk in a shard is a block of few pixels, with all entries of an unsharded chunk for each pixel. All
+//! values of a pixel therefore occupy a small part of a file. A shard is a block of chunks. The shard grows
+//! first along the axes after the camera axes, so that one shard contains all values of a pixel. The shard
+//! then grows along the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
@@ -66,8 +66,8 @@ fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// Returns the shape of chunks in shards: the unsharded chunk, divided along the camera axes until it is
-/// small enough.
+/// Returns the shape of chunks in shards. The unsharded chunk is divided along the camera axes until the
+/// chunk is small enough.
 fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut inner = array.chunk.to_vec();
     let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);

@@ -125,8 +125,8 @@ impl StoredSlice {
     /// stored.
     ///
     /// # Errors
-    /// Returns an error if the region is outside the field, or if the number of values differs from that of
-    /// the region. Returns an error if a shared chunk is damaged or writing fails.
+    /// Returns an error if the region is outside the field, or if the number of values differs from the
+    /// number of elements of the region. Returns an error if a shared chunk is damaged or writing fails.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
         self.field(field)?.1.write(start, shape, data, None)
     }

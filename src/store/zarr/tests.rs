@@ -31,7 +31,7 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
     }
 }
 
-/// Returns a slice with every kind of array, a plain image, and sample counts, with tiles of 4 pixels.
+/// Returns the layouts of a slice with every kind of array and of a plain image, with tiles of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
     let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 5 };
     let attributes = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
@@ -371,7 +371,7 @@ proptest! {
     }
 }
 
-/// Verifies that values that are not rendered are not read as zeros: reading fails, or returns NaN with
+/// Verifies that values that are not rendered are not read as zeros. Reading fails, or returns NaN with
 /// `open_partial`.
 #[test]
 fn unfinished_stores_do_not_read_as_zeros() {

@@ -150,7 +150,8 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(describe(&parts, &missing))
 }
 
-/// Returns the error for missing parts if all parts are `K/N` of one N, else the error for missing tiles.
+/// Returns the error for missing parts if all parts are `K/N` of one N, and otherwise the error for missing
+/// tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
