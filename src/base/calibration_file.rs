@@ -55,7 +55,7 @@ impl Part {
         }
     }
 
-    /// Returns the tables and keys of a document that belong to this part.
+    /// Returns the tables and keys of a document that belong to the part.
     fn of(self, all: &Table) -> Table {
         let mut out = Table::new();
         for (key, inner) in self.keys() {
@@ -81,7 +81,7 @@ impl Part {
 pub enum PutError {
     /// The existing file is not a calibration.
     Input(InputError),
-    /// Another calibration is writing to the file; contains the holder of the lock.
+    /// Another calibration is writing to the file. Contains the holder of the lock.
     Held(String),
     Io(io::Error),
 }
@@ -144,11 +144,11 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
     document::parse(path, text, |_| fix.to_owned())
 }
 
-/// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys
-/// of this part only. The other parts are those of `old`, the current text of the file at `path`.
+/// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys of
+/// the replaced part only. All other parts are those of `old`, the current text of the file at `path`.
 ///
 /// # Errors
-/// Returns [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
+/// If `old` is not a calibration, returns [`InputError`] at the unknown key or at the invalid TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
     let fix = "the existing file is not a calibration and was not changed; choose another file name, or move the file";
     let known: Table = parse(path, old, fix)?;
@@ -171,13 +171,13 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
 }
 
 /// Writes a part to the calibration file at `path`, which is created if it does not exist. `text` is TOML
-/// with the keys of this part only. The other parts are kept except for comments. Readers see either the
+/// with the keys of the written part only. All other parts are kept, without comments. Readers see either the
 /// old or the new file.
 ///
 /// # Errors
-/// Returns [`PutError`]. The file is unchanged.
+/// If writing fails, returns [`PutError`] and leaves the file unchanged.
 pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
-    // Without the lock, two writers could read the same file and one would overwrite the other's result.
+    // Without the lock, two writers could read the same fileand overwrite each other's results.
     let _lock = Lock::take(path).map_err(|e| match e {
         LockError::Held(who) => PutError::Held(who),
         LockError::Io(e) => PutError::Io(e),
@@ -222,8 +222,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Verifies, for parts written in any order and with repetitions, that the file contains the last
-        /// text written for each part and no other parts.
+        /// Writes parts in any order and with repetitions. Verifies that the file contains the last text
+        /// written for each part and no other parts.
         #[test]
         fn the_last_written_parts_are_read_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");

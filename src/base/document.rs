@@ -17,7 +17,7 @@ pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
         .map_err(|e| InputError::new(path, "", None, format!("cannot read the {what}: {e}"), fix))
 }
 
-/// Parses a document; `fix` returns the fix for an error message.
+/// Parses a document. `fix` returns the fix for an error message.
 ///
 /// # Errors
 /// Returns [`InputError`] at the location where the text is not valid TOML or does not match the type.

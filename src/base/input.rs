@@ -1,7 +1,8 @@
 //! Reads input files, which must be regular files.
 //!
 //! Reads of a pipe without a writer or of `/dev/zero` never end. Anything other than a regular file is
-//! therefore refused without opening it. Text has a maximum size, because a sparse file can report any size.
+//! therefore refused without being opened. Text has a maximum size, because a sparse file can report any
+//! size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};

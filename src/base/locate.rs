@@ -29,7 +29,7 @@ impl<T> Located<T> {
     }
 }
 
-/// Compares values only, not locations.
+/// Compares the values and ignores the locations.
 impl<T: PartialEq> PartialEq for Located<T> {
     fn eq(&self, other: &Self) -> bool {
         **self == **other

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Number of attempts to read the holder from a lock file.
 const TRIES: u32 = 100;
-/// Time between these attempts.
+/// Time between two attempts to read the holder.
 const WAIT: Duration = Duration::from_millis(2);
 
 /// A lock that is held until it is dropped.
@@ -25,7 +25,7 @@ pub struct Lock {
 /// Reason why a lock was not acquired.
 #[derive(Debug)]
 pub enum LockError {
-    /// Another holder has the lock; contains its name, for example `process 12 on host`.
+    /// Another holder has the lock. Contains the name of the holder, for example `process 12 on host`.
     Held(String),
     Io(io::Error),
 }
@@ -37,7 +37,7 @@ pub fn file_of(output: &Path) -> PathBuf {
 }
 
 impl Lock {
-    /// Locks an output. The output need not exist; missing parent folders are created. Symbolic links are
+    /// Locks an output. The output need not exist. Missing parent folders are created. Symbolic links are
     /// followed.
     ///
     /// # Errors
@@ -64,8 +64,8 @@ impl Lock {
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
-            // A previous holder may have removed the file after this process opened it. The lock is then on
-            // a deleted file.
+            // A previous holder may have removed the file after this process opened it, so that the lock is
+            // on a deleted file.
             if !is_file_at(&file, &path) {
                 continue;
             }

@@ -1,4 +1,5 @@
-//! Headers of NumPy's `.npy` files, and the numbers after them (numpy.lib.format, versions 1.0 to 3.0).
+//! Headers of NumPy's `.npy` files, and the numbers after the headers (numpy.lib.format, versions 1.0 to
+//! 3.0).
 
 use std::io::{self, Read, Write};
 
@@ -20,7 +21,7 @@ impl Element {
         }
     }
 
-    /// Converts the bytes of one number. Integers over 2⁵³ are rounded.
+    /// Converts the bytes of one number. Integers above 2⁵³ are rounded.
     pub fn number(self, bytes: &[u8], big_endian: bool) -> f64 {
         let size = self.size();
         let mut word = [0_u8; 8];
@@ -39,11 +40,11 @@ impl Element {
     }
 }
 
-/// A number type of which NumPy arrays are written.
+/// A number type that NumPy arrays can contain.
 pub trait NumpyNumber: Copy {
     /// NumPy's type string on this machine, for example `<f4`.
     const TYPE: &str;
-    /// Writes the number's bytes as they are in memory.
+    /// Writes the number's bytes in the byte order of this machine.
     ///
     /// # Errors
     /// Returns an error if the writer fails.
@@ -70,12 +71,12 @@ pub struct Header {
     pub shape: Vec<usize>,
     /// Whether the first index varies fastest in the file, as in a saved transpose.
     pub column_major: bool,
-    /// NumPy's type string, for example `<f8`; `None` for records.
+    /// NumPy's type string, for example `<f8`, or `None` for records.
     pub kind: Option<String>,
 }
 
 impl Header {
-    /// Reads a header. The elements follow it.
+    /// Reads a header. The elements follow the header.
     ///
     /// # Errors
     /// Returns an error if reading fails, or if the bytes are not a valid header.
@@ -108,8 +109,8 @@ impl Header {
             .ok_or_else(|| invalid("the header is not a dictionary of descr, fortran_order and shape"))
     }
 
-    /// Returns the type of the elements and whether they are big-endian, or `None` if they are not numbers of
-    /// a supported type.
+    /// Returns the type of the elements and whether the elements are big-endian. Returns `None` if the
+    /// elements are not numbers of a supported type.
     pub fn element(&self) -> Option<(Element, bool)> {
         let kind = self.kind.as_deref()?;
         let (order, kind) = kind.split_at_checked(1)?;
@@ -134,8 +135,8 @@ impl Header {
         }
     }
 
-    /// Converts the elements after the header, in the order of the file. Returns `None` if they are not
-    /// numbers, or fewer than the shape requires.
+    /// Converts the elements after the header, in the order of the file. Returns `None` if the elements are
+    /// not numbers, or if there are fewer elements than the shape requires.
     pub fn numbers(&self, elements: &[u8]) -> Option<Vec<f64>> {
         let (element, big_endian) = self.element()?;
         let count = self.shape.iter().try_fold(1_usize, |n, len| n.checked_mul(*len))?;
@@ -151,7 +152,7 @@ impl Header {
 pub fn write_header(writer: &mut impl Write, kind: &str, shape: &[usize]) -> io::Result<()> {
     let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({axes}), }}");
-    // The elements begin at a multiple of 64 bytes; ten bytes precede the text.
+    // The elements begin at a multiple of 64 bytes. Ten bytes precede the text.
     while (10 + text.len() + 1) % 64 != 0 {
         text.push(' ');
     }
@@ -165,7 +166,7 @@ fn invalid(message: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message)
 }
 
-/// A Python literal, as far as headers need it.
+/// A Python literal of the kinds that occur in headers.
 enum Literal<'a> {
     Text(&'a str),
     /// A number, `True`, `False` or `None`.
@@ -193,7 +194,7 @@ fn header(text: &str) -> Option<Header> {
             }
             (Literal::Text("shape"), Literal::List(axes)) => {
                 let length = |axis: Literal| match axis {
-                    // Python 2 wrote large numbers with an L.
+                    // Python 2 wrote large numbers with the suffix L.
                     Literal::Word(word) => word.strip_suffix('L').unwrap_or(word).parse().ok(),
                     _ => None,
                 };
@@ -214,7 +215,7 @@ fn literal<'a>(rest: &mut &'a str, depth: usize) -> Option<Literal<'a>> {
             let end = 1 + rest[1..].find(first)?;
             let text = &rest[1..end];
             *rest = &rest[end + 1..];
-            // Names of records may contain escaped characters, which are not needed here.
+            // Names of records may contain escaped characters, which this parser does not support.
             (!text.contains('\\')).then_some(Literal::Text(text))
         }
         '(' | '[' => {
@@ -238,7 +239,8 @@ fn literal<'a>(rest: &mut &'a str, depth: usize) -> Option<Literal<'a>> {
     }
 }
 
-/// Removes a bracket, the entries after it, which are separated by commas, and the bracket `last`.
+/// Removes a list of entries, which are separated by commas, with the bracket before the list and the bracket
+/// `last` after the list.
 fn list<'a, T>(
     rest: &mut &'a str,
     last: char,

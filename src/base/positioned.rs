@@ -8,7 +8,7 @@ use std::io;
 /// Fills `out` with the bytes of the file from offset `at`. The file position is undefined afterwards.
 ///
 /// # Errors
-/// Returns an error if the file system reports one, or if the file is too short.
+/// Returns an error if the file system reports an error, or if the file is too short.
 pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
     #[cfg(unix)]
     {

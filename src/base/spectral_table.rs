@@ -10,8 +10,8 @@ pub struct SpectralTable<'a> {
 }
 
 impl SpectralTable<'_> {
-    /// Returns whether the table is valid: it has at least one entry and as many values as wavelengths. All
-    /// numbers must be finite, and wavelengths positive and strictly increasing.
+    /// Returns whether the table is valid. A valid table has at least one entry and as many values as
+    /// wavelengths. All numbers must be finite, and wavelengths positive and strictly increasing.
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
         finite
@@ -21,8 +21,8 @@ impl SpectralTable<'_> {
             && self.nm.is_sorted_by(|a, b| a < b)
     }
 
-    /// Returns the value at a vacuum wavelength in nanometres: linear between entries, constant beyond the
-    /// ends, 0 for an empty table.
+    /// Returns the value at a vacuum wavelength in nanometres. The value is linear between entries, constant
+    /// beyond the ends, and 0 for an empty table.
     pub fn at(&self, nm: f64) -> f64 {
         let right = self.nm.partition_point(|w| *w <= nm);
         let entry = |i: usize| Some((*self.nm.get(i)?, *self.values.get(i)?));

@@ -1,7 +1,7 @@
 //! Atomic creation of folders, which are built next to the destination under a hidden name and then renamed.
 //!
 //! A killed process may leave `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a
-//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds these
+//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds both
 //! folders.
 
 use std::fs;
@@ -29,8 +29,9 @@ pub fn remove(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder
-/// back, or deletes it if the new folder is in place. Only the holder of the lock may call this function.
+/// Recovers after a process was killed while it replaced the folder at `path`. Deletes the old folder if the
+/// new folder is in place, and otherwise moves the old folder back. Only the holder of the lock may call this
+/// function.
 ///
 /// # Errors
 /// Returns the error of the file system.

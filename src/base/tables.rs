@@ -1,8 +1,9 @@
 //! Deserializes tables and never accepts a list in place of a table.
 //!
-//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
-//! 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and all values that
-//! are read through it, and refuses a list where a struct is expected. The error has the list's location.
+//! Serde accepts a list for a struct, with the fields in order of declaration. For example, serde would read
+//! `distortion = [0.1, 0.2, 0, 0, 0]` in an order that no user expects. [`Strict`] wraps a deserializer and
+//! all values that are read through the deserializer. [`Strict`] refuses a list where a struct is expected.
+//! The error has the list's location.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,

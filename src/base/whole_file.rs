@@ -1,9 +1,9 @@
 //! Writes files atomically: a file is written completely or not at all.
 //!
-//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which then replaces
-//! the destination by renaming. If the process is killed, the destination is either the old or the new
-//! file, never a partial file. The temporary file may remain. Files are not synchronized to disk, so a
-//! power failure may damage them.
+//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, and the temporary file
+//! is renamed to the destination. If the process is killed, the destination is either the old or the new
+//! file, never a partial file. The temporary file may remain. Files are not synchronized to disk, so a power
+//! failure may damage them.
 
 use crate::input;
 use std::fs::{self, File};
@@ -63,13 +63,13 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Writes a file atomically, by a temporary file in the same directory that is then renamed. Creates
+/// Writes a file atomically: writes a temporary file in the same directory and then renames the file. Creates
 /// missing directories.
 ///
 /// # Errors
 /// Returns the error of the file system. The old file, if any, is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // Another process that opens a store for writing may remove the temporary file; retry.
+    // Retry, because another process that opens a store for writing may remove the temporary file.
     let mut attempts = 3;
     loop {
         attempts -= 1;
@@ -80,8 +80,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Removes temporary files that killed processes left, and then writes a file as [`write()`] does, through
-/// a buffered writer.
+/// Removes temporary files that killed processes left, and writes a file as [`write()`] does, through a
+/// buffered writer.
 ///
 /// # Errors
 /// Returns the same errors as [`write()`], and the errors of `fill`.
@@ -90,7 +90,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Re
     put(path, fill)
 }
 
-/// Removes temporary files of `path` whose processes have ended; ignores errors.
+/// Removes temporary files of `path` whose processes have ended, and ignores errors.
 fn sweep(path: &Path) {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -155,7 +155,7 @@ mod tests {
     fn temporary_files_of_dead_processes_are_removed() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.npy");
-        // No process has the largest ID. The other two names belong to this process or to another file.
+        // No process has the largest ID. Two of the names belong to this process or to another file.
         let mine = format!(".f.npy.{}-99.tmp", std::process::id());
         let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
         names.iter().for_each(|name| fs::write(dir.path().join(name), b"half").expect("writes"));

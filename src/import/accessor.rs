@@ -1,9 +1,9 @@
 //! Checked access to glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
 //!
-//! The crate `gltf` decodes the container and the JSON. The accessor readers and the validation of this crate
-//! are not used because they panic on invalid files (a `POSITION` index out of range, an empty accessor, an
-//! unsuitable component type, a percent-encoded URI that is not UTF-8). This module checks every index,
-//! offset and count against the available bytes.
+//! The crate `gltf` decodes the container and the JSON. The accessor readers and the validation of the crate
+//! are not used, because they panic on invalid files. Examples are a `POSITION` index out of range, an empty
+//! accessor, an unsuitable component type, and a percent-encoded URI that is not UTF-8. This module checks
+//! every index, offset and count against the available bytes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -238,8 +238,8 @@ fn compression(view: &View) -> Option<(&'static str, &Value)> {
     MESHOPT.into_iter().find_map(|name| Some((name, extensions.get(name)?)))
 }
 
-/// Decompresses a buffer view; returns `None` on invalid data. Colour filters are not reversed
-/// because colours are not used.
+/// Decompresses a buffer view. Returns `None` on invalid data. Colour filters are not reversed because
+/// colours are not used.
 fn decompressed(extension: &Value, buffers: &[Cow<[u8]>]) -> Option<Vec<u8>> {
     let number = |key: &str| usize::try_from(extension[key].as_u64()?).ok();
     let start = extension.get("byteOffset").map_or(Some(0), |_| number("byteOffset"))?;
@@ -316,7 +316,7 @@ fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, Im
     })
 }
 
-/// Decodes percent-encoding (RFC 3986); returns `None` if the result is not UTF-8.
+/// Decodes percent-encoding (RFC 3986). Returns `None` if the result is not UTF-8.
 pub(super) fn percent_decoded(uri: &str) -> Option<String> {
     let mut out = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -3,7 +3,7 @@
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
 
-/// A material of a mesh file; colours are linear.
+/// A material of a mesh file, with linear colours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Appearance {
     pub name: String,
@@ -14,7 +14,7 @@ pub struct Appearance {
     pub coat: Option<Coat>,
     /// Share of metal, 0..1.
     pub metallic: f64,
-    /// GGX roughness α of coat, metal and glass; α is the square of glTF's roughness.
+    /// GGX roughness α of coat, metal and glass. The roughness α is the square of glTF's roughness.
     pub alpha: f64,
     /// An image whose green channel multiplies the roughness (the square root of α) and whose blue channel
     /// multiplies the share of metal.
@@ -26,7 +26,7 @@ pub struct Appearance {
     pub transmission: f64,
     /// Whether transmitted light is refracted, as at the surface of a solid.
     pub refracts: bool,
-    /// Share of the surface that is present, 0..1; the rest transmits light unchanged.
+    /// Share of the surface that is present, 0..1. The remaining share transmits light unchanged.
     pub opacity: f64,
     /// An image that multiplies `opacity`.
     pub opacity_image: Option<(Picture, Opacity)>,
@@ -58,7 +58,7 @@ pub struct Coat {
 pub enum Opacity {
     First,
     Alpha,
-    /// Opacity is 1 where the alpha channel times the factor is at least this value, otherwise 0.
+    /// Opacity is 1 where the alpha channel times the factor is at least this value, and 0 elsewhere.
     Cut(f64),
 }
 

@@ -1,10 +1,14 @@
 //! Reads attributes of a PLY mesh: values of vertices or faces other than positions, normals and texture
 //! coordinates.
 //!
-//! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`): `vertex_NAME` or
-//! `face_NAME`, with one column `NAME_0`, or three columns `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or
-//! `NAME_x` to `NAME_z`. `color` can also be `r`, `g`, `b` or `red`, `green`, `blue`, and `NAME_color` can be
-//! `NAME_r`, `NAME_g`, `NAME_b`. Bytes 0 to 255 map to 0 to 1 (Mitsuba uses unscaled bytes, with a warning).
+//! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`). An attribute
+//! `vertex_NAME` or `face_NAME` has one of the following sets of columns:
+//! - One column, `NAME_0`.
+//! - Three columns, `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or `NAME_x` to `NAME_z`.
+//!
+//! The columns of `color` can also be `r`, `g`, `b` or `red`, `green`, `blue`. The columns of `NAME_color`
+//! can also be `NAME_r`, `NAME_g`, `NAME_b`. Bytes 0 to 255 map to 0 to 1. Mitsuba uses unscaled bytes, with
+//! a warning.
 
 use super::ply_header::{Element, Kind};
 use transport::geometry::mesh::Mesh;
@@ -65,7 +69,7 @@ pub(super) fn columns(element: &Element, name: &str) -> Option<([usize; 3], f32)
     Some((found, full))
 }
 
-/// Removes degenerate triangles and their values; `corners` must have one value per triangle.
+/// Removes degenerate triangles and their values. `corners` must have one value per triangle.
 pub(super) fn drop_degenerate(mesh: &mut Mesh, corners: &mut Corners) {
     let kept: Vec<bool> = (0..mesh.indices.len()).map(|i| !mesh.is_degenerate(i)).collect();
     let keep = || {

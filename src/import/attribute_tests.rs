@@ -26,8 +26,8 @@ fn corners(text: &str, name: &str) -> Corners {
     part.corners.clone()
 }
 
-/// Tests that degenerate triangles are dropped with their values, and that each triangle gets the value of
-/// its polygon.
+/// Tests that degenerate triangles are dropped with their values, and that each triangle receives the value
+/// of its polygon.
 #[test]
 fn values_stay_with_their_triangles() {
     let text = file(VERTEX, FACE);

@@ -1,5 +1,5 @@
-//! Computes the albedo of the body below a coat from another model's base colour. The two models
-//! then have the same directional albedo at normal incidence.
+//! Computes the albedo of the body below a coat from another model's base colour. The body albedo gives the
+//! two models the same directional albedo at normal incidence.
 //!
 //! Other models add diffuse reflection of albedo `base` to the coat's directional albedo E(θ), and
 //! attenuate the diffuse reflection by an approximation. In Sunstone, the body receives the light that the
@@ -40,7 +40,8 @@ fn schlick(cos: f64) -> f64 {
 pub fn gltf(eta: f64, alpha: f64) -> f64 {
     let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
     let diffuse = cosine_mean(|cos| {
-        // The half vector of the normal and a direction at the angle θ has the angle θ/2 from the normal.
+        // The half vector between the normal and a direction at the angle θ is at the angle θ/2 from the
+        // normal.
         let half = ((1.0 + cos) / 2.0).sqrt();
         (1.0 - f0) * (1.0 - schlick(half))
     });

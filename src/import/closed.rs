@@ -1,4 +1,5 @@
-//! Checks whether meshes are closed, how they are oriented, and whether points are inside.
+//! Checks whether meshes are closed, reverses meshes whose normals point inward, and tests whether points are
+//! inside.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -102,15 +103,15 @@ impl Welded {
 }
 
 /// Returns a message about the first fault of a surface that should be closed, or `None` if the surface is
-/// closed. Vertices closer than 1e-6 times the surface's extent are merged, because coordinates at seams
-/// are rounded.
+/// closed. Vertices closer than 1e-6 times the surface's extent are merged, because coordinates at seams are
+/// rounded.
 pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let all = meshes.iter().flat_map(|m| &m.positions);
     let low = all.clone().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = all.copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     let near = 1e-6 * f64::from((high - low).max_element().max(f32::MIN_POSITIVE));
     let welded = Welded::new(meshes, near);
-    // For each edge: the number of traversals from its lower id minus those from its higher id, and the
+    // For each edge: the number of traversals from its lower id minus the number from its higher id, and the
     // total number of traversals.
     let mut edges: HashMap<(u32, u32), (i32, u32)> = HashMap::new();
     for [a, b, c] in welded.triangles(meshes) {

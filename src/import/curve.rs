@@ -40,12 +40,16 @@ const CHORD: f64 = 0.01;
 const TURN: f64 = TAU / 36.0;
 const FIX: &str = "write one point per line as x y z radius, with an empty line between curves";
 
-/// Parses curves: each line is one point (x, y, z, radius), and empty lines separate curves.
-/// `place` transforms points but not radii.
+/// Parses curves. Each line is one point (x, y, z, radius). Empty lines separate curves. `place` transforms
+/// points but not radii.
 ///
 /// # Errors
-/// Returns [`ImportError`] with the line number, if a number is missing or not finite, a radius is negative,
-/// a curve has too few points or no extent, all radii are 0, or more than 4 million triangles are needed.
+/// Returns [`ImportError`] with the line number, if:
+/// - A number is missing or not finite.
+/// - A radius is negative.
+/// - A curve has too few points or no extent.
+/// - All radii are 0.
+/// - More than 4 million triangles are needed.
 pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
     let curves = points(bytes, kind, place)?;
     let least = if kind == Kind::BSpline { 3 } else { 1 };
@@ -258,7 +262,8 @@ impl Sweep {
 
     fn cones(&mut self, curve: &[DVec4], before: usize) {
         let within = |a: &DVec4, b: &DVec4| a.truncate().distance(b.truncate()) <= b.w - a.w;
-        // Spheres with their texture coordinate v, without spheres inside a neighbour, which are not visible.
+        // Spheres with their texture coordinate v. A sphere inside a neighbouring sphere is not visible and
+        // therefore omitted.
         let mut spheres: Vec<(DVec4, f64)> = vec![];
         for (i, p) in curve.iter().enumerate() {
             while spheres.last().is_some_and(|(last, _)| within(last, p)) {

@@ -67,7 +67,7 @@ fn a_circle_is_a_torus() {
     near(area, TAU * radius * TAU * 0.2, 3e-3);
     near(volume, TAU * radius * TAU / 2.0 * 0.04, 1e-2);
     normals_agree(&made.mesh);
-    // Where the tangent is parallel to z, Mitsuba's frame rotates. No triangle may cross the tube there.
+    // Where the tangent is parallel to z, Mitsuba's frame rotates, and no triangle may cross the tube.
     for corners in &made.mesh.indices {
         let [a, b, c] = corners.map(|i| made.mesh.positions[i as usize]);
         assert!(a.distance(b).max(b.distance(c)) < 0.2);
@@ -85,11 +85,11 @@ fn linear_curves_have_spheres_at_their_points() {
     near(area, TAU * 0.5 * (2.0 + 1.0), 1e-2);
     near(volume, TAU / 2.0 * 0.25 * (2.0 + 4.0 / 3.0 * 0.5), 1e-2);
     normals_agree(&capsule);
-    // A joint on a straight line does not change the area, nor do duplicate points.
+    // Joints on a straight line and duplicate points do not change the area.
     let straight =
         made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
     near(measures(&straight)[0], area, 2e-2);
-    // Two spheres of radii 0.5 and 0.25 are joined by the cone tangent to both, with sin α = 0.25.
+    // Two spheres of radii 0.5 and 0.25 are joined by the cone tangent to both spheres, with sin α = 0.25.
     let cone = made(&[[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.25]]);
     let (sin, cos) = (0.25_f64, (1.0_f64 - 0.0625).sqrt());
     let caps = TAU * (0.25 * (1.0 + sin) + 0.0625 * (1.0 - sin));

@@ -39,7 +39,7 @@ pub(super) fn decode<'a>(
                 continue;
             };
             let wrong = |what: &str| broken(format!("{DRACO} of primitive {i} of mesh {m} {what}"));
-            // The decoded indices are those of separate triangles, not of a strip.
+            // The decoded indices are indices of separate triangles, not of a strip.
             if primitive.mode != Checked::Valid(Mode::Triangles) {
                 return Err(wrong("does not have the mode TRIANGLES"));
             }

@@ -82,8 +82,8 @@ fn both_kinds_of_connectivity_give_the_mesh_that_was_compressed() {
         let model = parse_gltf(&glb(&document(bytes.len(), IDS), &bytes), None).unwrap();
         assert!(model.notes.is_empty(), "{:?}", model.notes);
         let mesh = &model.parts[0].mesh;
-        // Tolerances are half a quantization step: 8 / (2^14 - 1) for positions, 1 / (2^12 - 1) for texture
-        // coordinates.
+        // Tolerances are half a quantization step: 8 / (2^14 - 1) for positions, and 1 / (2^12 - 1) for
+        // texture coordinates.
         let original: Vec<usize> = mesh
             .positions
             .iter()

@@ -1,10 +1,13 @@
-//! Reads glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
-//! `KHR_mesh_quantization`, `KHR_node_visibility`, `KHR_draco_mesh_compression`, `EXT_meshopt_compression`
-//! and `KHR_meshopt_compression`.
+//! Reads glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with the following extensions:
+//! - `EXT_mesh_gpu_instancing`
+//! - `KHR_mesh_quantization`
+//! - `KHR_node_visibility`
+//! - `KHR_draco_mesh_compression`
+//! - `EXT_meshopt_compression` and `KHR_meshopt_compression`
 //!
 //! Transforms of the node tree are multiplied in double precision. Every mesh is transformed to world space
 //! once per node that uses the mesh. Meshes are in the rest pose: morph targets have their default weights,
-//! and skins follow the transforms of their joints. As in Sunstone, axes are right-handed with +y up; units
+//! and skins follow the transforms of their joints. As in Sunstone, axes are right-handed with +y up. Units
 //! are metres.
 
 use std::borrow::Cow;
@@ -26,17 +29,17 @@ use transport::geometry::mesh::Mesh;
 /// Maximum number of triangles after instancing of one file (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Parses a glTF document or GLB container. Uses the default scene, or else the first scene, or else all
-/// nodes, or else all meshes. Each primitive of each node with a mesh becomes a part in world space, named
-/// after the node.
+/// Parses a glTF document or GLB container. Uses the default scene if there is one. Otherwise, uses the first
+/// of these that exists: the first scene, all nodes, or all meshes. Each primitive of each node with a mesh
+/// becomes a part in world space, named after the node.
 ///
-/// `base_dir` is the folder of external buffers; without `base_dir`, external buffers are an error. Materials
+/// `base_dir` is the folder of external buffers. Without `base_dir`, external buffers are an error. Materials
 /// without a name are named `material_` and their index. Notes list points, lines and all other contents that
 /// are not used.
 ///
 /// # Errors
-/// Returns [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported
-/// geometry extension, or it has no triangles.
+/// Returns [`ImportError`] if the file is invalid, requires an unsupported geometry extension or has no
+/// triangles, or if its nodes are not a tree.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("cannot parse the glTF JSON ({e})"));
@@ -122,8 +125,8 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
             _ => {}
         }
         at += 8 + chunk.len();
-        // Chunks begin at multiples of 4. Some exporters give the length without the padding, others omit the
-        // padding.
+        // Chunks begin at multiples of 4. Some exporters give the length without the padding, and others omit
+        // the padding.
         if bytes.get(at + 4..at + 8) != Some(b"BIN\0") {
             at = at.next_multiple_of(4);
         }
@@ -135,9 +138,10 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
 struct Importer<'a> {
     data: Data<'a>,
     materials: Vec<String>,
-    /// Node-to-world transforms; `None` for nodes that do not belong to a tree.
+    /// Node-to-world transforms, or `None` for nodes that do not belong to a tree.
     worlds: Vec<Option<DAffine3>>,
-    /// Primitives of each mesh in the mesh's own space with default weights; `None` before the mesh is read.
+    /// Primitives of each mesh in the mesh's own space with default weights, or `None` before the mesh is
+    /// read.
     primitives: Vec<Option<Vec<Local>>>,
     parts: Parts,
     triangles: usize,
@@ -415,7 +419,7 @@ fn material_names(document: &Value) -> Vec<String> {
     list.iter().enumerate().map(name).collect()
 }
 
-/// Reads a primitive; returns `None` and adds a note if it has no triangles.
+/// Reads a primitive. Returns `None` and adds a note if the primitive has no triangles.
 fn read_primitive(
     data: &Data,
     p: &Primitive,
@@ -443,7 +447,7 @@ fn read_primitive(
     let positions = vec3(positions)?;
     let normals = attribute(Semantic::Normals).map(vec3).transpose()?.unwrap_or_default();
     let uvs = match attribute(Semantic::TexCoords(0)) {
-        // glTF's v starts at the image's upper left corner, Sunstone's at the lower left.
+        // glTF's v starts at the image's upper left corner, and Sunstone's v starts at the lower left corner.
         Some(index) => data.floats(index)?.into_iter().map(|[u, v]| Vec2::new(u, 1.0 - v)).collect(),
         None => Vec::new(),
     };

@@ -13,13 +13,13 @@ use transport::geometry::mesh::Mesh;
 /// Deformation of a node's mesh.
 #[derive(Default)]
 pub(super) struct Pose<'a> {
-    /// Weights of the morph targets; `None` uses the weights of the mesh.
+    /// Weights of the morph targets, or `None` for the weights of the mesh.
     pub weights: Option<&'a [f32]>,
-    /// Mesh-to-world transforms of the skin's joints; `None` without a skin.
+    /// Mesh-to-world transforms of the skin's joints, or `None` without a skin.
     pub joints: Option<Vec<DAffine3>>,
 }
 
-/// Returns the mesh-to-world transforms of a skin's joints; `worlds` are the node-to-world transforms.
+/// Returns the mesh-to-world transforms of a skin's joints. `worlds` are the node-to-world transforms.
 pub(super) fn joints(
     data: &Data,
     skin: usize,

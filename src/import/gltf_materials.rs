@@ -2,8 +2,9 @@
 //! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` only determines
 //! whether a surface refracts. All other keys of a material are listed as unused.
 //!
-//! glTF's texture coordinates start at the image's upper left corner, with v downward; Sunstone's start at
-//! the lower left. Colour factors are linear, colours of images are sRGB-encoded.
+//! glTF's texture coordinates start at the image's upper left corner, with v downward. Sunstone's texture
+//! coordinates start at the lower left corner. Colour factors are linear, and colours of images are
+//! sRGB-encoded.
 
 use super::accessor::percent_decoded;
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
@@ -35,8 +36,8 @@ fn number(value: &Value, missing: f64) -> f64 {
     value.as_f64().filter(|v| v.is_finite()).unwrap_or(missing)
 }
 
-/// Keys of a material that are used or do not affect light: `doubleSided` only controls culling in
-/// rasterizers.
+/// Keys of a material that are used or do not affect light. For example, `doubleSided` controls only culling
+/// in rasterizers.
 const MATERIAL: &[&str] = &[
     "name",
     "extras",
@@ -63,8 +64,8 @@ fn colour(value: &Value, missing: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
 }
 
-/// Sets the reflectance at normal incidence, `f0`: as a coat if `f0` is within the range of glass, otherwise
-/// as a mirror.
+/// Sets the reflectance at normal incidence, `f0`. If `f0` is within the range of glass, the reflectance
+/// belongs to a coat, and otherwise to a mirror.
 fn specular(f0: [f64; 3], out: &mut Appearance) {
     const MOST: f64 = 0.16;
     let strongest = f0.into_iter().fold(0.0, f64::max);
@@ -226,7 +227,7 @@ fn turned(t: &Value) -> Option<UvRows> {
     let two = |key: &str, missing: f64| [0, 1].map(|i| number(&t[key][i], missing));
     let ([ox, oy], [sx, sy]) = (two("offset", 0.0), two("scale", 1.0));
     let (sin, cos) = number(&t["rotation"], 0.0).sin_cos();
-    // As the extension specifies: translation × rotation × scale, counter-clockwise in an upright image.
+    // The extension specifies translation × rotation × scale, counter-clockwise in an upright image.
     let [[a, b, c], [d, e, f]] = [[cos * sx, sin * sy, ox], [-sin * sx, cos * sy, oy]];
     let rows = [[a, -b, b + c], [-d, e, 1.0 - e - f]];
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
@@ -282,7 +283,7 @@ mod tests {
             let mut material = json!({});
             let target = if place.is_empty() { &mut material } else { &mut material[place] };
             target[key] = value;
-            // A texture that the file lacks is listed too.
+            // A texture that the file lacks is also listed.
             let found = read(&json!({"materials": [material]})).remove(0);
             let changed = Appearance { unused: vec![], ..found.clone() } != bare;
             let named = found.unused.iter().any(|u| u == key);

@@ -34,8 +34,8 @@ const NO_GEOMETRY: [&str; 14] = [
     "AGI_",
 ];
 
-/// Known keys of each kind of object: keys that are read, and keys that do not affect surfaces
-/// (names, bounds of the data, and the application-specific `extras`).
+/// Known keys of each kind of object. The lists contain the keys that are read and the keys that do not
+/// affect surfaces. Names, bounds of the data and the application-specific `extras` do not affect surfaces.
 const KEYS: [(&str, &[&str]); 7] = [
     ("scenes", &["name", "nodes"]),
     ("nodes", &["name", "children", "mesh", "skin", "weights", "matrix", "translation", "rotation", "scale"]),

@@ -23,8 +23,12 @@ pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Returns a buffer with a tetrahedron's corner: 4 positions, 4 normals along +z, 4 texture
-/// coordinates as u16, indices as u8, u16 and u32, and two translations.
+/// Returns a buffer with the data of a tetrahedron's corner:
+/// - 4 positions.
+/// - 4 normals along +z.
+/// - 4 texture coordinates as u16.
+/// - Indices as u8, u16 and u32.
+/// - Two translations.
 fn bin() -> Vec<u8> {
     let mut b = Vec::new();
     for x in [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1.0_f32] {
@@ -49,8 +53,8 @@ fn bin() -> Vec<u8> {
     b
 }
 
-/// Returns a document with two nodes that instance one mesh: the first is rotated, scaled and
-/// translated by its parent, and the second is mirrored by a matrix.
+/// Returns a document with two nodes that instance one mesh. The parent of the first node rotates, scales and
+/// translates the mesh. A matrix mirrors the mesh of the second node.
 fn document() -> Value {
     json!({
         "asset": {"version": "2.0"}, "scene": 0,

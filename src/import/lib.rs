@@ -2,12 +2,12 @@
 //! The crate also checks closed surfaces, reads images and reads the transforms of many copies.
 //!
 //! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
-//! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's
-//! length. All parsers finish a mesh with the same steps:
+//! [`ImportError`] with its location, never a panic. The file's length bounds all allocations. All parsers
+//! finish a mesh with the same steps:
 //!
-//! - degenerate triangles and then unused vertices are dropped;
-//! - normals are normalized, and normals of zero length are replaced;
-//! - the result is validated.
+//! - Degenerate triangles and then unused vertices are dropped.
+//! - Normals are normalized, and normals of zero length are replaced.
+//! - The result is validated.
 //!
 //! Each item of a file is used, mentioned in a note or refused.
 

@@ -1,5 +1,6 @@
 //! Decodes buffer views compressed with `EXT_meshopt_compression` and `KHR_meshopt_compression` (Khronos glTF
-//! extensions, appendix A: bitstreams; appendix B: filters), with versions 0 and 1 of the attribute stream.
+//! extensions, appendix A: bitstreams; appendix B: filters). Versions 0 and 1 of the attribute stream are
+//! supported.
 
 /// Encoding of the elements in a compressed buffer view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +45,7 @@ fn unfolded(v: u32) -> u32 {
     (v >> 1) ^ (v & 1).wrapping_neg()
 }
 
-/// Decodes `count` elements of `stride` bytes; returns `None` if the stream is invalid.
+/// Decodes `count` elements of `stride` bytes. Returns `None` if the stream is invalid.
 pub(super) fn decode(bytes: &[u8], mode: Mode, count: usize, stride: usize) -> Option<Vec<u8>> {
     let numbers = match mode {
         Mode::Attributes => return attributes(bytes, count, stride),
@@ -180,7 +181,7 @@ impl<T: Copy + Default> Recent<T> {
         self.next = (self.next + 1) % 16;
     }
 
-    /// Returns the entry that was pushed `back` pushes ago; `back` is at least 1.
+    /// Returns the entry that was pushed `back` pushes ago. `back` is at least 1.
     fn get(&self, back: usize) -> T {
         self.entries[(self.next + 32 - back) % 16]
     }
@@ -265,8 +266,8 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// Reverses a filter on elements of `stride` bytes; returns `None` if the filter does not exist for this
-/// size.
+/// Reverses a filter on elements of `stride` bytes. Returns `None` if the filter does not exist for elements
+/// of the given size.
 pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<()> {
     let int16 = |b: &[u8], i: usize| f32::from(i16::from_le_bytes([b[2 * i], b[2 * i + 1]]));
     match (filter, stride) {

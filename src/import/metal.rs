@@ -9,9 +9,9 @@ pub const PERFECT: [f64; 2] = [1e-6, 1.0];
 const ANGLES: [f64; 5] = [0.0, 30.0, 45.0, 60.0, 70.0];
 
 /// Returns the refractive index n and the extinction coefficient k of a metal with reflectance `r` (0..1) at
-/// normal incidence. Up to 70°, its reflectance is as close as possible to r + (1 - r)(1 - cosθ)⁵ (Schlick
-/// 1994): within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5. For all such metals, n is between
-/// (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
+/// normal incidence. Up to 70°, the metal's reflectance is as close as possible to r + (1 - r)(1 - cosθ)⁵
+/// (Schlick 1994). The difference is within 2 % for r ≥ 0.34 and within 1 % for r ≥ 0.5. For all metals with
+/// reflectance r, n is between (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
 pub fn metal(r: f64) -> [f64; 2] {
     const STEPS: u32 = 400;
     let r = r.clamp(0.0, 1.0);

@@ -2,13 +2,13 @@
 //!
 //! Meaning of the keys:
 //!
-//! - `Kd` is the albedo of the whole surface; `map_Kd` multiplies `Kd`, or is the albedo if `Kd` is absent.
+//! - `Kd` is the albedo of the whole surface. `map_Kd` multiplies `Kd`, or is the albedo if `Kd` is absent.
 //! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as in Blender's
 //!   importer. `Ns` gives the coat's roughness. With `illum` 3 to 9 except 6 (ray-traced
 //!   reflection) and without transparency, `Ks` is the reflectance of a mirror.
-//! - `illum` 0 and 1 have no highlights.
-//! - `d` (or 1 - `Tr`) is the share of the surface that is present. The rest is glass if `illum` is
-//!   4, 6, 7, 9 or absent and the refractive index `Ni` is not 1.
+//! Materials with `illum` 0 or 1 have no highlights.
+//! - `d` (or 1 - `Tr`) is the share of the surface that is present. The remaining share is glass if `illum`
+//!   is 4, 6, 7, 9 or absent and the refractive index `Ni` is not 1.
 
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use super::text;
@@ -67,7 +67,7 @@ impl Entry {
         self.numbers(key).first().copied()
     }
 
-    /// Returns the three numbers of a key; a single number is repeated three times.
+    /// Returns the three numbers of a key. A single number is repeated three times.
     fn colour(&self, key: &str) -> Option<[f64; 3]> {
         let colour = match self.numbers(key)[..] {
             [r, g, b, ..] => [r, g, b],
@@ -269,15 +269,15 @@ mod tests {
             let found = material(&format!("{key} .25 .25 .25"));
             let used = Appearance { unused: vec![], ..found.clone() } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));
-            // These keys have no effect alone, such as an index of refraction without glass.
+            // Some keys have no effect alone, such as an index of refraction without glass.
             let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
             assert!(used || found.unused.iter().any(|u| u == key) || silent, "{key}: {found:?}");
         }
         assert!(named > 20, "{named}");
     }
 
-    /// Tests the transparency keys. MeshLab writes `Tr 1` for opaque materials; `d` has the same meaning in
-    /// all programs.
+    /// Tests the transparency keys. MeshLab writes `Tr 1` for opaque materials, but `d` has the same meaning
+    /// in all programs.
     #[test]
     fn transparency_follows_the_illumination_model() {
         let material = |text: &str| parse(format!("newmtl a\n{text}\n").as_bytes()).remove(0);

@@ -10,7 +10,7 @@ impl Notes {
         self.add_times(note, 1);
     }
 
-    /// Adds a note about `times` items; adds nothing if `times` is 0.
+    /// Adds a note about `times` items. Adds nothing if `times` is 0.
     pub fn add_times(&mut self, note: impl Into<String>, times: usize) {
         let note = note.into();
         match self.0.iter_mut().find(|(known, _)| *known == note) {

@@ -23,8 +23,8 @@ const FIX_FACE: &str =
 /// lines, points, vertex colours, free-form surfaces and all other statements.
 ///
 /// # Errors
-/// Returns [`ImportError`] with the line number if a number or an index is invalid; without a line number
-/// if there are no triangles.
+/// Returns [`ImportError`] with the line number if a number or an index is invalid. Returns [`ImportError`]
+/// without a line number if there are no triangles.
 pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -128,8 +128,8 @@ impl Tables {
     }
 }
 
-/// Parses up to `N` numbers and returns the numbers and their count. Fewer than `least` numbers are an error;
-/// surplus words are ignored.
+/// Parses up to `N` numbers and returns the numbers and their count. Fewer than `least` numbers are an error.
+/// Surplus words are ignored.
 fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], usize), ImportError> {
     let mut out = [0.0; N];
     let mut found = 0;
@@ -151,12 +151,12 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     Ok((out, found))
 }
 
-/// Corner of a face: indices of position, texture coordinates and normal, counted from 1; 0 if absent.
+/// Corner of a face: indices of position, texture coordinates and normal, counted from 1, or 0 if absent.
 type Corner = [u32; 3];
 
 const NONE: u32 = u32::MAX;
 
-/// The part being read, which has one name and one material.
+/// The part that is being read, which has one name and one material.
 #[derive(Default)]
 struct Object {
     name: String,
@@ -194,7 +194,7 @@ struct Lacking {
 struct Reader<'a> {
     tables: &'a Tables,
     parts: Parts,
-    /// Number of `v`, `vt` and `vn` statements so far.
+    /// Number of `v`, `vt` and `vn` statements that have been read.
     seen: [usize; 3],
     object: Object,
     /// For each position, the object's most recent vertex at this position, or [`NONE`].

@@ -76,7 +76,8 @@ fn faces_without_an_attribute_do_not_affect_others() {
     assert_eq!(described(&model), [(1, 0, 3), (1, 0, 0), (1, 0, 3)]);
     assert_eq!(model.notes, ["1 of 3 faces have no normals"]);
 
-    // If one corner lacks an attribute, it cannot be interpolated, so the whole face has no such attribute.
+    // If one corner lacks an attribute, the attribute cannot be interpolated, so the whole face lacks the
+    // attribute.
     let text = format!("{SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3//1\nf 1/1 3/1/1 4/1/1\n");
     let model = parse_obj(text.as_bytes()).unwrap();
     assert_eq!(described(&model), [(1, 3, 0), (1, 0, 3)]);

@@ -10,13 +10,13 @@ use transport::geometry::mesh::{Mesh, MeshError};
 /// One mesh of a file with its name and material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPart {
-    /// Name of the object in the file; if it has none, the name of the file without extension.
+    /// Name of the object in the file, or the file's name without extension if the object has no name.
     pub name: String,
     /// The material's name in the file (`usemtl`, glTF material), if any.
     pub material: Option<String>,
     /// The triangles in the file's world space, in metres.
     pub mesh: Mesh,
-    /// The requested attribute at each triangle corner; empty if none was requested.
+    /// The requested attribute at each triangle corner, or an empty list if no attribute was requested.
     pub corners: Corners,
 }
 
@@ -36,7 +36,7 @@ impl IntoIterator for Model {
     }
 }
 
-/// The contents of a file while it is read.
+/// The contents of a file that is being read.
 #[derive(Default)]
 pub(super) struct Parts {
     pub list: Vec<MeshPart>,
@@ -44,7 +44,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Cleans, checks and adds a mesh. Degenerate triangles and then unused vertices are dropped; normals are
+    /// Cleans, checks and adds a mesh. Degenerate triangles and then unused vertices are dropped. Normals are
     /// normalized, and normals of zero length are replaced. A mesh without area is omitted.
     pub fn add(&mut self, name: String, material: Option<String>, mesh: Mesh) -> Result<(), ImportError> {
         self.add_with(name, material, mesh, Corners::default())
@@ -92,8 +92,8 @@ impl Parts {
     }
 }
 
-/// Normalizes normals. Vertices whose normal has zero length get the area-weighted mean of adjacent
-/// face normals. [`Mesh::validate`] reports invalid tables later.
+/// Normalizes normals. Vertices whose normal has zero length receive the area-weighted mean of adjacent face
+/// normals. [`Mesh::validate`] reports invalid tables later.
 pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     if !mesh.normals.iter().all(|n| n.is_finite()) {
         return;

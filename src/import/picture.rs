@@ -32,7 +32,7 @@ pub enum Channels {
     LinearLuminance,
 }
 
-/// Returns a linear value; if `encoded` is set, decodes the value from sRGB (IEC 61966-2-1).
+/// Returns a linear value. If `encoded` is set, decodes the value from sRGB (IEC 61966-2-1).
 pub fn linear(value: f32, encoded: bool) -> f32 {
     if !encoded {
         value
@@ -89,7 +89,8 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |e: ImageError| PictureError::damaged(&name, e);
     let mut notes = vec![];
     let image = image::load_from_memory_with_format(bytes, format).map_err(damaged)?;
-    // As in Mitsuba, glTF and browsers, PNG colours are read as sRGB: many programs write a wrong gAMA chunk.
+    // As in Mitsuba, glTF and browsers, PNG colours are read as sRGB, because many programs write a wrong
+    // gAMA chunk.
     if format == ImageFormat::Png
         && let Some(gamma) = png_gamma(bytes)
         && (gamma - 1.0 / 2.2).abs() > 0.02
@@ -129,8 +130,8 @@ fn png_gamma(bytes: &[u8]) -> Option<f64> {
     }
 }
 
-/// Appends the texels of an image, top row first. For colours, each wavelength gets the red, green
-/// or blue value; numbers are unchanged.
+/// Appends the texels of an image, top row first. For colours, each wavelength receives the red, green or
+/// blue value. Numbers are unchanged.
 pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
     let encoded = image.encoded && !matches!(channels, Channels::LinearColours | Channels::LinearLuminance);
     out.extend(image.values.iter().map(|p| {
@@ -169,7 +170,7 @@ pub fn weights(image: &Pixels) -> Vec<f32> {
     image.values.iter().map(brightness).collect()
 }
 
-/// Multiplies texels by a factor per wavelength; returns false if a result is outside the valid range of
+/// Multiplies texels by a factor per wavelength. Returns false if a result is outside the valid range of
 /// radiances, 0..1e30.
 pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     let by = by.to_array();

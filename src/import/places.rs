@@ -3,8 +3,8 @@
 use base::npy::{Element, Header};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Returns the transforms that a file lists. The content determines the format: a `.npy` array of n
-/// × 3 × 4 or n × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
+/// Returns the transforms that a file lists. The content determines the format. A `.npy` array ([`is_array`])
+/// contains n × 3 × 4 or n × 4 × 4 numbers. Any other file contains one matrix per line.
 ///
 /// # Errors
 /// Returns a message with the error's location in the file. The caller adds the file's name before the

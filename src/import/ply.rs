@@ -25,15 +25,15 @@ const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Parses a PLY file as one mesh without a material and with an empty name.
 ///
-/// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz and the texture coordinates (u,
-/// v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Also uses the face lists `vertex_indices` or
-/// `vertex_index` and `texcoord`, and the strips `tristrips`. Numbers can have any type. Faces without
-/// texture coordinates become a separate part if other faces have texture coordinates. Notes list all other
-/// contents.
+/// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz. Texture coordinates are the
+/// properties (u, v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Also uses the face lists
+/// `vertex_indices` or `vertex_index` and `texcoord`, and the strips `tristrips`. Numbers can have any type.
+/// Faces without texture coordinates become a separate part if other faces have texture coordinates. Notes
+/// list all other contents.
 ///
 /// # Errors
-/// [`ImportError`] (with the line number in ASCII files) if the header or the data is invalid, or
-/// if there are no triangles.
+/// Returns [`ImportError`], with the line number in ASCII files, if the header or the data is invalid or if
+/// there are no triangles.
 pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     read(bytes, None)
 }
@@ -122,7 +122,7 @@ fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportEr
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
-    /// Texture coordinates of the corners, if faces have texture coordinates; otherwise empty.
+    /// Texture coordinates of the corners, or an empty list if faces have no texture coordinates.
     uvs: Vec<Vec2>,
     /// End index of each polygon in `corners`.
     ends: Vec<usize>,
@@ -138,7 +138,7 @@ struct File<'a> {
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Polygons of faces without texture coordinates. The field `textured` contains the others.
+    /// Polygons of faces without texture coordinates. The field `textured` contains the other polygons.
     plain: Polygons,
     textured: Polygons,
 }
@@ -273,7 +273,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Reads triangle strips; a negative index starts a new strip.
+    /// Reads triangle strips. A negative index starts a new strip.
     fn strips(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
         let is = |p: &ply_header::Property| INDICES.contains(&p.name.as_str()) && p.list.is_some();
         let found = element.properties.iter().position(is);

@@ -44,7 +44,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Ends a row. In ASCII files, skips the rest of the line and returns whether this rest was not empty.
+    /// Ends a row. In ASCII files, skips the rest of the line and returns whether the rest was not empty.
     pub fn end_row(&mut self) -> bool {
         if self.format != Format::Ascii {
             return false;
@@ -206,7 +206,7 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Converts a vertex index to u32, or returns an error message if it is out of range.
+/// Converts a vertex index to u32, or returns an error message if the index is out of range.
 pub(super) fn index(corner: i64) -> Result<u32, String> {
     u32::try_from(corner).map_err(|_| format!("invalid vertex index {corner} in a face"))
 }

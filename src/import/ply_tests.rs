@@ -156,7 +156,8 @@ fn faces_have_texture_coordinates_of_their_own() {
     let text = format!("{SQUARE}4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 1 4 2 6 0.5 0 1 0 1 1\n");
     let model = parse_ply(text.as_bytes()).unwrap();
     let mesh = &model.parts[0].mesh;
-    // Vertex 1 has different texture coordinates in the two faces, vertex 2 has equal ones.
+    // Vertex 1 has different texture coordinates in the two faces, and vertex 2 has equal texture
+    // coordinates.
     assert_eq!((mesh.positions.len(), mesh.indices.len()), (6, 3));
     assert_eq!(mesh.indices[2], [4, 5, 2]);
     assert_eq!((mesh.uvs[1], mesh.uvs[4]), (vec2(1.0, 0.0), vec2(0.5, 0.0)));

@@ -1,8 +1,8 @@
 //! Triangulates polygons.
 //!
 //! A polygon that contains all diagonals from its first corner is triangulated as a fan, and any other
-//! polygon by ear clipping (Meisters 1975). Collinear corners remain corners of triangles. An adjacent
-//! polygon can share these corners, and the surface must stay closed.
+//! polygon by ear clipping (Meisters 1975). Collinear corners remain corners of triangles, because an
+//! adjacent polygon can share the corners and the surface must stay closed.
 
 use super::error::ImportError;
 use glam::{DVec2, DVec3, Vec3};
@@ -17,8 +17,8 @@ const FLAT: f64 = 1e-12;
 pub(super) enum Cut {
     /// The triangles cover the polygon exactly.
     Whole,
-    /// The outline crosses itself, or the corners are far from a plane: the triangles cover the polygon
-    /// approximately.
+    /// The triangles cover the polygon approximately, because the outline crosses itself or the corners are
+    /// far from a plane.
     Crossing,
     /// The polygon is not a fan and has more than [`MOST_CORNERS`] corners.
     TooLarge,
@@ -95,7 +95,7 @@ fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
         };
         let found = (at..at + n).find(|i| bulges(i) && is_empty(i));
         let Some(i) = found.or_else(|| (at..at + n).find(bulges)) else {
-            // The remaining polygon has no area, unless its outline is clockwise there.
+            // The remaining polygon has no area, unless its outline is clockwise at a corner.
             *whole &= !(0..n).any(|i| {
                 let [a, b, c] = ear(i).map(|k| points[k]);
                 area(a, b, c) < -least
@@ -129,7 +129,8 @@ mod tests {
     }
 
     /// Tests simple polygons with any first corner, winding and plane. The sums of signed and of unsigned
-    /// triangle areas equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
+    /// triangle areas equal the shoelace formula. The triangles therefore neither overlap nor extend outside
+    /// the polygon.
     #[test]
     fn triangles_cover_a_concave_polygon_exactly() {
         // Outlines as x and y of each corner, with their areas.
@@ -205,8 +206,8 @@ mod tests {
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
     }
 
-    /// Tests a square whose outline includes a corner above one edge, outside the square's plane. n corners
-    /// give n - 2 triangles.
+    /// Tests a square whose outline includes a corner above one edge, outside the square's plane. A polygon
+    /// of n corners gives n - 2 triangles.
     #[test]
     fn corners_off_the_plane_leave_no_hole() {
         let points =

@@ -29,8 +29,8 @@ pub struct Surface {
     pub deviation: f64,
 }
 
-/// Constant texture coordinate. Mitsuba's value is 0, at which squares of a checkerboard touch;
-/// this value is inside of Mitsuba's square.
+/// Constant texture coordinate, inside of the square of a checkerboard that Mitsuba uses. Mitsuba's value is
+/// 0, at which squares of a checkerboard touch.
 const UV: Vec2 = Vec2::splat(1e-6);
 const MOST: usize = 4_000_000;
 /// Deviation from the surface, in cell sizes, at which subdivision stops.
@@ -41,8 +41,8 @@ const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, so
 /// Computes a triangle mesh of the surface on which the distance is zero.
 ///
 /// # Errors
-/// Returns [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis,
-/// no change of sign, or more than 4 million triangles.
+/// Returns [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis, or
+/// no change of sign. Returns [`ImportError`] if the surface needs more than 4 million triangles.
 pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
@@ -142,7 +142,7 @@ impl Grid<'_> {
         sum
     }
 
-    /// Returns the surface with `parts` subdivisions per cell and axis, or `None` if it has too many
+    /// Returns the surface with `parts` subdivisions per cell and axis, or `None` if the surface has too many
     /// triangles.
     fn surface(&self, parts: usize, normals: Normals) -> Option<Surface> {
         let mut out = Surface { mesh: Mesh::default(), deviation: 0.0 };
@@ -282,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Tests a plane within one cell: the mesh reaches the grid's edges.
+    /// Tests that the mesh of a plane within one cell reaches the grid's edges.
     #[test]
     fn a_plane_reaches_the_edges_of_its_grid() {
         let found = surface(&vol([2, 2, 2], |p| p.z - 0.25), Normals::Smooth).unwrap();
@@ -291,8 +291,8 @@ mod tests {
         assert!(found.mesh.normals.iter().all(|n| n.z > 0.9999));
     }
 
-    /// Tests a cell whose corners have alternating signs: the surface is a saddle without flat parts, so the
-    /// cell must be subdivided.
+    /// Tests a cell whose corners have alternating signs. The surface in the cell is a saddle without flat
+    /// parts, so the cell must be subdivided.
     #[test]
     fn a_saddle_in_one_cell_is_subdivided() {
         let saddle = vol([2, 2, 2], |p| (p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5));

@@ -179,7 +179,8 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if faces.iter().any(|f| f[3] != 0) {
         parts.notes.add("the BSDF indices of faces are not used: the mesh has a single material");
     }
-    // Skip the lists of vertices that share a surface point or a normal, used only for editing positions.
+    // Skip the lists of vertices that share a surface point or a normal, which are used only for editing
+    // positions.
     for list in [points, groups] {
         if list > 0 {
             stream.indices(vertices)?;

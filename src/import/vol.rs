@@ -12,7 +12,7 @@ pub struct Vol {
     pub channels: usize,
     /// Bounding box: lowest and highest x, y, z in the volume's coordinates.
     pub bbox: [[f32; 3]; 2],
-    /// All values, finite; the channel index varies fastest, then x, y and z.
+    /// Finite values, for which the channel index varies fastest, then x, y and z.
     pub values: Vec<f32>,
 }
 

@@ -35,7 +35,7 @@ static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
     Builder::new_multi_thread().worker_threads(2).thread_name("objects").enable_all().build()
 });
 
-/// Waits for a future on the runtime. (`block_on` must not be called from threads of another runtime.)
+/// Waits for a future on the runtime. Threads of another runtime must not call `block_on`.
 fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
     let runtime = RUNTIME.as_ref().map_err(|e| {
         Refusal::new(format!("cannot create threads for requests: {e}"), "close other programs")
@@ -47,7 +47,7 @@ fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> 
     message.recv().map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 
-/// The objects below an address, with the client of the object store.
+/// The objects below a URL, with the client of the object store.
 #[derive(Clone)]
 struct Objects {
     scheme: String,
@@ -55,7 +55,7 @@ struct Objects {
     below: Key,
 }
 
-/// Formats the address only, because the client contains credentials.
+/// Formats the URL only, because the client contains credentials.
 impl fmt::Debug for Objects {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Objects({}://.. {})", self.scheme, self.below)

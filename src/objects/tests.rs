@@ -12,7 +12,7 @@ use store::objects::{Ask, Condition, ObjectClient, Put};
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 
-/// Returns the in-memory object store of test addresses `memory://NAME/..`.
+/// Returns the in-memory object store of test URLs `memory://NAME/..`.
 pub(crate) fn memory(name: &str) -> Arc<InMemory> {
     let mut stores = STORES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     stores.entry(name.to_owned()).or_default().clone()
@@ -110,7 +110,7 @@ fn failed_requests_are_repeated() {
         assert_eq!(whole(&objects, &keys), vec![Some(bytes(n)); keys.len()]);
         let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(n));
-        // If the response is lost, the object exists and equals this one.
+        // If the response to the put was lost, the object exists and equals the object of the put.
         let put = objects.put_if("a/0", bytes(99), Condition::Is(old.clone())).expect("puts");
         let (found, now) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(99));

@@ -62,7 +62,7 @@ pub struct SceneBuilder {
     /// Files that exist in memory only, by the names that the scene uses.
     memory: BTreeMap<String, Vec<u8>>,
     folder: PathBuf,
-    /// The first error of a builder call; [`Self::build`] returns this error.
+    /// The first error of a builder call, which [`Self::build`] returns.
     fault: Option<InputError>,
 }
 
@@ -210,7 +210,8 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the maximum path length: 2 renders direct light only, and n allows n - 1 surface interactions.
+    /// Sets the maximum path length. A length of n allows n - 1 surface interactions, so 2 renders only
+    /// direct light.
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.file.render.max_depth = max_depth.into();
         self
@@ -251,7 +252,7 @@ impl SceneBuilder {
         let text = self.file.to_toml().map_err(|e| {
             fault("render", format!("cannot serialize the scene: {e}"), "keep seeds below 2^63")
         })?;
-        // Serialize and parse the value, so that all its parts have locations that errors can name.
+        // Serialize and parse the value, so that every part has a location that an error can name.
         let path = Path::new(IN_CODE);
         let built = SceneFile::read(path, &text).and_then(|file| {
             let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?

@@ -1,8 +1,8 @@
 //! Parser for IES LM-63 files of photometric type C: measured intensity profiles of luminaires.
 //!
-//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about that axis. The
-//! vertical angles cover the lower hemisphere, the upper hemisphere or both. The horizontal angles in
-//! degrees depend on the luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
+//! Vertical angle 0 is the luminaire's downward axis. Horizontal angles rotate about the downward axis. The
+//! vertical angles cover the lower hemisphere, the upper hemisphere or both. The range of the horizontal
+//! angles, in degrees, depends on the luminaire's symmetry: 0 only, 0..90, 0..180, 90..270 or 0..360.
 
 /// A luminaire's intensity profile, divided by the maximum of the profile.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,7 +11,7 @@ pub struct Ies {
     pub vertical: Vec<f32>,
     /// Horizontal angles in degrees, increasing from 0 to 0, 90, 180 or 360.
     pub horizontal: Vec<f32>,
-    /// Relative intensities, 0..1: one row per horizontal angle, one column per vertical angle.
+    /// Relative intensities, 0..1: one row per horizontal angle, and one column per vertical angle.
     pub values: Vec<f32>,
 }
 

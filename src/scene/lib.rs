@@ -3,7 +3,7 @@
 //! The steps are `syntax` (values of a file or of a [`SceneBuilder`]), `build` (semantic checks,
 //! errors with locations) and [`transport::scene::Scene`].
 
-/// Makes the calling function return an error with the location `$at`; a literal message is a format string.
+/// Makes the calling function return an error with the location `$at`. A literal message is a format string.
 macro_rules! bail {
     ($at:expr, $span:expr, $message:literal, $help:expr) => {
         bail!($at, $span, format_args!($message).to_string(), $help)

@@ -46,7 +46,7 @@ fn shipped_scenes_round_trip() {
         let second: SceneFile = toml::from_str(&written).unwrap_or_else(|e| panic!("{e}\n{written}"));
         assert_eq!(first, second, "{written}");
         assert_eq!(written, second.to_toml().expect("a text"));
-        // Scenes that need generated files cannot be built here.
+        // Scenes that need generated files cannot be built in this test.
         if let Ok(a) = crate::from_text(path, &text) {
             let b = crate::from_text(path, &written).unwrap_or_else(|e| panic!("{e}\n{written}"));
             assert_eq!(tables(&a), tables(&b), "{}", path.display());

@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Maximum size of one allocation, in bytes. The longest valid axis has coordinates of this size.
+/// Maximum size of one allocation, in bytes. The coordinates of the longest valid axis have the maximum size.
 const MEMORY: usize = 1 << 27;
 /// Maximum time for the readers of one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -122,7 +122,7 @@ enum Damage {
     Drop(f64, f64),
     /// Replaces coordinates, in a correctly encoded file.
     Coordinates(f64, Vec<(f64, f64)>),
-    /// Truncates a file, replaces a byte of it, or deletes it.
+    /// Truncates or deletes a file, or replaces a byte of the file.
     Cut(f64, f64),
     Byte(f64, f64, u8),
     Delete(f64),
@@ -353,7 +353,8 @@ fn damaged_stores_give_results_or_errors() {
         path
     });
     let [answers, errors] = read_all(whole.path(), &a, &b);
-    // Readers of the axes t, v, u and of the overflow report errors for the image, which lacks them.
+    // The image has no axes t, v, u and no overflow, so readers of these axes and of the overflow report
+    // errors.
     assert!(answers > 25 && errors < 8, "{answers} answers, {errors} errors");
     let config = Config { cases: 40, failure_persistence: None, max_shrink_iters: 100, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[5; 32]));
@@ -367,8 +368,8 @@ fn damaged_stores_give_results_or_errors() {
         let damaged = folder.path().join("damaged");
         copy(if in_shards { &sharded } else { &a }, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
-        // Half of the cases get a new manifest after the damage, so that the damage passes the manifest
-        // check and reaches the readers.
+        // In half of the cases, a new manifest is written after the damage. With a new manifest, the damage
+        // passes the manifest check and reaches the readers.
         if list.len() % 2 == 0 {
             crate::zarr::reseal(&damaged);
         }

@@ -1,4 +1,4 @@
-//! The root attribute that marks denoised stores. The values of such stores are images for figures, not
+//! The root attribute that marks denoised stores. The values of denoised stores are images for figures, not
 //! unbiased estimates of radiance.
 //!
 //! Every function that uses a store as ground truth, or adds samples to a store, refuses denoised stores.

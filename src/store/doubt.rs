@@ -17,8 +17,8 @@ pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
-/// Returns the region (first index and shape) of the errors of totals that is needed for a box of pixels:
-/// the pixels of the box and their neighbours. Returns `None` in the same cases as [`of`].
+/// Returns the region (first index and shape) of the errors of totals that is needed for a box of pixels. The
+/// region contains the pixels of the box and their neighbours. Returns `None` in the same cases as [`of`].
 ///
 /// # Errors
 /// Returns the same errors as [`of`].

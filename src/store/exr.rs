@@ -1,12 +1,13 @@
 //! Writes slices as OpenEXR images.
 //!
-//! `stokes.S0.R … stokes.S3.B` are the Stokes vector of the light received under unpolarized illumination,
-//! that is, column 0 of the Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the
-//! complete matrix, if requested. With three wavelengths, R is the longest and B the shortest wavelength.
-//! With any other number of wavelengths, channels are named in nanometres (`stokes.S0.450nm`). All channels
-//! are f32. Stokes frames are those of the stored tensor: the projector frame for incoming light, the camera
-//! frame for outgoing light. Mitsuba's `stokes` integrator uses another frame in each pixel (see
-//! CONVENTIONS.md), so the channels do not have Mitsuba's names `S0.R … S3.B`.
+//! The channels `stokes.S0.R … stokes.S3.B` contain the Stokes vector of the light received under unpolarized
+//! illumination, that is, column 0 of the Mueller matrix. The channels `R`, `G`, `B` repeat S0. If requested,
+//! the channels `mueller.M00.R … mueller.M33.B` contain the complete matrix. With three wavelengths, R is the
+//! longest and B the shortest wavelength. With any other number of wavelengths, channels are named in
+//! nanometres (`stokes.S0.450nm`). All channels are f32. Stokes frames are those of the stored tensor: the
+//! projector frame for incoming light, the camera frame for outgoing light. Mitsuba's `stokes` integrator
+//! uses another frame in each pixel (see CONVENTIONS.md), so the channels do not have Mitsuba's names `S0.R …
+//! S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ pub enum ExrError {
     #[error("`{name}` {reason}")]
     NoImage {
         name: String,
-        /// The fault and the fix.
+        /// Text that describes the fault and the fix.
         reason: String,
     },
     #[error(transparent)]
@@ -38,7 +39,8 @@ pub enum ExrError {
 /// The part of a slice to export.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExrOptions {
-    /// Parts of axes to export. All other axes except the image axes, Stokes and wavelength are summed.
+    /// Parts of axes to export. All other axes are summed, except the image axes, the Stokes axes and the
+    /// wavelength axis.
     pub select: Vec<Selection>,
     /// Axes to expand into separate channels instead of summing them.
     pub expand: Vec<AxisKind>,
@@ -58,8 +60,8 @@ pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<
     write_exr(&probe.run(slice)?.mean, options.mueller, path)
 }
 
-/// Writes a tensor over y, x and any of stokes_out, stokes_in and wavelength. Other axes are expanded: the
-/// channels of each entry get a prefix such as `t1250ps.` or `component1.`.
+/// Writes a tensor over y, x and any of stokes_out, stokes_in and wavelength. Any other axis is expanded into
+/// channels. The names of the channels of an entry have a prefix such as `t1250ps.` or `component1.`.
 ///
 /// # Errors
 /// Returns an error if the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot
@@ -205,7 +207,8 @@ mod tests {
         write_exr(&t, true, &path).unwrap();
         let channels = read_back(&path);
         assert_eq!(channels.len(), 3 + 12 + 48);
-        // Such names would imply the Stokes frames of Mitsuba's sensor, which differ from Sunstone's.
+        // Channel names that begin with S or M would imply the Stokes frames of Mitsuba's sensor, which
+        // differ from Sunstone's.
         assert!(!channels.keys().any(|name| name.starts_with(['S', 'M'])));
         for (w, colour) in ["R", "B", "G"].into_iter().enumerate() {
             for (out, inn) in (0..4).flat_map(|o| (0..4).map(move |i| (o, i))) {

@@ -34,7 +34,7 @@ impl MatchingStores {
         self.inputs.iter().map(|input| &input.store)
     }
 
-    /// Returns the weights of the stores in the mean of all samples; the sum of the weights is 1.
+    /// Returns the weights of the stores in the mean of all samples. The sum of the weights is 1.
     pub fn shares(&self) -> Vec<f32> {
         let samples = |input: &Input| input.samples_per_pixel.filter(|n| *n > 0.0);
         let all: Option<Vec<f64>> = self.inputs.iter().map(samples).collect();

@@ -1,20 +1,21 @@
-//! Merges renders of one scene with different seeds. The result equals that of one render with all samples.
+//! Merges renders of one scene with different seeds. The result equals the result of one render with all
+//! samples.
 //!
-//! If an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples with mean m and
-//! standard error e have the sum of squared deviations M = e²·N(N−1). The pooled values are exact (Chan,
-//! Golub & LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e²
-//! = M / (N(N−1)) with N = ΣNᵢ.
+//! For an element that belongs to one camera pixel (`pixels_per_element` = 1), the pooled values are exact
+//! (Chan, Golub & LeVeque 1979). The values are equivalent to pooling Σx and Σx². N samples with mean m and
+//! standard error e have the sum of squared deviations M = e²·N(N−1). The pooled values are m = Σ Nᵢmᵢ / ΣNᵢ,
+//! M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M / (N(N−1)) with N = ΣNᵢ.
 //!
-//! A group of samples that are stratified together counts as one sample: N is then the number of groups
+//! A group of samples that are stratified together counts as one sample, so N is the number of groups
 //! (`replicates_per_pixel`).
 //!
 //! Errors of totals (`total_std_error`) are pooled in the same way, with the totals of the means as m. The
-//! merged store has no errors of totals if an input, written by an earlier version, lacks them.
+//! merged store has no errors of totals if an input from an earlier version has no errors of totals.
 //!
-//! Sums are computed in f64; the remaining error is the rounding of the stored f32 values.
+//! Sums are computed in f64. The remaining error is the rounding of the stored f32 values.
 //!
 //! If an element averages several pixels, the samples are not identically distributed and only their means
-//! are known: m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+//! are known. The pooled values of several pixels are m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined and not pooled. The result
 //! equals the whole render byte for byte.
@@ -87,15 +88,16 @@ pub(crate) struct Parts<'a> {
     equal: bool,
 }
 
-/// Merges the stores `inputs` into a new store `out`; an existing store is replaced only with `replace`.
+/// Merges the stores `inputs` into a new store `out`. An existing store is replaced only if `replace` is
+/// true.
 ///
-/// Sample counts come from the array `samples` of a store, or else from its root attribute
-/// `samples_per_pixel`. The root attributes `seeds` are concatenated. `samples_per_pixel`,
-/// `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All other root
-/// attributes are those of the first input.
+/// Sample counts come from the array `samples` of a store. If the array does not exist, sample counts come
+/// from the root attribute `samples_per_pixel`. The root attributes `seeds` are concatenated.
+/// `samples_per_pixel`, `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All
+/// other root attributes have the values of the first input.
 ///
-/// If the inputs are the parts of one render, `out` equals that render byte for byte, except for
-/// `wall_time_s`, which is the sum.
+/// If the inputs are the parts of one render, `out` equals the whole render byte for byte. The only
+/// difference is `wall_time_s`, which is the sum over the parts.
 ///
 /// # Errors
 /// Returns an error if reading or writing fails, or if the inputs cannot be merged. Valid inputs are renders
@@ -112,8 +114,8 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
 /// most about 100 MB.
 const THREADS: usize = 8;
 
-/// Runs `work`, which is a merge. If an input or the output is at an address, uses more threads to saturate
-/// the bandwidth.
+/// Runs `work`, which is a merge. If an input or the output is at a URL, uses more threads to saturate the
+/// bandwidth.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
@@ -193,7 +195,7 @@ pub struct Options {
     pub partial: bool,
 }
 
-/// Returns a text that identifies everything on which values made from stores depend: the command, the
+/// Returns a text that identifies everything on which values computed from stores depend: the command, the
 /// stores and their contents.
 fn origin<'a>(command: &str, stores: impl Iterator<Item = &'a TensorStore>) -> String {
     let line = |store: &TensorStore| format!("{} {}\n", store.path().display(), store.fingerprint());
@@ -381,8 +383,8 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
         }
         let chunks: Vec<_> = merged.chunks(mean)?.collect();
         chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), MergeError> {
-            // A chunk with both files is complete, because errors are written last: an interrupted merge
-            // resumes here.
+            // A resumed merge skips complete chunks. A chunk with a file of means and a file of errors is
+            // complete, because errors are written last.
             if merged.is_stored(mean, start)? && merged.is_stored(error, start)? {
                 return Ok(());
             }

@@ -50,7 +50,7 @@ pub enum NumpyError {
 pub struct NumpyReader {
     path: PathBuf,
     bytes: Bytes,
-    /// Length of every axis; the last axis is the fastest.
+    /// Length of every axis, of which the last axis is the fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
@@ -72,7 +72,7 @@ impl NumpyReader {
         let header = Header::read(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
         let mut file = buffered.into_inner();
-        // Integers of 8 bytes are not exact as `f64`.
+        // `f64` cannot represent all 8-byte integers exactly.
         let exact =
             |(element, _): &(Element, bool)| !matches!(element, Element::Unsigned(8) | Element::Signed(8));
         let Some((element, big_endian)) = header.element().filter(exact) else {
@@ -118,7 +118,7 @@ impl NumpyReader {
         matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }
 
-    /// Reads `out.len()` elements from element `first`. Several threads may call this concurrently.
+    /// Reads `out.len()` elements from element `first`. Several threads may call this function concurrently.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or is too short.
@@ -157,8 +157,8 @@ impl NumpyReader {
 }
 
 impl NumpyArray {
-    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes unchanged, integers of up to 2 bytes as
-    /// `f32`, larger integers as `f64`.
+    /// Reads a `.npy` file of real numbers. Floats of 4 or 8 bytes are unchanged. Integers of up to 2 bytes
+    /// become `f32`, and larger integers become `f64`.
     ///
     /// # Errors
     /// Returns an error if the file is not a `.npy` file of real numbers, or is truncated.
@@ -212,7 +212,7 @@ pub fn write<T: NumpyNumber>(
     buffered.flush()
 }
 
-/// Writes the header of an array. [`append`] then writes the elements in row-major order.
+/// Writes the header of an array, after which [`append`] writes the elements in row-major order.
 ///
 /// # Errors
 /// Returns an error if the writer fails.
@@ -229,7 +229,7 @@ pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Re
 }
 
 /// Writes elements from element `first` into an array whose elements begin at byte `start` of the file.
-/// Several threads may call this concurrently.
+/// Several threads may call this function concurrently.
 ///
 /// # Errors
 /// Returns an error if the file cannot be written.

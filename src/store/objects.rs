@@ -1,9 +1,9 @@
 //! The interface to object stores. Clients implement [`ObjectClient`], and [`install`] registers the
 //! function that opens a client.
 //!
-//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
-//! because these clients have more dependencies than the rest of the program's input and output. Without a
-//! client, every address is refused.
+//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`. The
+//! separate crate keeps the many dependencies of the clients out of this crate. Without a client, every URL
+//! is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -54,22 +54,22 @@ pub struct Version {
 pub enum Condition {
     /// The object does not exist (`If-None-Match: *`).
     Absent,
-    /// The object exists in this version (`If-Match`).
+    /// The object exists in the given version (`If-Match`).
     Is(Version),
 }
 
 /// The result of a conditional put.
 #[derive(Debug)]
 pub enum Put {
-    /// The object was written and now has this version.
+    /// The object was written and now has the given version.
     Done(Version),
-    /// The condition does not hold. The object may still be the result of the same put, if the response to
-    /// an earlier request was lost.
+    /// The condition does not hold. The object may be the result of an earlier request for the same put, if
+    /// the response was lost.
     Other,
 }
 
-/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls
-/// block until the response arrives.
+/// The client of an object store, for the objects below one URL. Keys are relative to the URL. Calls block
+/// until the response arrives.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Reads parts of objects. Returns the bytes and the size of each object, in the order of the requests,
     /// or `None` for an object that does not exist.
@@ -115,7 +115,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
 }
 
-/// Function that opens a client for the objects below an address, given the scheme and the address.
+/// Function that opens a client for the objects below a URL, given the scheme and the URL.
 pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
@@ -125,12 +125,12 @@ pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
 
-/// The objects below an address, with their client.
+/// The objects below a URL, with their client.
 #[derive(Clone, Debug)]
 pub(crate) struct Objects(Arc<dyn ObjectClient>);
 
 impl Objects {
-    /// Returns the objects below an address. Sends no request.
+    /// Returns the objects below a URL. Sends no request.
     pub(crate) fn open(scheme: &str, address: &Path) -> Result<Self, Refusal> {
         #[cfg(test)]
         if let Some(client) = fake::open(scheme, address) {
@@ -162,7 +162,7 @@ impl Objects {
         self.0.put_many(vec![(key.to_owned(), bytes)])
     }
 
-    /// Writes an object if there is no object with this key.
+    /// Writes an object if there is no object with the given key.
     pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Absent)
     }

@@ -1,8 +1,7 @@
-//! The location of a store: a folder, or an address of an object store (`s3://`, `gs://`, `az://`,
-//! `http(s)://`).
+//! The location of a store: a folder, or a URL of an object store (`s3://`, `gs://`, `az://`, `http(s)://`).
 //!
-//! A path that begins with a scheme is an address; every other path is a folder. Object stores report
-//! errors as a [`Refusal`].
+//! A path that begins with a scheme is a URL. Every other path is a folder. Object stores report errors as a
+//! [`Refusal`].
 
 use crate::refusal::Refusal;
 use bytes::Bytes;
@@ -12,19 +11,19 @@ use std::path::{Path, PathBuf};
 pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
 
-/// Returns the scheme of an address, at least two characters before `://`, or `None` for a path.
+/// Returns the scheme of a URL, at least two characters before `://`, or `None` for a path.
 pub fn scheme(path: &Path) -> Option<&str> {
     let (scheme, _) = path.to_str()?.split_once("://")?;
     let plain = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
     (scheme.len() > 1 && scheme.chars().all(plain)).then_some(scheme)
 }
 
-/// Returns whether a path is an address of an object store and not a local path.
+/// Returns whether a path is a URL of an object store and not a local path.
 pub fn is_address(path: &Path) -> bool {
     scheme(path).is_some()
 }
 
-/// The location of a store: a local folder, or the objects at an address.
+/// The location of a store: a local folder, or the objects at a URL.
 #[derive(Debug)]
 pub(crate) enum Place {
     Folder(PathBuf),
@@ -32,7 +31,7 @@ pub(crate) enum Place {
 }
 
 impl Place {
-    /// Returns the location for a path or an address, without accessing the location.
+    /// Returns the location for a path or a URL, without accessing the location.
     pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
         match scheme(path) {
             None => Ok(Self::Folder(path.to_owned())),

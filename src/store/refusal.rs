@@ -1,4 +1,5 @@
-//! Errors of object stores. Code that handles only files returns them as the inner error of an [`io::Error`].
+//! Errors of object stores. Code that handles only files returns refusals as the inner error of an
+//! [`io::Error`].
 
 use std::io;
 

@@ -43,14 +43,15 @@ impl ShardError {
     }
 }
 
-/// Copies a finished store into a new sharded store `out`; an existing store is replaced only with `replace`.
+/// Copies a finished store into a new sharded store `out`. An existing store is replaced only if `replace` is
+/// true.
 ///
 /// Values and attributes are bit-identical. An interrupted copy leaves no valid store, and the same call
 /// resumes the copy. The copy needs memory for eight shards, about 400 MB at most.
 ///
 /// # Errors
-/// Returns an error if the input is not a finished store of a whole render, is already in shards, or if
-/// reading or writing fails.
+/// Returns an error if the input is not a finished store of a whole render, is already sharded, or if reading
+/// or writing fails.
 pub fn shard(input: &Path, out: &Path, replace: bool) -> Result<(), ShardError> {
     shard_to(input, out, replace, Limits::default())
 }

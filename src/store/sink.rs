@@ -12,7 +12,7 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// The destination of a render, and the treatment of an existing store at this destination.
+/// The destination of a render, and the treatment of an existing store at the destination.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     pub path: PathBuf,
@@ -79,7 +79,7 @@ pub struct ZarrSink {
 struct Open {
     store: TensorStore,
     slices: Vec<StoredSlice>,
-    /// Journal of tiles; `None` if the store already contained the complete render.
+    /// Journal of tiles, or `None` if the store already contained the complete render.
     journal: Option<Progress>,
 }
 
@@ -89,7 +89,7 @@ impl ZarrSink {
         Self { target, open: None }
     }
 
-    /// Returns the store; `None` before the render has begun.
+    /// Returns the store, or `None` before the render has begun.
     pub fn store(&self) -> Option<&TensorStore> {
         self.open.as_ref().map(|o| &o.store)
     }
@@ -103,7 +103,7 @@ impl ZarrSink {
         move |cause| SinkError::Journal { path: path.clone(), cause }
     }
 
-    /// Opens the store to resume, after checking that this store contains the same render.
+    /// Opens the store to resume, after checking that the store contains the same render.
     fn go_on(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let store = TensorStore::open_for_write(&self.target.path)?;
         denoised::refuse(&store)?;
@@ -122,7 +122,7 @@ impl ZarrSink {
         let mut attributes = job.attributes.clone();
         attributes.insert("status".into(), json!("incomplete"));
         match TensorStore::create(path, &slices, &attributes, Some(grid), *replace) {
-            // Another process created it while this one waited for its lock.
+            // Another process created the store while this process waited for the lock.
             Err(CreateError::Exists { .. }) if *resume => self.go_on(job),
             made => Ok(made?),
         }
@@ -153,7 +153,8 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
             return mismatch(what, show(a), show(b));
         }
     }
-    // Tiles in the journal are finished only for the slices of the store, so the slices must be the same.
+    // The journal lists tiles that are finished for the slices of the store, so the render must have the same
+    // slices.
     let ours: Vec<&str> = job.slices.iter().map(|s| s.layout.name.as_str()).collect();
     if store.slice_names() != ours {
         return mismatch("list of slices", store.slice_names().join(", "), ours.join(", "));

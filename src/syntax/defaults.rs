@@ -6,8 +6,8 @@ use super::values::{IndexFile, SpectrumFile, TimeFile};
 pub(super) use super::values::{is_default, is_one, one};
 use base::locate::Located;
 
-/// Generates two functions from each line: one returns the default, the other returns true if a value equals
-/// the default.
+/// Generates two functions from each line: one returns the default, and the other returns true if a value
+/// equals the default.
 macro_rules! defaults {
     ($($name:ident, $is:ident: $t:ty = $value:expr;)*) => {$(
         pub(super) fn $name() -> $t {

@@ -267,7 +267,7 @@ impl PoseFile {
 }
 
 impl PinholeFile {
-    /// Creates a camera with this pose. Resolution and focal length must still be set.
+    /// Creates a camera with the given pose. Resolution and focal length must still be set.
     pub fn new(pose: PoseFile) -> Self {
         Self { pose: pose.into(), ..Self::default() }
     }

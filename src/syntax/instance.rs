@@ -35,7 +35,7 @@ pub struct InstanceFile {
 }
 
 impl GroupFile {
-    /// Creates a group of these objects.
+    /// Creates a group of the given objects.
     pub fn new(objects: impl IntoIterator<Item = ObjectFile>) -> Self {
         Self { objects: objects.into_iter().map(Into::into).collect() }
     }
@@ -47,7 +47,7 @@ impl InstanceFile {
         Self { name: None, group: group.into().into(), places: None, transform: None }
     }
 
-    /// Sets the transform: scale, then rotate, then translate; or a matrix.
+    /// Sets the transform, which is a matrix or these steps: scale, then rotate, then translate.
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self

@@ -31,7 +31,7 @@ use std::path::Path;
 /// A file type of this crate. This crate implements the trait, so that the deserialization code is compiled
 /// only once.
 pub trait Syntax: Sized {
-    /// Parses the text of a file; `path` names the file in messages.
+    /// Parses the text of a file. `path` names the file in messages.
     ///
     /// # Errors
     /// Returns [`InputError`] with a location if the text is not valid TOML or does not match the syntax.

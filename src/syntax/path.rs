@@ -61,7 +61,8 @@ pub(crate) fn find_in<'t, 'i>(
     })
 }
 
-/// Returns the index of the list element whose name is `key`; if there is none, parses `key` as an index.
+/// Returns the index of the list element whose name is `key`. If no element has this name, parses `key` as an
+/// index.
 fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
     let named = |v: &Spanned<DeValue>| {
         let name = v.get_ref().as_table().and_then(|t| t.get("name"));

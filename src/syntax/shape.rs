@@ -192,8 +192,8 @@ impl Default for CylinderFile {
 }
 
 impl ShapeFile {
-    /// Creates a mesh shape from a mesh file, or from a mesh of a scene built in code. The file
-    /// extension selects the format; an unknown extension means PLY.
+    /// Creates a mesh shape from a mesh file, or from a mesh of a scene built in code. The file extension
+    /// selects the format. An unknown extension means PLY.
     pub fn mesh(file: impl Into<String>) -> Self {
         let file = file.into();
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
@@ -208,7 +208,7 @@ impl ShapeFile {
 }
 
 impl ObjectFile {
-    /// Creates an object without a transform. Call [`Self::material`] too.
+    /// Creates an object without a transform. Set the material with [`Self::material`].
     pub fn new(shape: impl Into<Located<ShapeFile>>) -> Self {
         Self {
             name: None,
@@ -223,28 +223,28 @@ impl ObjectFile {
         }
     }
 
-    /// Creates an exact sphere; lengths in metres.
+    /// Creates an exact sphere, with lengths in metres.
     pub fn sphere(center: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Sphere(SphereFile { center, radius }))
     }
 
-    /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres). As seen
-    /// from the front, these vertices are in counter-clockwise order.
+    /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres). As seen from the
+    /// front, the vertices are in counter-clockwise order.
     pub fn rectangle(corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
         Self::new(ShapeFile::Rectangle(RectangleFile { corner, u, v }))
     }
 
-    /// Creates a flat disk; `normal` is the normal of the front side, and lengths are in metres.
+    /// Creates a flat disk, with lengths in metres. `normal` is the normal of the front side.
     pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Disk(DiskFile { center, normal, radius }))
     }
 
-    /// Creates an axis-aligned box; lengths in metres.
+    /// Creates an axis-aligned box, with lengths in metres.
     pub fn cube(min: [f64; 3], max: [f64; 3]) -> Self {
         Self::new(ShapeFile::Cube(CubeFile { min, max }))
     }
 
-    /// Creates a circular cylinder that is open at both ends; lengths in metres.
+    /// Creates a circular cylinder that is open at both ends, with lengths in metres.
     pub fn cylinder(p0: [f64; 3], p1: [f64; 3], radius: f64) -> Self {
         let caps = false;
         Self::new(ShapeFile::Cylinder(CylinderFile { p0, p1, radius, caps }))
@@ -267,8 +267,8 @@ impl ObjectFile {
         self
     }
 
-    /// Sets the name of the medium that fills the object, and the object's priority where filled
-    /// objects overlap (the highest priority fills the space).
+    /// Sets the name of the medium that fills the object, and the object's priority. Where filled objects
+    /// overlap, the object with the highest priority fills the space.
     pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
         self.interior = Some(medium.into().into());
         self.priority = priority;
@@ -281,7 +281,7 @@ impl ObjectFile {
         self
     }
 
-    /// Sets the transform: scale, then rotate, then translate; or a matrix.
+    /// Sets the transform, which is a matrix or these steps: scale, then rotate, then translate.
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self

@@ -155,7 +155,7 @@ impl SliceFile {
         self
     }
 
-    /// Selects the projector pixels, or how to sum them.
+    /// Selects the projector pixels, or the way in which the pixels are summed.
     pub fn projector(mut self, pixels: ProjectorSelectFile) -> Self {
         self.projector = pixels.into();
         self

@@ -71,8 +71,8 @@ pub struct ImageAlbedo {
     pub layer: Option<String>,
 }
 
-/// Rows of a map of texture coordinates, `[[a, b, c], [d, e, f]]`: texture coordinates (u, v) map
-/// to (a u + b v + c, d u + e v + f) in the image, whose lower left corner is (0, 0).
+/// Rows `[[a, b, c], [d, e, f]]` of a map of texture coordinates. The texture coordinates (u, v) map to
+/// (a u + b v + c, d u + e v + f) in the image. The lower left corner of the image is (0, 0).
 pub type UvRows = [[f64; 3]; 2];
 
 /// A checkerboard: `{ checkerboard = [0.4, 0.2] }`. It has two by two squares over texture coordinates 0..1

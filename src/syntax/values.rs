@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// Implements deserialization of a value with several forms; a method of a [`Visitor`] reads each form.
+/// Implements deserialization of a value with several forms. A method of a [`Visitor`] reads each form.
 macro_rules! any_of {
     ($value:ident, $expected:literal, { $($visit:tt)* }) => {
         impl<'de> Deserialize<'de> for $value {

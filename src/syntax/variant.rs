@@ -3,9 +3,9 @@
 //! Values are substituted in the parsed document and keep their location in the file. An error in a
 //! substituted value is therefore reported at its location in `[vary]`.
 //!
-//! A number drawn from a range is min + u (max - min). u in [0, 1) is a 53-bit hash (SplitMix64's finalizer;
-//! Steele, Lea & Flood 2014) of the parameter's name, ⌊k / every⌋ and the number's index in the list. Adding
-//! a parameter therefore does not change the values of other parameters.
+//! A number drawn from a range is min + u (max - min). The factor u in [0, 1) is a 53-bit hash of the
+//! parameter's name, ⌊k / every⌋ and the number's index in the list. The hash is SplitMix64's finalizer
+//! (Steele, Lea & Flood 2014). Adding a parameter therefore does not change the values of other parameters.
 
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
@@ -35,7 +35,7 @@ pub struct Variant {
     pub values: BTreeMap<String, toml::Value>,
 }
 
-/// Parses a scene file and returns one of its variants; `path` names the file in messages.
+/// Parses a scene file and returns one of its variants. `path` names the file in messages.
 ///
 /// # Errors
 /// Returns [`InputError`] if the scene file is invalid or the variant does not exist. Errors in substituted
@@ -150,7 +150,7 @@ impl<'a> Vary<'a> {
         Ok(all)
     }
 
-    /// Checks that the types of a parameter's values allow them to replace the value `present`.
+    /// Checks that the types of a parameter's values allow the values to replace the value `present`.
     fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),
@@ -237,8 +237,8 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// Returns the number of different variants: unlimited if any parameter has a range, otherwise
-    /// the largest product of list length and `every`.
+    /// Returns the number of different variants, or `None` if any parameter has a range. The number is the
+    /// largest product of list length and `every`.
     fn counted(&self) -> Result<Option<u64>, InputError> {
         let mut longest: Option<(&str, u64)> = None;
         let mut endless = false;

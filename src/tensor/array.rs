@@ -7,9 +7,9 @@ use super::axes::{Axis, AxisKind};
 pub struct Tensor {
     /// Name for titles and file names.
     pub name: String,
-    /// Axes in storage order; empty for a single number.
+    /// Axes in storage order, or an empty list for a single number.
     pub axes: Vec<Axis>,
-    /// Values; the number of values is the product of the axes' lengths.
+    /// Values, as many as the product of the axes' lengths.
     pub data: Vec<f32>,
 }
 
@@ -25,12 +25,12 @@ impl Tensor {
         self.axes.iter().map(|a| a.coords.len()).collect()
     }
 
-    /// Returns the index of the axis of this kind in `axes`, or `None` if the tensor has no such axis.
+    /// Returns the index of the axis of the given kind in `axes`, or `None` if the tensor has no such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the length of the axis of this kind, or 1 if the tensor has no such axis.
+    /// Returns the length of the axis of the given kind, or 1 if the tensor has no such axis.
     pub fn extent(&self, kind: AxisKind) -> usize {
         self.find(kind).map_or(1, |i| self.axes[i].coords.len())
     }
@@ -67,7 +67,8 @@ impl Tensor {
         }
     }
 
-    /// Returns the product of the lengths of all axes before an axis, its length, and the product after it.
+    /// Returns the number of elements before an axis, along the axis and after the axis, as products of the
+    /// axes' lengths.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())
@@ -93,7 +94,7 @@ impl Tensor {
     }
 
     /// Calls `f(lane, inner, out, length)` for every block along the axis. `lane` contains `length` runs of
-    /// `inner` values; `out` receives one run.
+    /// `inner` values. `out` receives one run.
     fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
         let Some(axis) = self.find(kind) else {
             return self.clone();

@@ -1,8 +1,8 @@
 //! The named axes of a stored slice, with their units, in a fixed order.
 //!
-//! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
-//! only if the slice resolves this dimension. `wavelength` is always last, so that one tensor element fills
-//! the lanes of one SIMD register.
+//! The order is `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`. An axis
+//! is present only if the slice resolves its dimension. `wavelength` is always last, so that one tensor
+//! element fills the lanes of one SIMD register.
 
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
@@ -10,9 +10,9 @@ use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSe
 /// Maximum number of elements in a chunk (8 MiB of f32), so that memory use depends only on the tile size.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
-/// Number of tensor elements (4 MiB of f32) above which each matrix element has separate chunks. Matrix
-/// elements that are zero in a whole tile then need no chunks, and a matrix element can be read without the
-/// other 15.
+/// Number of tensor elements (4 MiB of f32) above which each matrix element has separate chunks. With
+/// separate chunks, matrix elements that are zero in a whole tile need no chunks. A reader can read one
+/// matrix element without the other 15 elements.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
 /// Dimension of the transport tensor T that an axis resolves.
@@ -84,7 +84,7 @@ impl AxisKind {
         }
     }
 
-    /// Returns the axis kind whose dimension has this name in the store, or `None`.
+    /// Returns the axis kind whose dimension has the given name in the store, or `None`.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
@@ -124,7 +124,7 @@ pub struct Axis {
     pub kind: AxisKind,
     /// Coordinates: a pixel's index (its centre minus 0.5), or the centre of a bin of pixels or time.
     pub coords: Vec<f64>,
-    /// Chunk length along this axis.
+    /// Chunk length along the axis.
     pub chunk: u64,
 }
 
@@ -149,13 +149,13 @@ impl Axis {
 /// contiguous and begin at pixel 0.
 ///
 /// # Errors
-/// Returns the first centre that is not the centre of such a box, if there is one.
+/// Returns the first value that cannot be the centre of a contiguous box, if there is one.
 pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut first = 0.0;
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // This condition also rejects NaN.
+        // The condition also rejects NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }
@@ -170,7 +170,7 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
 pub struct Extents {
     /// Camera width and height, in pixels.
     pub camera: [u32; 2],
-    /// Projector width and height, in pixels; `None` if the scene has no projector.
+    /// Projector width and height, in pixels, or `None` if the scene has no projector.
     pub projector: Option<[u32; 2]>,
     pub wavelengths_nm: Vec<f64>,
     /// Maximum path length: bounces range from 0 to `max_depth - 1`.
@@ -186,10 +186,10 @@ pub struct SliceLayout {
     pub name: String,
     /// Axes in storage order (row-major, last axis fastest).
     pub axes: Vec<Axis>,
-    /// First edge and bin width of the time axis, in picoseconds; `None` without a time axis.
+    /// First edge and bin width of the time axis, in picoseconds, or `None` without a time axis.
     pub time: Option<(f64, f64)>,
     /// True if the store contains the standard errors of the totals of camera elements
-    /// ([`crate::field::Field::TotalStdError`]). Renders store them.
+    /// ([`crate::field::Field::TotalStdError`]). Renders store these standard errors.
     pub totals: bool,
 }
 
@@ -313,12 +313,13 @@ impl SliceLayout {
         self.axes.iter().map(|a| a.chunk).collect()
     }
 
-    /// Returns the index of the axis of this kind, or `None` if the slice has no such axis.
+    /// Returns the index of the axis of the given kind, or `None` if the slice has no such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the layout without the time axis, under the same name. The overflow arrays have this layout.
+    /// Returns the layout without the time axis, under the same name. The overflow arrays use the layout
+    /// without the time axis.
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);
@@ -339,7 +340,8 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Divides the chunks of large slices by single matrix elements; chunks of small slices keep whole matrices.
+/// Divides the chunks of large slices into chunks of single matrix elements. Chunks of small slices keep
+/// whole matrices.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {
@@ -354,7 +356,7 @@ fn divide_matrix(axes: &mut [Axis]) {
     }
 }
 
-/// Limits the chunk size: divides the matrix, then halves the chunks along the axes V, U, T and Label, in
+/// Limits the chunk size. Divides the matrix, and then halves the chunks along the axes V, U, T and Label, in
 /// this order.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);

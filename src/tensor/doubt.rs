@@ -1,9 +1,10 @@
 //! Detection of unreliable error estimates.
 //!
-//! If few samples contribute most of the light, a pixel without such samples underestimates both its light
-//! and its error. The pixel's own samples, and their fourth moment, do not reveal this underestimation.
-//! Neighbouring pixels receive similar light, and some of them have such samples. A pixel is therefore
-//! marked as unreliable if its error is less than half of the root mean square of the errors around it.
+//! If a few bright samples contribute most of the light, a pixel without bright samples underestimates both
+//! its light and its error. The samples of a pixel, and their fourth moment, do not reveal that bright
+//! samples are missing. Neighbouring pixels receive similar light, and some of the neighbours have bright
+//! samples. A pixel is therefore marked as unreliable if its error is less than half of the root mean square
+//! of the errors around it.
 
 use super::array::Tensor;
 use super::axes::Axis;
@@ -11,10 +12,10 @@ use super::axes::Axis;
 /// Minimum ratio of a reliable error to the root mean square of the errors around it.
 const LEAST: f64 = 0.5;
 
-/// Counts of the lit pixels of a slice and of those with unreliable errors.
+/// The number of lit pixels of a slice, and the number of lit pixels with unreliable errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Doubt {
-    /// Number of lit pixels: those whose error is non-zero or unknown (NaN).
+    /// Number of lit pixels, whose error is non-zero or unknown (NaN).
     pub lit: usize,
     /// Number of lit pixels whose error is unreliable or unknown.
     pub doubtful: usize,
@@ -88,8 +89,8 @@ mod tests {
 
     #[test]
     fn errors_much_smaller_than_their_neighbours_are_doubtful() {
-        // The centre of 3 × 3 pixels is unreliable if 9 · 1² < ¼ · Σ e², that is, if its error is less than
-        // half of the root mean square.
+        // The centre of 3 × 3 pixels is unreliable if 9 · 1² < ¼ · Σ e². If the condition holds, the error is
+        // less than half of the root mean square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
         let marks = doubtful(&errors(&[0.0, 1.0, 2.0], &data), true);
@@ -113,7 +114,7 @@ mod tests {
     fn distant_rows_are_not_neighbours() {
         let data = [0.1, 0.1, 0.1, 9.0, 9.0, 9.0];
         assert_eq!(doubtful(&errors(&[1.0, 5.0], &data), true), [false; 6]);
-        // Boxes of several pixels count as neighbours at this distance.
+        // Boxes of several pixels at a distance of 4 pixels count as neighbours.
         let marks = doubtful(&errors(&[1.5, 5.5], &data), false);
         assert_eq!(marks, [true, true, true, false, false, false]);
     }

@@ -13,8 +13,8 @@ pub enum Field {
     Overflow,
     /// Standard error of [`Field::Overflow`].
     OverflowStdError,
-    /// Standard error of a camera element's total (axes `y`, `x` only): M00 summed over all other axes,
-    /// including light outside the time bins, averaged over wavelengths.
+    /// Standard error of a camera element's total (axes `y`, `x` only). The total is M00, summed over all
+    /// other axes and averaged over wavelengths. The total includes light outside the time bins.
     TotalStdError,
 }
 
@@ -47,7 +47,7 @@ impl Field {
         }
     }
 
-    /// Returns the layout of this field in a slice, or `None` if the slice does not have the field.
+    /// Returns the layout of the field in a slice, or `None` if the slice does not have the field.
     pub fn layout_in(self, slice: &SliceLayout) -> Option<SliceLayout> {
         match self {
             Self::Mean | Self::StdError => Some(slice.clone()),

@@ -1,7 +1,7 @@
 //! Path labels: sets of bits that describe a path's interactions, used as coordinates of the axis `label`.
 //!
 //! Every interaction that changes the direction of light sets the bit of its kind. Transmission through a
-//! smooth interface or a sheet sets no bit. Label 0 is therefore light that arrives directly from an
+//! smooth interface or a sheet sets no bit. Label 0 therefore denotes light that arrives directly from an
 //! emitter, possibly through glass.
 
 /// Scattering by a medium.
@@ -30,7 +30,7 @@ pub fn name(set: u8) -> String {
     all.join("+")
 }
 
-/// Parses the name of a label; the bits may be in any order. Returns `None` for an unknown name.
+/// Parses the name of a label, with the bits in any order. Returns `None` for an unknown name.
 pub fn parse(text: &str) -> Option<u8> {
     if text.trim() == "none" {
         return Some(0);

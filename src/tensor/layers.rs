@@ -14,9 +14,9 @@ pub enum Parts {
 /// Values of a layer, row by row from the top of the image. The values of a pixel are contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerValues {
-    /// Real numbers; NaN marks missing values.
+    /// Real numbers, with NaN for missing values.
     Real(Vec<f32>),
-    /// Integers; -1 marks missing values.
+    /// Integers, with -1 for missing values.
     Number(Vec<i32>),
 }
 
@@ -24,7 +24,7 @@ pub enum LayerValues {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
     pub name: &'static str,
-    /// Unit of the values; `1` for values without a unit.
+    /// Unit of the values, or `1` for values without a unit.
     pub units: &'static str,
     pub long_name: &'static str,
     /// Number of values per pixel, which determines whether the array has an axis after y and x.
@@ -58,7 +58,8 @@ impl LayerSet {
         }
     }
 
-    /// Returns the shape of a layer's array: y, x and, if there are several values per pixel, their number.
+    /// Returns the shape of a layer's array: y, x and, if a pixel has several values, the number of values
+    /// per pixel.
     pub fn shape(&self, layer: &Layer) -> Vec<u64> {
         let [w, h] = self.size.map(u64::from);
         match layer.parts {

@@ -23,7 +23,7 @@ impl Arrays {
     }
 
     /// Returns a copy of a field of a slice, row-major over the slice's axes, or `None` if the render does
-    /// not have this field.
+    /// not have the field.
     pub fn get(&self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
         let array = self.slices[at][field as usize].as_ref()?;

@@ -20,7 +20,7 @@ pub enum Part {
         /// Total number of parts.
         of: u32,
     },
-    /// A range of tiles; tiles are numbered from 0, row by row.
+    /// A range of tiles, which are numbered from 0, row by row.
     Tiles {
         /// First tile of the range.
         first: u32,
@@ -30,7 +30,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Returns an error message if this part is invalid for a render of `tiles` tiles. A share may be empty.
+    /// Returns an error message if the part is invalid for a render of `tiles` tiles. A share may be empty.
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
             Self::Share { number, of } if number == 0 || number > of => {
@@ -55,7 +55,7 @@ impl Part {
         }
     }
 
-    /// Iterates over the tiles of this part, for a render of `tiles` tiles.
+    /// Iterates over the tiles of the part, for a render of `tiles` tiles.
     pub fn tiles(self, tiles: u32) -> impl Iterator<Item = u32> {
         (0..tiles).filter(move |tile| self.contains(*tile))
     }
@@ -68,7 +68,7 @@ impl Part {
         }
     }
 
-    /// Parses a store attribute written by [`Self::to_json`]. Returns `None` for anything else.
+    /// Parses a store attribute written by [`Self::to_json`]. Returns `None` for any other value.
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
         let part = match value.get("tiles") {

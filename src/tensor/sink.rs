@@ -20,7 +20,7 @@ pub struct JobSlice {
 /// Description of a render, passed to the sink before the first tile.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Slices in order; [`Piece::slice`] is an index into them.
+    /// Slices, in the order of the index [`Piece::slice`].
     pub slices: Vec<JobSlice>,
     /// Provenance of the render: scene, seed, samples, devices, units.
     pub attributes: Map<String, Value>,
@@ -49,7 +49,8 @@ pub struct Piece<'a> {
     pub shape: &'a [u64],
     /// Values of the elements, row-major (last axis fastest).
     pub data: &'a [f32],
-    /// Bit mask, lowest bit first: one bit per [`STRETCH`] bytes of data, 0 if all these bytes are zero.
+    /// Bit mask with one bit per [`STRETCH`] bytes of data, lowest bit first. A bit is 0 if all corresponding
+    /// bytes are zero.
     pub touched: &'a [u64],
 }
 
@@ -82,7 +83,7 @@ pub struct TileRecord {
 /// Statistics of a render.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// True if every tile is finished; false after an interruption.
+    /// True if every tile is finished, or false after an interruption.
     pub complete: bool,
     /// Number of finished tiles, including those of earlier runs.
     pub tiles_done: u32,
@@ -101,8 +102,9 @@ pub struct Summary {
 
 /// Receiver of the tiles of one render.
 ///
-/// [`Sink::begin`] is called first and [`Sink::end`] last. In between, `put`, `put_samples` and then
-/// `tile_done` are called for each tile from one thread. Calls for different tiles may be concurrent.
+/// [`Sink::begin`] is called first and [`Sink::end`] last. For each tile, one thread calls `put`,
+/// `put_samples` and then `tile_done`, after `begin` and before `end`. Calls for different tiles may be
+/// concurrent.
 pub trait Sink: Sync {
     /// Error type of the sink.
     type Error: std::error::Error + Send + Sync + 'static;
@@ -116,22 +118,22 @@ pub trait Sink: Sync {
     /// Stores a piece of values.
     ///
     /// # Errors
-    /// Returns an error if the values cannot be stored; the render stops.
+    /// Returns an error if the values cannot be stored. The error stops the render.
     fn put(&self, piece: &Piece) -> Result<(), Self::Error>;
 
     /// Stores the sample counts of a tile.
     ///
     /// # Errors
-    /// Returns an error if the counts cannot be stored; the render stops.
+    /// Returns an error if the counts cannot be stored. The error stops the render.
     fn put_samples(&self, samples: &SampleCounts) -> Result<(), Self::Error>;
 
     /// Marks a tile as finished, after all values of the tile have been stored.
     ///
     /// # Errors
-    /// Returns an error if the tile cannot be recorded; the render stops.
+    /// Returns an error if the tile cannot be recorded. The error stops the render.
     fn tile_done(&self, record: &TileRecord) -> Result<(), Self::Error>;
 
-    /// Ends the render, complete or interrupted.
+    /// Ends a complete or interrupted render.
     ///
     /// # Errors
     /// Returns an error if the output cannot be completed.

@@ -4,8 +4,8 @@
 //! samples in total. The slice reaches the goal when a given share of its lit pixels has reached the goal. A
 //! share of 0.5 is the median. Samples are therefore assigned first to the tiles in which they make the most
 //! pixels reach the goal. Tiles whose pixels have reached the goal, or would need many samples to reach it,
-//! get fewer samples. No tile gets less than half of the uniform number of samples that would reach the goal,
-//! so that no error exceeds √2 times the error of uniform sampling.
+//! receive fewer samples. Each tile receives at least half of the uniform number of samples that would reach
+//! the goal. Therefore, no error exceeds √2 times the error of uniform sampling.
 //!
 //! If the noise of a pixel determined its sample count, the mean would be biased, because sampling would
 //! stop where the first samples are dim. Therefore at least [`LEAST_LIT`] pixels determine the samples of a
@@ -22,8 +22,8 @@ pub const ROUND: &str = "round";
 /// Name of the root attribute of a store whose tiles have different numbers of samples.
 pub const TILE_SAMPLES: &str = "tile_samples";
 
-/// Minimum number of lit pixels that determine the samples of a tile. If the tile has fewer lit pixels, those
-/// of its neighbours or of all tiles are included.
+/// Minimum number of lit pixels that determine the samples of a tile. If a tile has fewer lit pixels, the lit
+/// pixels of neighbouring tiles or of all tiles are included.
 pub const LEAST_LIT: usize = 64;
 
 /// Number of candidate sample counts per factor of 2. Candidates are 2^(i/`STEPS`) times the uniform count,
@@ -38,7 +38,8 @@ const GROWTH: f64 = 4.0;
 /// Ratio of a round's target error to the goal, so that the last round does not narrowly miss the goal.
 const MARGIN: f64 = 0.99;
 
-/// Minimum number of samples per pixel of a tile in a round. Tiles that need at most half are skipped.
+/// Minimum number of samples per pixel of a tile in a round. Tiles that need at most half of this minimum are
+/// skipped.
 const LEAST_ROUND: u32 = 16;
 
 /// Minimum number of sample groups from which a round's errors are estimated.
@@ -51,7 +52,7 @@ pub struct Goal {
     pub slice: String,
     /// Relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Fraction of the lit pixels that must reach this error, 0 to 1; 0.5 for the median.
+    /// Fraction of the lit pixels that must reach the target error, 0 to 1. The value 0.5 selects the median.
     pub share: f64,
     /// Samples per pixel in the first round.
     pub first: u32,
@@ -60,7 +61,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns an error message if this goal is invalid. `dashes` is the prefix of option names (`--`).
+    /// Returns an error message if the goal is invalid. `dashes` is the prefix of option names (`--`).
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
@@ -104,29 +105,29 @@ impl Goal {
     }
 }
 
-/// Statistics of a lit pixel, or of an element of several pixels, after the rounds so far.
+/// Statistics of a lit pixel, or of an element of several pixels, after the completed rounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
     /// Number of the tile that contains the pixel.
     pub tile: u32,
-    /// Number of samples per pixel so far.
+    /// Number of samples per pixel in the completed rounds.
     pub samples: f64,
-    /// Relative standard error; infinite if unknown.
+    /// Relative standard error, or infinity if the error is unknown.
     pub error: f64,
 }
 
-/// Statistics of a tile after the rounds so far.
+/// Statistics of a tile after the completed rounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tile {
     /// Number of camera pixels.
     pub pixels: u32,
-    /// Number of samples per pixel so far.
+    /// Number of samples per pixel in the completed rounds.
     pub samples: u32,
     /// True if the slice keeps at least one pixel of the tile.
     pub kept: bool,
 }
 
-/// Results of the rounds so far for a slice.
+/// Results of the completed rounds for a slice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     pub lit: Vec<Lit>,
@@ -143,12 +144,12 @@ pub enum Next {
     Reached,
     /// Stop: pixels have the maximum number of samples.
     Exhausted,
-    /// Render a round with this number of samples per pixel for each tile.
+    /// Render a round with the given number of samples per pixel for each tile.
     Round(Vec<u32>),
 }
 
-/// Returns the smallest of the `sorted` values that at least a fraction `share` of the values does not
-/// exceed, or `None` if there are no values.
+/// Returns the quantile `share` of the `sorted` values, or `None` if there are no values. The quantile is the
+/// smallest value that at least a fraction `share` of the values does not exceed.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
@@ -161,9 +162,10 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
 
 /// Number of samples that each pixel of a tile needs to reach the goal.
 struct Needs {
-    /// Samples that each lit pixel of the tile needs.
+    /// Number of samples that each lit pixel of the tile needs.
     own: Vec<f64>,
-    /// Samples that each pixel needs, for all pixels that determine the sample count of the tile; sorted.
+    /// Number of samples that each pixel needs, sorted, for all pixels that determine the sample count of the
+    /// tile.
     samples: Vec<f64>,
 }
 
@@ -276,7 +278,7 @@ impl Survey {
     /// price per sample (a Lagrange multiplier). The price is the highest with which `wanted` pixels reach
     /// the goal. Returns `None` if no price is low enough.
     fn plan(&self, needs: &[Needs], counts: &[f64], wanted: f64) -> Option<Vec<f64>> {
-        // For each tile and choice: the samples per pixel, and the number of pixels at the goal.
+        // Choices for each tile: the samples per pixel, and the number of pixels at the goal.
         let choices: Vec<Vec<[f64; 2]>> = self
             .tiles
             .iter()
@@ -330,8 +332,9 @@ impl Survey {
     }
 }
 
-/// Returns at least `samples`, rounded up to whole stratified groups of a power-of-two size, so that there
-/// are between 1 and 2 times [`GROUPS`] groups, or 0 for few samples.
+/// Returns 0 for few samples. Otherwise, rounds `samples` up to whole stratified groups, and returns the
+/// rounded number. The size of a group is a power of two for which there are between 1 and 2 times [`GROUPS`]
+/// groups.
 fn round_count(samples: f64) -> u32 {
     if samples <= f64::from(LEAST_ROUND / 2) {
         return 0;

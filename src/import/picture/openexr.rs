@@ -135,8 +135,13 @@ fn described(name: &str) -> String {
     if name.is_empty() { "the unnamed layer".to_owned() } else { format!("layer `{name}`") }
 }
 
-/// Returns the name of the selected layer: the requested layer, the only layer, the unnamed layer,
-/// the only colour layer, Blender's `Combined` or the only usable layer.
+/// Returns the name of the requested layer. Without a request, returns the first layer of this list that
+/// exists:
+/// 1. The only layer.
+/// 2. The unnamed layer.
+/// 3. The only colour layer.
+/// 4. Blender's `Combined`.
+/// 5. The only usable layer.
 fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result<&'a str, PictureError> {
     let list = layers.keys().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
     if let Some(asked) = asked {

@@ -1,5 +1,5 @@
-//! Decodes portable float maps: `PF` (three channels) or `Pf` (one), bottom row first; the sign of
-//! the scale gives the byte order.
+//! Decodes portable float maps, `PF` (three channels) or `Pf` (one channel). The bottom row is first. The
+//! sign of the scale gives the byte order.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 

@@ -10,8 +10,8 @@ pub struct Pixels {
     /// times, and alpha is omitted.
     pub values: Vec<[f32; 3]>,
     pub encoded: bool,
-    /// Rows of the matrix from the channels to linear red, green and blue of ITU-R BT.709; `None`
-    /// if the channels already have these primaries.
+    /// Rows of the matrix from the channels to linear red, green and blue of ITU-R BT.709, or `None` if the
+    /// channels already have the primaries of BT.709.
     pub to_rgb: Option<[[f32; 3]; 3]>,
     /// Notes for the user about metadata that is not used or that changes the values.
     pub notes: Vec<String>,

@@ -184,7 +184,7 @@ fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     Some(())
 }
 
-/// Reads pixels in the old encoding. The code (1, 1, 1, n) repeats the previous pixel n times; the count of
+/// Reads pixels in the old encoding. The code (1, 1, 1, n) repeats the previous pixel n times. The count of
 /// each directly following code is multiplied by another factor of 256.
 fn old_scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     let (mut i, mut shift) = (0, 0);

@@ -29,7 +29,8 @@ fn layer(
     Layer::new((SIZE[0], SIZE[1]), attributes, encoding, AnyChannels::sort(list))
 }
 
-/// Encodes an image of the crate `exr`. This is a macro because the image's type depends on the layers.
+/// Encodes an image of the crate `exr`. The encoder is a macro because the image's type depends on the
+/// layers.
 macro_rules! written {
     ($image:expr) => {{
         let mut bytes = Cursor::new(vec![]);
@@ -143,8 +144,8 @@ fn openexr_storage_does_not_matter() {
     assert!(error.message.contains("identifiers"), "{error:?}");
 }
 
-/// Tests the conversion to BT.709: X, Y, Z of the white point D65 give equal red, green and blue; X, Y, Z of
-/// BT.709's red give red only.
+/// Tests the conversion to BT.709. X, Y, Z of the white point D65 give equal red, green and blue. X, Y, Z of
+/// BT.709's red give only red.
 #[test]
 fn colours_of_other_primaries_are_converted_to_srgb() {
     let constant = |v: f32| FlatSamples::F32(vec![v; SIZE[0] * SIZE[1]]);
@@ -165,7 +166,8 @@ fn colours_of_other_primaries_are_converted_to_srgb() {
             assert!((got - want).abs() < 2e-3, "{got}, {want}");
         }
     }
-    // Rec. 2020 has the same white point, so grey does not change. Its green is outside the gamut of BT.709.
+    // Rec. 2020 has the same white point as BT.709, so grey does not change. The green of Rec. 2020 is
+    // outside the gamut of BT.709.
     let mut image = Image::from_layer(layer(
         &["R", "G", "B"].into_iter().zip([0.5, 0.5, 0.5].map(constant)).collect::<Vec<_>>(),
         Encoding::UNCOMPRESSED,
@@ -300,8 +302,7 @@ fn float_maps_are_read_from_the_bottom_in_either_byte_order() {
     }
 }
 
-/// Tests that files in grey, in grey with alpha, with 16 bits and in formats without alpha give the same
-/// image.
+/// Tests that 8-bit, 16-bit, grayscale and alpha variants of a picture give the same image.
 #[test]
 fn whole_numbers_are_read_from_every_format() {
     let grey = |x: u32, y: u32| (60 * x + 20 * y) as u8;

@@ -44,7 +44,7 @@ enum Fate {
     Unanswered,
 }
 
-/// Returns the object store of test addresses `flaky://NAME/..` and `mortal://NAME/..`.
+/// Returns the object store of test URLs `flaky://NAME/..` and `mortal://NAME/..`.
 pub(crate) fn faulty(scheme: &str, name: &str) -> Arc<Faulty> {
     Arc::new(Faulty {
         inner: memory(name),

@@ -1,9 +1,9 @@
 //! Converts material descriptions of mesh files to the closest Sunstone models.
 //!
 //! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo gives the
-//! same directional albedo at normal incidence as the file's model ([`import::body`]). Metal gets
-//! refractive indices whose reflectance at normal incidence is the metal's colour ([`import::metal`]).
-//! Transmissive materials become glass if they refract, otherwise a thin sheet.
+//! same directional albedo at normal incidence as the file's model ([`import::body`]). Metal has refractive
+//! indices whose reflectance at normal incidence is the metal's colour ([`import::metal`]). Transmissive
+//! materials become glass if they refract, and a thin sheet otherwise.
 
 use super::context::Context;
 use base::locate::Located;
@@ -25,7 +25,7 @@ pub(super) struct Table<'a> {
     ctx: &'a mut Context,
     file: &'a Located<String>,
     name: &'a str,
-    /// Materials created so far by name; the last one is the file's material.
+    /// Created materials by name. The last material is the file's material.
     pub made: Vec<(String, MaterialFile)>,
 }
 
@@ -96,7 +96,7 @@ impl<'a> Table<'a> {
         body
     }
 
-    /// Returns a blend by area of `a` and `b`; `weight` is the share of `b`, 0..1.
+    /// Returns a blend by area of `a` and `b`. `weight` is the share of `b`, 0..1.
     fn mixed(
         &mut self,
         [first, second]: [&str; 2],
@@ -276,7 +276,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the base colour after applying `change` to each value; results are at most 1.
+    /// Returns the base colour after applying `change` to each value and limiting the results to 1.
     fn albedo(&mut self, a: &Appearance, change: impl Fn(f64) -> f64) -> Located<AlbedoFile> {
         let value = match &a.image {
             None => {
@@ -306,7 +306,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the linear texels of an image; colours are decoded if `encoded` is true.
+    /// Returns the linear texels of an image. Colours are decoded if `encoded` is true.
     fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<Texels> {
         let name = match &picture.source {
             Source::File(name) => name.as_str(),
@@ -320,7 +320,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns the alpha of an image's texels in all three channels; alpha is 1 if the image has no alpha
+    /// Returns the alpha of an image's texels in all three channels. Alpha is 1 if the image has no alpha
     /// channel.
     fn alphas(&mut self, picture: &Picture) -> Option<Texels> {
         let image = image::load_from_memory(&self.bytes(picture)?).ok()?;
@@ -351,8 +351,8 @@ impl<'a> Table<'a> {
         ScalarFile::Image(self.image(picture, part, texels, |t| [change(t); 3]))
     }
 
-    /// Creates an in-memory image of modified texels; returns the original image if the texels of
-    /// that image cannot be read.
+    /// Creates an in-memory image of modified texels. Returns the original image if its texels cannot be
+    /// read.
     fn image(
         &mut self,
         picture: &Picture,
@@ -401,7 +401,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Converts a linear RGB colour to a spectrum: red above 590 nm, green from 500 nm to 590 nm, blue below.
+    /// Converts a linear RGB colour to a spectrum: red above 590 nm, green from 500 nm to 590 nm, and blue
+    /// below 500 nm.
     fn colour(&self, rgb: [f64; 3]) -> SpectrumFile {
         let channel = |nm: &f64| match *nm {
             nm if nm < 500.0 => rgb[2],

@@ -44,7 +44,7 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     from_file(path, text, &file)
 }
 
-/// Builds a variant of a scene from the text of its file ([`syntax::variant`]); see [`from_text`] for `path`.
+/// Builds a variant of a scene from the text of its file ([`syntax::variant`]). See [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`], or an error if the variant does not exist. For varied values,
@@ -71,7 +71,7 @@ pub fn from_variant(
     Ok(scene)
 }
 
-/// Builds a scene from a parsed file whose locations refer to `text`; see [`from_text`] for `path`.
+/// Builds a scene from a parsed file whose locations refer to `text`. See [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`].
@@ -95,8 +95,8 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 
-/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch
-/// are moved by the smallest distance that single precision resolves, unless both refract.
+/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch are
+/// moved by the smallest distance that single precision resolves, unless both objects refract.
 ///
 /// # Errors
 /// Returns the same errors as [`load`], except for gaps.
@@ -269,8 +269,7 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
 
 /// Returns the content of the scene as canonical text, for the scene hash. The text does not depend on
 /// comments, table order, number formats, explicit defaults, the tables `figures` and `vary`, or names
-/// without effect. The text excludes these render settings: samples per pixel, replicates, seed and tile
-/// size.
+/// without effect. The text excludes the samples per pixel, the replicates, the seed and the tile size.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {

@@ -18,13 +18,13 @@ struct Document {
     projector: Option<Located<ProjectorFile>>,
 }
 
-/// Replaces devices that name a calibration with the devices in that file.
+/// Replaces devices that name a calibration with the devices in the calibration file.
 ///
 /// The scene hash covers the values taken from the file, not the file's bytes.
 ///
 /// # Errors
 /// Returns [`InputError`] at the key if the calibration file cannot be read, lacks the device or conflicts
-/// with other keys. If the calibration file is invalid, the error is located in that file.
+/// with other keys. If the calibration file is invalid, the error is located in the calibration file.
 pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file;
     if out.camera.calibration.is_some() {
@@ -81,7 +81,7 @@ fn projector(
     Ok(ProjectorFile { irradiance: given.irradiance.clone(), ..ProjectorFile::new(device) })
 }
 
-/// Returns the tables of a calibration file and the context for errors in this file.
+/// Returns the tables of a calibration file and the context for errors in the calibration file.
 fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), InputError> {
     let unreadable = |e: &dyn std::fmt::Display| {
         ctx.error(key.span(), format!("cannot read {}: {e}", ctx.path(key).display()), FIX)
@@ -94,7 +94,8 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
 
-/// Checks the device of a calibration file. The error of an invalid device is located in this file.
+/// Checks the device of a calibration file. The error of an invalid device is located in the calibration
+/// file.
 fn sound(
     within: &Context,
     device: &PinholeFile,
@@ -193,7 +194,7 @@ mod tests {
         assert_eq!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
         let other = document().replace("9.25", "9.26");
         assert_ne!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
-        // A pose in the scene overrides that of the calibration.
+        // A pose in the scene overrides the pose of the calibration.
         let placed = BY_KEY
             .replace("[projector]", "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]");
         assert_eq!(scene(&placed, &document()).expect("a scene").camera.origin.z, 5.0);

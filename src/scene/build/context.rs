@@ -24,17 +24,18 @@ pub(crate) struct Context {
     pub folder: PathBuf,
     /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of in-memory files that the build derived from other files. The scene does not list these names.
+    /// Names of in-memory files that the build derived from other files. The scene does not list the derived
+    /// files.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
-    /// Wavelengths to which lists in the file refer. These wavelengths differ from `wavelengths` only if a
-    /// material file is built for wavelengths other than its own.
+    /// Wavelengths to which lists in the file refer. The listed wavelengths differ from `wavelengths` only if
+    /// a material file is built for wavelengths other than its own.
     pub listed: Wavelengths,
     pub hash: Sha256,
     /// Notes for the user, on contents of files that are not used and on corrections.
     pub notes: Vec<String>,
     pub attributes: Attributes,
-    /// Images that have been read; their texels are in `textures`.
+    /// Images that have been read, whose texels are in `textures`.
     pub images: Images,
     pub textures: Textures,
     /// Names of files that were read.
@@ -95,7 +96,7 @@ impl Context {
         }
     }
 
-    /// Returns the error for a name that is not in the scene's table of this kind (materials, media, …).
+    /// Returns the error for a name that is not in the scene's table of the given kind (materials, media, …).
     pub fn unknown<'k>(
         &self,
         what: &str,
@@ -177,7 +178,7 @@ impl Context {
         self.hash.update(bytes);
     }
 
-    /// Reads a file that the scene names; the caller adds the bytes to the scene's hash with [`Self::count`].
+    /// Reads a file that the scene names. The caller adds the bytes to the scene's hash with [`Self::count`].
     pub fn bytes(&self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
@@ -300,7 +301,7 @@ impl Context {
     }
 }
 
-/// Largest accepted magnitude of a value in a scene file. This limit keeps f32 arithmetic finite.
+/// Largest accepted magnitude of a value in a scene file. The limit keeps f32 arithmetic finite.
 pub(crate) const HUGE: f64 = 1e12;
 
 /// Reads the text of a scene or material file.

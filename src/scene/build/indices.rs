@@ -13,11 +13,11 @@ use transport::material::constants::ConstantsError;
 /// Name of the ideal mirror among the metals.
 const MIRROR: &str = "mirror";
 
-/// Extinction coefficient k of the ideal mirror, dimensionless. With n = 0, this k reflects all
+/// Extinction coefficient k of the ideal mirror, dimensionless. With n = 0, this value of k reflects all
 /// light and gives both polarizations the same phase shift.
 const MIRROR_K: f32 = 1e6;
 
-/// Returns the refractive index of a transparent substance per wavelength; unused lanes are 0.
+/// Returns the refractive index of a transparent substance per wavelength. Unused lanes are 0.
 pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
     let name = match &**index {
         IndexFile::Values(s) => return ctx.spectrum(s, index.span(), what, 1.0..=10.0),
@@ -37,8 +37,8 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     Ok(n)
 }
 
-/// Returns n and k of an absorbing substance per wavelength, from its name or from values; n is 1 in unused
-/// lanes.
+/// Returns n and k of an absorbing substance per wavelength, from its name or from values. In unused lanes, n
+/// is 1.
 pub(super) fn complex_index(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -70,7 +70,7 @@ pub(super) fn complex_index(
     }
 }
 
-/// Returns n and k of a named substance per wavelength of the scene in f64; unused rows are zero.
+/// Returns n and k of a named substance per wavelength of the scene in f64. Unused rows are zero.
 pub(super) fn constants_f64(
     ctx: &Context,
     name: &str,
@@ -93,7 +93,7 @@ pub(super) fn constants_f64(
     Ok(rows)
 }
 
-/// Returns n and k of a named substance per wavelength in f32; unused lanes are 0.
+/// Returns n and k of a named substance per wavelength in f32. Unused lanes are 0.
 pub(super) fn constants(
     ctx: &Context,
     name: &str,

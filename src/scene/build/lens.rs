@@ -83,7 +83,7 @@ pub(crate) fn intrinsics(
     Ok((focal, principal))
 }
 
-/// Converts a principal point in pixels from OpenCV's convention for pixel centres to Sunstone's.
+/// Converts a principal point in pixels from OpenCV's convention for pixel centres to Sunstone's convention.
 fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, InputError> {
     let [[_, skew, cx], [below, _, cy], last] = **m;
     let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));

@@ -33,7 +33,7 @@ pub(crate) struct Emitters {
     pub lights: Lights,
 }
 
-/// Builds the lights of `[[emitters]]`; [`slides`] adds the images that emitters project.
+/// Builds the lights of `[[emitters]]`. [`slides`] adds the images that emitters project.
 pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Result<Emitters, InputError> {
     let mut all = Emitters::default();
     for e in list {

@@ -308,7 +308,7 @@ impl<'a> Builder<'_, 'a> {
         textures::spectrum(self.ctx, albedo)
     }
 
-    /// Returns the factor by which reflected light is multiplied, per wavelength; unused lanes are 1.
+    /// Returns the factor by which reflected light is multiplied, per wavelength. Unused lanes are 1.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
         Ok(Spectrum { value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()), ..spectrum })

@@ -34,9 +34,9 @@ pub struct MediumSet {
 impl MediumSet {
     /// Reads a media file (`wavelengths_nm` and `[media]` as in a scene file) and builds its media.
     ///
-    /// With `only`, builds just the medium of that name, because computing the tables of large particles
-    /// takes seconds. With `wavelengths`, builds the media for those wavelengths. Lists are then
-    /// interpolated between the file's own wavelengths.
+    /// With `only`, builds only the medium of the given name, because computing the tables of large particles
+    /// takes seconds. With `wavelengths`, builds the media for the given wavelengths, and interpolates lists
+    /// between the file's own wavelengths.
     ///
     /// # Errors
     /// Returns [`InputError`] with file, line, column and fix, if the file cannot be read or is invalid.
@@ -48,7 +48,7 @@ impl MediumSet {
         Self::at(path, &read_file(path)?, only, wavelengths)
     }
 
-    /// Builds media as [`Self::load`] does, from a file's text; `path` names the file in messages.
+    /// Builds media as [`Self::load`] does, from a file's text. `path` names the file in messages.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -101,7 +101,7 @@ pub fn read_file(path: &Path) -> Result<String, InputError> {
 
 type Named = BTreeMap<String, Located<MediumFile>>;
 
-/// Largest accepted coefficient, 1/m.
+/// Largest accepted coefficient in 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
 /// The table of media, their indices by name, and the bulk optical properties per medium and wavelength.
@@ -345,7 +345,7 @@ fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result
     let sizes = if spread < 1e-3 {
         SizeDistribution::Single { radius: mean }
     } else {
-        // Compute the parameters of the log-normal distribution with this mean and standard deviation.
+        // Compute the parameters of the log-normal distribution with the given mean and standard deviation.
         let variance = (spread * spread).ln_1p();
         SizeDistribution::LogNormal { median: mean * (-0.5 * variance).exp(), sigma: variance.sqrt() }
     };

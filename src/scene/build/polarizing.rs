@@ -1,4 +1,4 @@
-//! Converts polarizing materials of a file to tables: coated mirrors, polarizer and retarder sheets,
+//! Converts polarizing materials of a file to tables: coated mirrors, polarizer and retarder sheets, and
 //! crystals.
 
 use super::context::Context;
@@ -166,7 +166,7 @@ pub(super) fn crystal(
     })
 }
 
-/// Returns the ordinary and extraordinary refractive indices n_o and n_e per wavelength; unused lanes are 1.
+/// Returns the ordinary and extraordinary refractive indices n_o and n_e per wavelength. Unused lanes are 1.
 fn crystal_indices(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -194,7 +194,7 @@ fn crystal_indices(
         }
         (None, Some(n_o), Some(n_e)) => {
             let n = |s: &Located<SpectrumFile>, what| {
-                // Keep f64: a retardance is an index difference times thousands of waves.
+                // Keep f64, because a retardance is an index difference times thousands of waves.
                 let list = ctx.values(s, s.span(), what, 1.0..=10.0)?;
                 Ok(std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0)))
             };

@@ -120,7 +120,7 @@ const PRINTED: f64 = 1e-3;
 /// Returns the rotation closest to a matrix (given by rows) that was printed with limited precision.
 ///
 /// # Errors
-/// If the matrix is not a rotation; the message states why.
+/// Returns a message that states why the matrix is not a rotation.
 pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     let mut r = DMat3::from_cols_array_2d(&rows).transpose();
     let off = r.transpose() * r - DMat3::IDENTITY;

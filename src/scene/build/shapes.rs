@@ -385,7 +385,7 @@ pub(crate) fn transform(
     let [x, y, z] = turned.map(f64::to_radians);
     Ok(DAffine3::from_scale_rotation_translation(
         scale,
-        // Rotates about x first, then y, then z.
+        // Rotate about x first, then y, then z.
         DQuat::from_euler(EulerRot::ZYX, z, y, x),
         DVec3::from_array(t.translate.unwrap_or([0.0; 3])),
     ))

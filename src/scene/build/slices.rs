@@ -327,8 +327,8 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     if !(1..=1 << 20).contains(&*b.bins) {
         return Err(ctx.error(b.bins.span(), format!("bins is {}", *b.bins), "give 1 to 1048576 bins"));
     }
-    // The bin width must be representable next to the latest time. Bin edges are then finite and
-    // increasing, and bin centres differ.
+    // The bin width must be representable next to the latest time. A representable bin width makes bin edges
+    // finite and increasing, and bin centres different.
     let end = b.start_ps + f64::from(*b.bins) * *b.bin_ps;
     let latest = b.start_ps.abs().max(end.abs());
     if !(latest.is_finite() && latest * LEAST_BIN < *b.bin_ps) {
@@ -344,7 +344,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     Ok(TimeSelect::Bins { start_ps: b.start_ps, bin_ps: *b.bin_ps, bins: *b.bins })
 }
 
-/// Returns the least common multiple of the camera bin sizes; tile sizes must be a multiple of it.
+/// Returns the least common multiple of the camera bin sizes. Tile sizes must be a multiple of this number.
 fn bin_multiple(slices: &[Slice]) -> u64 {
     let gcd = |mut a: u64, mut b: u64| {
         while b != 0 {

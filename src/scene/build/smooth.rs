@@ -8,7 +8,7 @@ use transport::geometry::mesh::Mesh;
 /// adjacent face normals (Thürmer & Wüthrich 1998, "Computing vertex normals from polygonal facets", as in
 /// Mitsuba 3).
 ///
-/// The meshes are parts of one file. A vertex that occurs in several parts (same position and texture
+/// `parts` are the meshes of one file. A vertex that occurs in several parts (same position and texture
 /// coordinates) has the same normal in all parts. An edge stays hard if its faces have separate vertices
 /// within one part.
 pub(crate) fn smooth(parts: &mut [Mesh]) {
@@ -64,7 +64,7 @@ fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
 mod tests {
     use super::*;
 
-    /// Tests the angle weights: two perpendicular faces have angles of 90° and 45° at the shared
+    /// Tests the angle weights with two perpendicular faces, which have angles of 90° and 45° at the shared
     /// vertex. The face with the larger angle has more weight.
     #[test]
     fn normals_are_weighted_by_angles() {

@@ -1,4 +1,4 @@
-//! Converts objects, groups and instances of a scene file to geometry. Every filled object gets its own
+//! Converts objects, groups and instances of a scene file to geometry. Every filled object has its own
 //! material index.
 
 use super::context::{Context, HUGE};
@@ -76,8 +76,8 @@ impl<'a> Surfaces<'a> {
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {
                 if filling.is_some() || object.emission.is_some() {
-                    // A separate index distinguishes this object's surfaces from others of the same
-                    // material. Copies of an object share this index. Light that exits a copy is assumed to
+                    // A separate index distinguishes this object's surfaces from other surfaces of the same
+                    // material. Copies of an object share one index. Light that exits a copy is assumed to
                     // exit the copy that it entered last.
                     let material = self.materials.list[placed.material as usize];
                     self.materials.list.push(material);

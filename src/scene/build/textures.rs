@@ -240,8 +240,8 @@ fn image(ctx: &mut Context, file: &ImageAlbedo, channels: Channels) -> Result<u3
     Ok(ctx.textures.images.len() as u32 - 1)
 }
 
-/// Reads the texels of an image. For a colour image, each wavelength gets the red, green or blue value;
-/// numbers are unchanged.
+/// Reads the texels of an image. For a colour image, each wavelength receives the red, green or blue value.
+/// Numbers are unchanged.
 fn read(
     ctx: &mut Context,
     name: &Located<String>,

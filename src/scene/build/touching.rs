@@ -1,8 +1,8 @@
 //! Separates or overlaps objects that touch within rounding errors. The surface of one object is moved by
 //! the smallest distance that single precision resolves.
 //!
-//! Glass on an opaque object is extended into the object. Light in the glass then reaches the object without
-//! an air gap, as in other renderers. A sheet, which does not refract, is moved away from the object.
+//! Glass on an opaque object is extended into the object, as in other renderers. Light in the extended glass
+//! reaches the object without an air gap. A sheet, which does not refract, is moved away from the object.
 
 use super::context::Context;
 use super::pose::matrix;
@@ -17,8 +17,8 @@ use transport::render::gaps::{Contact, Gap};
 /// Width of a gap that is accepted as sufficient, divided by the minimum width.
 const ENOUGH: f64 = 2.0;
 
-/// Ratio of thickness to displacement below which a whole object is translated. For a thicker
-/// object the opposite side stays fixed.
+/// Ratio of thickness to displacement below which a whole object is translated. For a thicker object, the
+/// opposite side stays fixed.
 const FLAT: f64 = 8.0;
 
 /// Largest relative change of an object's thickness.

@@ -1,5 +1,5 @@
-//! Checks objects filled with a medium. The surfaces of these objects must be closed and must not intersect
-//! other objects of the same priority. Normals that point inward are reversed.
+//! Checks objects filled with a medium. The surfaces of filled objects must be closed and must not intersect
+//! other objects of the same priority. Normals of filled objects that point inward are reversed.
 
 use super::context::Context;
 use super::shapes::Solid;
@@ -107,7 +107,7 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// Returns whether the surface of this volume is partly inside and partly outside another volume.
+    /// Returns whether the surface of the volume is partly inside and partly outside another volume.
     fn cuts(&self, other: &Self) -> bool {
         let found: Vec<bool> = self.points.iter().filter_map(|p| other.holds(*p)).collect();
         found.contains(&true) && found.contains(&false)
@@ -117,7 +117,7 @@ impl<'a> Volume<'a> {
 /// Checks that filled objects of equal priority with different media do not intersect.
 ///
 /// # Errors
-/// Returns [`InputError`] at the second of two volumes if they intersect.
+/// Returns [`InputError`], located at the second volume, if two volumes intersect.
 pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputError> {
     for (i, b) in volumes.iter().enumerate() {
         for a in &volumes[..i] {

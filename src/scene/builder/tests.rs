@@ -1,4 +1,4 @@
-//! Tests that scenes built in code equal those of files, and that their errors have locations.
+//! Tests that scenes built in code equal scenes from files, and that their errors have locations.
 
 use super::*;
 use crate::{Camera, Emitter, Material, Medium, Object, Projector, Slice};
@@ -140,8 +140,8 @@ fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
     scene.materials.textures.texels[0][0]
 }
 
-/// Tests that the data type determines the encoding, not the file name: bytes are sRGB-encoded (IEC
-/// 61966-2-1), floating-point values are linear.
+/// Tests that the data type, not the file name, determines the encoding of an image. Bytes are sRGB-encoded
+/// (IEC 61966-2-1). Floating-point values are linear.
 #[test]
 fn real_numbers_of_images_are_linear() {
     use image::ImageFormat::{Hdr, OpenExr, Png};

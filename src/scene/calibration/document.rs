@@ -14,7 +14,7 @@ const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
 pub(super) struct Document {
     pub(super) file: PathBuf,
-    /// The text of the calibration file; empty for binary files.
+    /// The text of the calibration file, or an empty text for binary files.
     text: Arc<str>,
     pub(super) root: Value,
 }

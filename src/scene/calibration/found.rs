@@ -12,11 +12,11 @@ pub struct Options {
     pub camera: Option<String>,
     /// Index, from 0, of the target view whose pose is used.
     pub view: Option<usize>,
-    /// Width and height in pixels, which override those of the file.
+    /// Width and height in pixels, which override the values in the file.
     pub resolution: Option<[u32; 2]>,
     /// Length in metres of the unit that the file uses. The default is the unit that the file states, or 1.
     pub metres_per_unit: Option<f64>,
-    /// Whether four distortion coefficients are interpreted as those of a fisheye model.
+    /// Whether four distortion coefficients are interpreted as the coefficients of a fisheye model.
     pub fisheye: bool,
     /// Whether the world frame of a Kalibr file is the frame of the IMU instead of the first camera's frame.
     pub imu: bool,

@@ -26,7 +26,7 @@ pub(super) fn is(document: &Document) -> bool {
     !cameras(document).is_empty()
 }
 
-/// Reads a camera of a chain. The world frame is that of the first camera or of the IMU.
+/// Reads a camera of a chain. The world frame is the frame of the first camera or of the IMU.
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let cameras = cameras(document);
     let names: Vec<&str> = cameras.iter().map(|(k, _)| k.as_str()).collect();

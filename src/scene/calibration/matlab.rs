@@ -1,5 +1,5 @@
-//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them. A struct
-//! with the properties of these classes is also accepted.
+//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them. The reader also
+//! accepts a struct with the properties of either class.
 //!
 //! MATLAB counts pixels from 1, so MATLAB's principal point is OpenCV's plus 1. MATLAB's older matrices are
 //! for row vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t. The newer `K`,
@@ -140,7 +140,7 @@ fn pose(
         return Err(camera.error("TranslationVectors is given without RotationMatrices", "give both"));
     };
     let (rotations, translations) = (r.array()?, t.array()?.values);
-    // The shape is 3 × 3 × views; MATLAB omits a last axis of length 1.
+    // The shape is 3 × 3 × views, but MATLAB omits a last axis of length 1.
     if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
         return Err(r.error(
             &format!(

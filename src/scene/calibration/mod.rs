@@ -7,8 +7,8 @@
 //! | Kalibr camchain | YAML | first pixel at 0 | T_cn_cnm1, T_cam_imu |
 //! | MATLAB (`jsonencode`) | JSON | first pixel at 1 | row vectors: x = X R + t, R transposed |
 //!
-//! `document` parses each file format to a tree, and `names` finds values in the tree. `opencv`,
-//! `kalibr` and `matlab` interpret these values.
+//! `document` parses each file format to a tree, and `names` finds values in the tree. `opencv`, `kalibr` and
+//! `matlab` interpret the values.
 
 mod document;
 mod found;
@@ -40,7 +40,7 @@ pub struct Calibration {
     pub notes: Vec<String>,
 }
 
-/// Returns whether [`load`] can read a file. The result depends on the file name's extension; a JSON file
+/// Returns whether [`load`] can read a file. The result depends on the file name's extension. A JSON file
 /// with a top-level `"type"` is a Mitsuba scene, not a calibration.
 pub fn is_calibration(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
@@ -55,7 +55,7 @@ pub fn is_calibration(path: &Path) -> bool {
 ///
 /// # Errors
 /// Returns [`InputError`] if the file is not a calibration or its device is not valid in a scene. The error
-/// contains the location of the fault if this location is known.
+/// contains the location of the fault if the location is known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }

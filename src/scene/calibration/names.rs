@@ -33,7 +33,7 @@ impl<'a> Node<'a> {
         self.document.error(&self.keys, message, help)
     }
 
-    /// Returns the entries of this table, or no entries if the value is not a table.
+    /// Returns the entries of the table, or no entries if the value is not a table.
     pub(super) fn table(&self) -> impl Iterator<Item = (&'a String, &'a Value)> + use<'a> {
         self.value.as_object().into_iter().flat_map(Map::iter)
     }
@@ -46,7 +46,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Returns the value of a key with exactly this name.
+    /// Returns the value of a key with exactly the given name.
     pub(super) fn get(&self, key: &str) -> Option<Self> {
         let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
         Some(self.child(key, value))

@@ -5,13 +5,13 @@ use serde_json::{Map, Value};
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Maximum number of elements of an array; larger arrays are not part of a calibration and are ignored.
+/// Maximum number of elements of an array. Larger arrays are not part of a calibration and are ignored.
 const MOST: u64 = 1 << 16;
 
 /// Reads a NumPy archive.
 ///
 /// # Errors
-/// Returns a message that says why the archive cannot be read.
+/// Returns a message that states why the archive cannot be read.
 pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("invalid .npz file: {e}"))?;
     let mut out = Map::new();

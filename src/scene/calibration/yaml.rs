@@ -14,9 +14,9 @@ enum Open {
 /// Parses the first document of a text.
 ///
 /// # Errors
-/// If the text is not valid YAML; the error holds the byte offset of the fault and a message.
+/// If the text is not valid YAML, returns the byte offset of the fault and a message.
 pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
-    // OpenCV's `%YAML:1.0` is not a valid YAML directive; replace it by a comment of the same length.
+    // Replace OpenCV's `%YAML:1.0`, which is not a valid YAML directive, by a comment of the same length.
     let plain = match text.strip_prefix("%YAML:") {
         Some(rest) => format!("#YAML:{rest}"),
         None => text.to_owned(),

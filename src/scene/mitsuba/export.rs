@@ -1,12 +1,12 @@
 //! Exports a scene file to Mitsuba 3's XML, with meshes, images and tables in files next to it.
 //!
-//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames,
-//! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A
-//! feature that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
+//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames and
+//! filters. A feature that Mitsuba cannot express causes an error with the location of the feature. A feature
+//! that Mitsuba models differently (masking of facets, unpolarized rough glass) produces a note.
 //!
-//! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at these
-//! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A
-//! scene for mono variants is therefore exported at one wavelength, as plain numbers.
+//! Mitsuba's spectral variants interpolate between the scene's wavelengths, so values at the scene's
+//! wavelengths are exact. Mitsuba's mono variants reduce wavelength:value pairs to a luminance. A scene for
+//! mono variants is therefore exported at one wavelength, as plain numbers.
 
 use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
@@ -53,7 +53,7 @@ pub struct Export {
 }
 
 impl Export {
-    /// Reads and converts a scene file; [`Self::from_text`] describes the options.
+    /// Reads and converts a scene file. [`Self::from_text`] describes the options.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::from_text`], or an error if the file cannot be read.
@@ -61,8 +61,8 @@ impl Export {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
-    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only. Lists of
-    /// values are interpolated between the file's wavelengths.
+    /// Converts a scene file. With `wavelength_nm`, the scene is exported only at the given wavelength. Lists
+    /// of values are interpolated between the file's wavelengths.
     ///
     /// # Errors
     /// Returns [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
@@ -80,7 +80,7 @@ impl Export {
     /// unless `force` is set.
     ///
     /// # Errors
-    /// Returns [`WriteError`] if a file cannot be written. No file is then partially written.
+    /// Returns [`WriteError`] if a file cannot be written. No file is partially written, even after an error.
     pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
         let mut files = self.files.clone();
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
@@ -395,7 +395,8 @@ fn shape(
             Element::plugin("shape", "disk").transform("to_world", map)
         }
         Form::Rectangle(map) => Element::plugin("shape", "rectangle").transform("to_world", map),
-        // The texture coordinates of Mitsuba's cube differ, so export a mesh if the material uses them.
+        // The texture coordinates of Mitsuba's cube differ from Sunstone's, so export a mesh if the material
+        // uses texture coordinates.
         Form::Cube(map) if needs == Needs::default() => {
             Element::plugin("shape", "cube").transform("to_world", map)
         }
@@ -422,8 +423,8 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
     shape
 }
 
-/// Returns whether a map keeps circles about the z axis circular and the z axis perpendicular to their plane.
-/// If `all` is true, returns whether the map keeps all angles.
+/// Returns whether a map preserves circles about the z axis and keeps the z axis perpendicular to the
+/// circles. If `all` is true, returns whether the map keeps all angles.
 fn is_similar(map: &DAffine3, all: bool) -> bool {
     let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
     let (rx, ry, rz) = (x.length(), y.length(), z.length());

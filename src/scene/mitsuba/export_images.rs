@@ -20,7 +20,7 @@ pub(super) struct Images<'a> {
 }
 
 impl Images<'_> {
-    /// Writes a grey bitmap with the result of `value` for every texel, raw or sRGB-encoded.
+    /// Writes a grayscale bitmap with the result of `value` for every texel, raw or sRGB-encoded.
     pub fn grey(
         self,
         name: &str,

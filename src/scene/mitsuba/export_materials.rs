@@ -55,7 +55,7 @@ impl<'a> MaterialWriter<'a> {
         }
     }
 
-    /// Returns the BSDFs of the materials `used`. The BSDFs of materials to which these refer come first.
+    /// Returns the BSDFs of the materials `used`. Each BSDF comes after the BSDFs to which it refers.
     pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, InputError> {
         let mut done = vec![];
         for &id in used {
@@ -81,7 +81,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// Returns the indices of the materials to which a material refers in the XML. The materials of a
-    /// `two_sided` are nested in its element and excluded here.
+    /// `two_sided` are nested in its element and are not returned.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -334,8 +334,8 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one
-    /// facet). These BSDFs model interreflection but no polarization.
+    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one facet).
+    /// Both BSDFs model interreflection but no polarization.
     fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
@@ -411,7 +411,7 @@ impl<'a> MaterialWriter<'a> {
         Ok(element.string("distribution", kind).child(self.scalar(id, "alpha", r.alpha)?))
     }
 
-    /// Writes a constant number, or a grey image of linear values.
+    /// Writes a constant number, or a grayscale image of linear values.
     fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(Element::new("float").with("name", name).with("value", single(s.value)));
@@ -419,7 +419,8 @@ impl<'a> MaterialWriter<'a> {
         self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// Writes a constant spectrum, or a grey image in sRGB encoding. Both programs decode sRGB values.
+    /// Writes a constant spectrum, or a grayscale image in sRGB encoding. Sunstone and Mitsuba decode sRGB
+    /// values.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));

@@ -37,9 +37,9 @@ impl Output {
     }
 }
 
-/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair, Mitsuba's
-/// spectra are zero and Sunstone's are constant. A refractive index of zero would make the reflectance of a
-/// metal undefined.
+/// Ends of Mitsuba's wavelength range in nanometres. The export adds both ends to all spectra. Beyond the
+/// last pair, Mitsuba's spectra are zero and Sunstone's are constant. A refractive index of zero would make
+/// the reflectance of a metal undefined.
 const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
 /// Writes a spectrum as a property. A single value is written as a plain number, which Mitsuba's mono

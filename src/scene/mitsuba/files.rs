@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug)]
 pub enum Contents {
     Bytes(Vec<u8>),
-    /// A copy of the file at this path, which can be too large for memory.
+    /// A copy of the file at the given path, which can be too large for memory.
     CopyOf(PathBuf),
 }
 
@@ -29,7 +29,7 @@ pub enum WriteError {
 /// of `files`. The last file must be the one that refers to the other files.
 ///
 /// # Errors
-/// Returns [`WriteError`] if a file cannot be written. In this case, a new folder is not created.
+/// Returns [`WriteError`] if a file cannot be written. After an error, a new folder is not created.
 pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
     let at = |path: &Path| {
         let path = path.to_owned();
@@ -61,7 +61,7 @@ pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) ->
         for (name, contents) in files {
             fill(&fresh.join(name), contents)?;
         }
-        // Replace an empty folder of that name, but not one that was filled in the meantime.
+        // Replace an empty folder, but not a folder that was filled in the meantime.
         match fs::remove_dir(&absolute) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
             _ => fs::rename(&fresh, &absolute),

@@ -51,7 +51,7 @@ pub(super) fn read_text(path: &Path) -> std::io::Result<String> {
     std::fs::read_to_string(path)
 }
 
-/// Returns the relative path from `folder` to `path`; both arguments are absolute.
+/// Returns the relative path from the absolute path `folder` to the absolute path `path`.
 pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
     let path = normal(path);
     let folder = normal(folder);

@@ -1,9 +1,9 @@
 //! Converts Mitsuba 3's XML to a scene file in TOML.
 //!
-//! The supported subset of Mitsuba's format is that of [`super::export`]. RGB colours become values at the
-//! scene's wavelengths: red above 590 nm, green from 500 to 590 nm, blue below. The wavelengths are 660,
-//! 550 and 450 nm unless the file or `-D wavelengths_nm=…` sets others. One-sided BSDFs become `two_sided`
-//! with a black back.
+//! The import supports the same subset of Mitsuba's format as [`super::export`]. RGB colours become values at
+//! the scene's wavelengths: red above 590 nm, green from 500 to 590 nm, and blue below 500 nm. The
+//! wavelengths are 660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` sets other wavelengths.
+//! One-sided BSDFs become `two_sided` with a black back.
 
 use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
@@ -32,7 +32,7 @@ pub struct Import {
     /// in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files to write next to the scene file, by name. These files contain shapes that scene files cannot
+    /// Files to write next to the scene file, by name. The files contain shapes that scene files cannot
     /// express.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Notes about differences from the Mitsuba scene.
@@ -43,7 +43,7 @@ pub struct Import {
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct ImportError(
-    /// At least one error, sorted by file and location.
+    /// One or more errors, sorted by file and location.
     pub Vec<InputError>,
 );
 
@@ -54,11 +54,12 @@ impl From<InputError> for ImportError {
 }
 
 impl Import {
-    /// Reads Mitsuba's file `xml` and converts it to a scene file to be written at `toml`. `parameters` are
-    /// the values of `$name` (Mitsuba's `-D`).
+    /// Reads Mitsuba's file `xml` and converts the scene to a scene file for the path `toml`. `parameters`
+    /// are the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`] if the scene has unsupported elements; it lists each with file, line, column and fix.
+    /// Returns [`ImportError`] if the scene has unsupported elements. The error lists each element with file,
+    /// line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),
@@ -86,8 +87,8 @@ impl Import {
         Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
     }
 
-    /// Converts a scene as [`Self::from_text`] does, with some files in memory. The names of these files are
-    /// those that the text and the scene file use.
+    /// Converts a scene as [`Self::from_text`] does, with some files in memory. The files in memory have the
+    /// names that the text and the scene file use.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -256,7 +257,7 @@ fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     slices
 }
 
-/// Adds notes about unused top-level elements: no other element refers to their id.
+/// Adds a note about each top-level element to which no other element refers.
 fn unused(importer: &mut Importer) {
     let document = importer.document;
     let mut named: Vec<&str> = document.aliases.iter().map(|a| a.id.as_str()).collect();
@@ -295,8 +296,8 @@ fn heading(xml: &Path) -> String {
     )
 }
 
-/// Builds the scene with locations in the XML file and file names relative to the scene file.
-/// Returns the notes and, if there is one, a gap in which light is lost.
+/// Builds the scene with locations in the XML file and file names relative to the scene file. Returns the
+/// notes and, if light is lost in a gap, the gap.
 fn check(
     importer: &Importer,
     file: &SceneFile,
@@ -386,7 +387,7 @@ impl<'a> Parts<'a> {
             // Surface emitters are read with the shape that refers to them.
             "emitter" if SURFACE_EMITTERS.contains(&node.kind.as_str()) => {}
             "emitter" => self.emitters.push(node),
-            // These elements are read where another element refers to them.
+            // Textures, media and similar elements are read where another element refers to them.
             "texture" | "spectrum" | "medium" | "phase" | "volume" | "film" | "sampler" | "rfilter" => {}
             other => {
                 let message = format!("unsupported element <{other}>");

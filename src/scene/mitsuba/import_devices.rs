@@ -62,7 +62,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
                 if let Some(count) = inner.integer(source, "sample_count")? {
                     spp = importer.whole(&inner.span, count, "sample_count")?;
                 }
-                // Sunstone has its own sampler. These parameters affect noise only.
+                // Parameters of Mitsuba's sampler affect only noise, and Sunstone has its own sampler.
                 inner.finish(source, &["seed", "jitter", "pass_index", "dimension"]);
             }
             "film" if given.is_some() => {
@@ -178,7 +178,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// Creates a device. Errors in the values of this file are located at the Mitsuba plugin.
+/// Creates a device. Errors in the values of the device are located at the Mitsuba plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(node.at(fov_x_deg));
@@ -261,7 +261,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         importer.note(FILTERED);
     }
     let own: &[&str] = match node.kind.as_str() {
-        // These parameters control the encoding of the image file.
+        // Parameters that control the encoding of the image file.
         "ldrfilm" => &["gamma", "exposure", "tonemap_method", "key", "burn", "label", "fixed_radiance"],
         "transient_hdr_film" => &["laser_scan_width", "laser_scan_height"],
         _ => &[],
@@ -270,7 +270,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         source,
         &[
             &["file_format", "pixel_format", "component_format", "sample_border", "compensate"],
-            // These parameters exist in Mitsuba 0.x only.
+            // Parameters that exist only in Mitsuba 0.x.
             &["banner", "attach_log", "high_quality_edges"][..],
             own,
         ]
@@ -354,7 +354,7 @@ pub(super) fn integrator<'a>(
                 }
             }
             "direct_projective" => max_depth = 2,
-            // These integrators of Mitsuba 0.x converge to the same image as `volpath`.
+            // Integrators of Mitsuba 0.x that converge to the same image as `volpath`.
             "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
@@ -381,7 +381,7 @@ pub(super) fn integrator<'a>(
         if node.boolean(source, "strict_normals")?.unwrap_or(false) {
             importer.note("strict_normals is not used");
         }
-        // These parameters affect only scheduling and sampling.
+        // Parameters that affect only scheduling and sampling.
         let work = ["samples_per_pass", "block_size", "timeout", "use_spectral_mis"];
         let derivatives =
             ["sppc", "sppp", "sppi", "guiding", "guiding_proj", "guiding_rounds", "project_seed"];

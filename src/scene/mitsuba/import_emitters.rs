@@ -107,7 +107,8 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
             "use only lookat, rotate and translate",
         );
     }
-    // In Mitsuba, the image's up direction is the spot's +y and its right is +x, so the image is mirrored.
+    // In Mitsuba, the image's up direction is the spot's +y axis and the image's right direction is the
+    // spot's +x axis, so the image is mirrored.
     let up = image.as_ref().map(|_| (-place.matrix3.y_axis).to_array());
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
     let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);
@@ -173,12 +174,12 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     Ok(EmitterFile::Environment(Box::new(environment)))
 }
 
-/// Orthonormalizes a linear map that only rotates and mirrors; returns `None` for other maps.
+/// Orthonormalizes a linear map that only rotates and mirrors. Returns `None` for other maps.
 fn directions(map: DMat3) -> Option<DMat3> {
     let off = map.transpose() * map - DMat3::IDENTITY;
     let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
     rigid.then(|| {
-        // Gram–Schmidt; the third column keeps its orientation.
+        // Orthonormalize by Gram–Schmidt, and keep the orientation of the third column.
         let x = map.x_axis.normalize();
         let y = map.y_axis.reject_from_normalized(x).normalize();
         DMat3::from_cols(x, y, x.cross(y) * map.determinant().signum())
@@ -230,7 +231,8 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
     Ok(())
 }
 
-/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of this image points down.
+/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of a projected image points
+/// down.
 fn projected<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -281,7 +283,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         (size, one())
     } else {
         let [w, h] = given.unwrap_or([256.0; 2]);
-        // The limit is that of a projector's resolution.
+        // The limit is the limit of a projector's resolution.
         if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
             return importer.error(
                 &node.span,
@@ -300,7 +302,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
 }
 
 fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
-    // Irradiances are f32 in the scene. Rounding here removes the rounding error of the factor.
+    // Irradiances are f32 in the scene. Rounding to f32 removes the rounding error of the factor.
     let times = |v: &f64| f64::from((v * factor) as f32);
     let mut out = spectrum.clone();
     match &mut out {
@@ -311,7 +313,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Returns the size in pixels of a projector's image, and whether this image is uniformly white.
+/// Returns the size in pixels of a projector's image, and whether the image is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node.named(name).map(|child| importer.resolve(child)).transpose()?;
     let file = file.map(|texture| texture.text(importer.source, "filename")).transpose()?;

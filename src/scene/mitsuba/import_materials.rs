@@ -81,8 +81,8 @@ impl MaterialReader {
         Made { name: self.table.of_bare_shapes(), images: false }
     }
 
-    /// Returns the material of a BSDF. `both` is set inside of `twosided`; opaque BSDFs are then
-    /// visible from both sides. The material is named after the `outer` element if there is one.
+    /// Returns the material of a BSDF. Inside of `twosided`, `both` is set and opaque BSDFs are visible from
+    /// both sides. The material is named after the `outer` element if there is one.
     fn material<'a>(
         &mut self,
         importer: &mut Importer<'a>,

@@ -16,7 +16,7 @@ use syntax::values::SpectrumFile;
 /// Converts media. Each medium is converted only once.
 #[derive(Default)]
 pub(super) struct MediumReader {
-    /// Media converted so far, by name.
+    /// Converted media by name.
     pub media: BTreeMap<String, Located<MediumFile>>,
     /// Names of converted media by the byte offset of their XML element.
     done: BTreeMap<usize, String>,
@@ -73,7 +73,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     };
     let (scattering, absorption) = (each(&|t, a| t * a), each(&|t, a| t * (1.0 - a)));
     let mut phase = None;
-    // Coefficients are read by name; `finish` reports other children.
+    // Coefficients are read by name. `finish` reports other children.
     for child in node.children() {
         let inner = importer.peek(child)?;
         if inner.tag != "phase" {
@@ -179,7 +179,7 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
         return importer.error(&node.span, what, "use clamp (the default)");
     }
     let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
-    // `raw` controls the conversion to spectra, `accel` the acceleration of look-ups.
+    // `raw` controls the conversion to spectra, and `accel` controls the acceleration of look-ups.
     node.finish(source, &["raw", "accel"]);
     Ok(node.at(GridFile {
         file: node.at(importer.file(name)),

@@ -46,7 +46,7 @@ pub(super) fn all<'a>(
     Ok(all)
 }
 
-/// Returns the objects of a shape; none for a mesh without area.
+/// Returns the objects of a shape, or no objects for a mesh without area.
 fn objects<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
@@ -214,8 +214,8 @@ fn is_similarity(map: &DAffine3) -> bool {
     even(y) && even(z) && square(x, y) && square(y, z) && square(z, x)
 }
 
-/// Returns the map that Mitsuba applies to a sphere with non-uniform scale: the centre and
-/// handedness are kept, and the scale along x applies to all axes.
+/// Returns the map that Mitsuba applies to a sphere with non-uniform scale. The map keeps the centre and the
+/// handedness, and applies the scale along x to all axes.
 fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
     let scale = map.matrix3.x_axis.length();
     let sign = map.matrix3.determinant().signum();
@@ -228,8 +228,8 @@ fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
     Ok(model.is_some_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
 }
 
-/// Returns the contents of a shape's mesh file. Returns `None` for shapes without a file and for
-/// unreadable files; building the scene reports unreadable files.
+/// Returns the contents of a shape's mesh file. Returns `None` for shapes without a file and for unreadable
+/// files. Building the scene reports unreadable files.
 fn model(importer: &Importer, node: &Node) -> Result<Option<Result<Model, ImportError>>, InputError> {
     if !["obj", "ply", "serialized"].contains(&node.kind.as_str()) {
         return Ok(None);
@@ -266,8 +266,8 @@ fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
     u32::try_from(index).map_err(|_| wrong())
 }
 
-/// Face of Mitsuba's cube: the corner at texture coordinates (0, 0), and the edges along u and v. v is 1
-/// minus Mitsuba's v.
+/// Face of Mitsuba's cube: the corner at texture coordinates (0, 0), and the edges along u and v. Sunstone's
+/// v is 1 minus Mitsuba's v.
 type Face = ([f64; 3], [f64; 3], [f64; 3]);
 const FACES: [Face; 6] = [
     ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [-2.0, 0.0, 0.0]),

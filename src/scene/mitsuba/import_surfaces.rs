@@ -11,7 +11,7 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 use transport::material::texture::{Filter, Wrap};
 
-/// Minimum roughness α of rough surfaces. Smooth coats get this value.
+/// Minimum roughness α of rough surfaces. Smooth coats have this roughness.
 pub(super) const SMOOTH: f64 = 0.001;
 
 /// Texture coordinate convention of a shape, and whether the current material depends on it.
@@ -46,8 +46,8 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// Returns the metal for Mitsuba's conductor. Mitsuba's conductor without a material, or with
-/// `none`, reflects all light: η is 0 and k is 1 unless they are given.
+/// Returns the metal for Mitsuba's conductor. The defaults η = 0 and k = 1 apply to a conductor without a
+/// material, or with `none`, and reflect all light.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -79,7 +79,7 @@ pub(super) fn metal<'a>(
     }
 }
 
-/// Refuses a factor other than 1, because Sunstone's material does not have this factor.
+/// Refuses a factor other than 1, because Sunstone's material does not have the factor.
 pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None => Ok(()),
@@ -111,8 +111,8 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
     p.value.number().ok_or_else(error)
 }
 
-/// Returns the refractive indices inside and outside of a dielectric. `default` applies to the inside; the
-/// outside defaults to air.
+/// Returns the refractive indices inside and outside of a dielectric. `default` applies to the inside. The
+/// default outside is air.
 pub(super) fn indices(
     importer: &Importer,
     node: &Node,
@@ -179,7 +179,7 @@ pub(super) fn facets<'a>(
     Ok(Facets { alpha, distribution, masking: Masking::Separable })
 }
 
-/// Returns references to the numbers of a constant or a checkerboard; an image has no such numbers.
+/// Returns references to the numbers of a constant or a checkerboard, or an empty list for an image.
 fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     match s {
         ScalarFile::Number(v) => vec![v],
@@ -273,7 +273,8 @@ pub(super) fn image_of<'a>(
     }
 }
 
-/// Returns the map from the surface's texture coordinates to those at which Mitsuba evaluates a texture.
+/// Returns the map from the surface's texture coordinates to the texture coordinates at which Mitsuba
+/// evaluates a texture.
 fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRows, InputError> {
     uv.images = true;
     let map = node.transform(importer.source, "to_uv")?.unwrap_or_default();
@@ -362,8 +363,8 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// Converts Mitsuba's `bitmap` texture to an image. If `number` is true, the result is an image of numbers;
-/// Mitsuba then uses the luminance of the colours.
+/// Converts Mitsuba's `bitmap` texture to an image. If `number` is true, the result is an image of numbers,
+/// which are the luminance of the colours as in Mitsuba.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,

@@ -46,7 +46,7 @@ impl Table {
         name
     }
 
-    /// Returns the name of the material for emissive shapes without a BSDF. Such shapes reflect no light in
+    /// Returns the name of the material for emissive shapes without a BSDF, which reflect no light in
     /// Mitsuba.
     pub fn of_bare_lights(&mut self) -> String {
         let name = "mitsuba_light".to_owned();

@@ -18,7 +18,7 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// Whether a spectrum has been read. Mitsuba's RGB variants would convert this spectrum to a colour.
+    /// Whether a spectrum has been read that Mitsuba's RGB variants would convert to a colour.
     pub spectral: Cell<bool>,
     /// Files that exist in memory only.
     pub files: &'a BTreeMap<String, Vec<u8>>,
@@ -115,7 +115,7 @@ impl<'a> Importer<'a> {
         relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
     }
 
-    /// Returns the file name that a plugin contains; `what` names the plugin in messages.
+    /// Returns the file name that a plugin contains. `what` names the plugin in messages.
     pub fn filename<'n>(&self, node: &'n Node, what: &str) -> Result<&'n str, InputError> {
         let fix = "add <string name=\"filename\">";
         let missing = || self.source.error(&node.span, format!("the {what} has no filename"), fix);
@@ -239,7 +239,7 @@ impl<'a> Importer<'a> {
     }
 
     /// Returns the values of the pairs if their wavelengths are those of the scene and the values are
-    /// constant beyond these wavelengths; otherwise returns `None`.
+    /// constant beyond these wavelengths. Otherwise, returns `None`.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
         let inner: Vec<[f64; 2]> = pairs.iter().copied().filter(|p| (first..=last).contains(&p[0])).collect();
@@ -344,8 +344,8 @@ impl<'a> Importer<'a> {
         Ok(spectrum)
     }
 
-    /// Refuses a spectrum that does not cover all wavelengths of the scene; Mitsuba's spectra are zero
-    /// outside their range.
+    /// Refuses a spectrum that does not cover all wavelengths of the scene, because Mitsuba's spectra are
+    /// zero outside their range.
     fn in_range(&self, node: &Node) -> Result<(), InputError> {
         let first = node.float(self.source, "wavelength_min")?.unwrap_or(f64::NEG_INFINITY);
         let last = node.float(self.source, "wavelength_max")?.unwrap_or(f64::INFINITY);

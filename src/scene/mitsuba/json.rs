@@ -1,8 +1,8 @@
 //! Reads a Python dictionary of Mitsuba (`mi.load_dict`), written as JSON, to a tree of plugins.
 //!
-//! A dictionary with a `type` is a plugin; `rgb`, `spectrum` and `ref` are values as in XML. A list of three
-//! numbers is a vector. A list of four rows of four numbers (three rows of three in `to_uv`) is a transform:
-//! `T.matrix.numpy().tolist()`.
+//! A dictionary with a `type` is a plugin. `rgb`, `spectrum` and `ref` are values as in XML. A list of three
+//! numbers is a vector. A list of four rows of four numbers (three rows of three in `to_uv`) is a transform,
+//! as returned by `T.matrix.numpy().tolist()`.
 
 use super::plugins;
 use super::source::Source;

@@ -1,7 +1,7 @@
-//! Export of scenes to Mitsuba 3's XML (Jakob et al. 2022, <https://mitsuba.readthedocs.io>) and import from
-//! it.
+//! Exports scenes to Mitsuba 3's XML (Jakob et al. 2022, <https://mitsuba.readthedocs.io>) and imports scenes
+//! from Mitsuba's files.
 //!
-//! Differences between the two programs that are converted:
+//! The conversion handles these differences between the two programs:
 //!
 //! | | Sunstone | Mitsuba 3 |
 //! |---|---|---|
@@ -16,8 +16,8 @@
 //! | copies | `[groups]` and `[[instances]]` | `shapegroup` and `instance` |
 //! | emitted light | any Stokes vector | unpolarized: column 0 of T |
 //!
-//! [`export`] writes and [`import`] reads the same subset; `xml` and `reader` implement the syntax of
-//! Mitsuba's files.
+//! [`export`] writes and [`import`] reads the same subset. The modules `xml` and `reader` implement the
+//! syntax of Mitsuba's files.
 
 mod document;
 pub mod export;

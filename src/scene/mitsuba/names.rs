@@ -1,9 +1,9 @@
 //! Names used by both import and export.
 
-/// Name of the `<default>` that holds the wavelengths of a scene; Mitsuba does not use this parameter.
+/// Name of the `<default>` that holds the wavelengths of a scene, which Mitsuba does not use.
 pub(super) const WAVELENGTHS: &str = "wavelengths_nm";
 
-/// Name of the `<default>` that holds the projector's resolution; Mitsuba does not use this parameter.
+/// Name of the `<default>` that holds the projector's resolution, which Mitsuba does not use.
 pub(super) const PROJECTOR_RESOLUTION: &str = "projector_resolution";
 
 /// Returns the first name of `base`, `base_2`, `base_3`, … that is not taken.

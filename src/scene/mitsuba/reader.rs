@@ -1,8 +1,12 @@
 //! Parses Mitsuba 3's XML to a tree of plugins with typed properties, each with its location.
 //!
-//! Supports, as Mitsuba's parser does, `<default>` and `$name`, `<include>`, nested transforms (each
-//! operation applies after the previous ones) and values separated by spaces or commas. Errors are recorded
-//! and reading continues.
+//! Like Mitsuba's parser, this parser supports:
+//! - `<default>` and `$name`.
+//! - `<include>`.
+//! - Nested transforms, in which each operation applies after the previous operations.
+//! - Values separated by spaces or commas.
+//!
+//! Errors are recorded and reading continues.
 
 use super::folders::{Alias, Folders, read_text};
 use super::source::{Source, parse};
@@ -18,7 +22,7 @@ const DEEPEST: usize = 32;
 /// Maximum nesting depth of included files, as in Mitsuba.
 const MOST_INCLUDES: usize = 15;
 
-/// Parses `#rrggbb` as older versions of Mitsuba do: bytes divided by 255 are linear values.
+/// Parses `#rrggbb` as older versions of Mitsuba do, with bytes divided by 255 as linear values.
 fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     let digits = text.trim().strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
     let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok();
@@ -108,7 +112,7 @@ pub(super) struct Reader<'s> {
     /// Nesting depth of the current file: 0 for the main file.
     depth: usize,
     pub parameters: BTreeMap<String, String>,
-    /// Names of the parameters to which attributes have referred so far.
+    /// Names of the parameters that attributes use.
     pub used: Vec<String>,
     /// Additional ids of elements.
     pub aliases: Vec<Alias>,
@@ -121,7 +125,7 @@ pub(super) struct Reader<'s> {
 }
 
 impl<'s> Reader<'s> {
-    /// Creates a reader; `given` contains the command-line parameters.
+    /// Creates a reader. `given` contains the command-line parameters.
     pub fn new(source: &'s Source, given: &BTreeMap<String, String>, folders: Folders) -> Self {
         Self {
             source,
@@ -236,7 +240,7 @@ impl<'s> Reader<'s> {
                 "remove the <include> of a file that includes this one, or nest fewer files",
             ));
         }
-        // As in Mitsuba, search folders set in an included file apply to that file only.
+        // As in Mitsuba, search folders set in an included file apply only to the included file.
         let mut folders = self.folders.clone();
         folders.prepend(self.folder.clone());
         let path = folders.find(&name);
@@ -414,7 +418,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// Reads pairs of wavelength and value, one per line; the character `#` starts a comment.
+    /// Reads pairs of wavelength and value, one per line. The character `#` starts a comment.
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {
@@ -572,8 +576,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Returns an attribute with `$name` replaced. Longer parameter names have precedence; a
-    /// backslash escapes the dollar sign.
+    /// Returns an attribute with `$name` replaced. Longer parameter names have precedence. A backslash
+    /// escapes the dollar sign.
     fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, InputError> {
         let Some(text) = xml.attribute(key) else {
             return Ok(None);

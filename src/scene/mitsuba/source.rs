@@ -1,7 +1,7 @@
-//! The text of a Mitsuba scene, with included files, and the errors found in these texts.
+//! The text of a Mitsuba scene, with included files, and the errors found in the texts.
 //!
 //! Locations are byte offsets into the concatenation of all texts in reading order. One number therefore
-//! identifies both the file and the offset in this file.
+//! identifies both the file and the offset in the file.
 
 use base::locate::InputError;
 use std::cell::RefCell;
@@ -20,7 +20,7 @@ struct Text {
     text: Arc<str>,
 }
 
-/// All files, the main file first, and all errors so far.
+/// All files, beginning with the main file, and all recorded errors.
 #[derive(Default)]
 pub(super) struct Source {
     texts: RefCell<Vec<Text>>,

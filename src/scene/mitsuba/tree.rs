@@ -17,7 +17,7 @@ pub(super) enum Value {
     Text(String),
     Vector(DVec3),
     Rgb([f64; 3]),
-    /// Pairs of a wavelength in nanometres and a value; wavelengths increase.
+    /// Pairs of a wavelength in nanometres and a value, in order of increasing wavelength.
     Pairs(Vec<[f64; 2]>),
     Transform(DAffine3),
 }
@@ -46,7 +46,7 @@ pub(super) struct Property {
 pub(super) struct Node {
     /// XML tag: `bsdf`, `shape`, …
     pub tag: String,
-    /// The value of `type`; `scene` for the root.
+    /// The value of `type`, or `scene` for the root.
     pub kind: String,
     pub id: Option<String>,
     pub name: Option<String>,

@@ -1,8 +1,8 @@
-//! Joins the parts of one render tile by tile; the result equals the whole render byte for byte.
+//! Joins the parts of one render tile by tile. The result equals the whole render byte for byte.
 //!
 //! Each tile belongs to one part, so no values are summed. A chunk that belongs to one part is copied. A
-//! chunk that belongs to several parts (a block of pixels that is not aligned with tiles) is assembled from
-//! elements, each of which belongs to one part.
+//! chunk that is not aligned with tiles can belong to several parts. If a chunk belongs to several parts, the
+//! chunk is assembled from elements, each of which belongs to one part.
 
 mod error;
 mod set;
@@ -24,7 +24,7 @@ pub(super) fn is_part(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.part().is_some())
 }
 
-/// Joins parts into a new store `out`; an existing store is replaced only with `replace`.
+/// Joins parts into a new store `out`. An existing store is replaced only if `replace` is true.
 pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
     let set = Set::open(inputs)?;
     let parts = set.stores();
@@ -48,8 +48,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
-/// Returns the attributes of the whole render: the attributes common to all parts, and the sums over the
-/// parts of all other attributes.
+/// Returns the attributes of the whole render. Attributes that are common to all parts are kept. All other
+/// attributes are summed over the parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = all[0].clone();
@@ -68,7 +68,7 @@ fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinErro
     for field in Field::ALL.into_iter().filter(|field| whole.has(*field)) {
         let chunks: Vec<_> = whole.chunks(field)?.collect();
         chunks.par_iter().try_for_each(|(start, shape)| -> Result<(), JoinError> {
-            // A chunk with a file is complete: an interrupted merge resumes here.
+            // A chunk with a file is complete, so a resumed merge skips the chunk.
             if whole.is_stored(field, start)? {
                 return Ok(());
             }

@@ -5,8 +5,8 @@
 pub(super) struct Pool {
     pub n: f64,
     pub mean: f64,
-    /// Spread of the samples: the sum of squared deviations from the mean if they are identically
-    /// distributed, else Σ N²e².
+    /// Spread of the samples. For identically distributed samples, the spread is the sum of squared
+    /// deviations from the mean. Otherwise, the spread is Σ N²e².
     spread: f64,
     /// Standard error in the store, for an element that has samples in only one input.
     only: Option<f64>,

@@ -1,7 +1,7 @@
 //! Pools the rounds of one render. Each round is a separate store with independent samples. The number of
 //! samples differs between tiles ([`tensor::target`]).
 //!
-//! The pooled mean is that of all samples, m = Σ Nᵢmᵢ / ΣNᵢ. Rounds are independent and have separate
+//! The pooled mean is the mean of all samples, m = Σ Nᵢmᵢ / ΣNᵢ. Rounds are independent and have separate
 //! errors eᵢ, so the pooled error is e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 
 use super::{
@@ -57,9 +57,9 @@ fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
 
 /// Returns the errors and variances of a slice's pixels, estimated from all rounds.
 ///
-/// A pixel is lit if its total (M00 summed over all entries of the slice, averaged over wavelengths) is at
-/// least 1 % of the 99th percentile. The error of the pixel is the standard error of the total divided by
-/// the total.
+/// A pixel is lit if its total is at least 1 % of the 99th percentile of all totals. The total of a pixel is
+/// M00, summed over all entries of the slice and averaged over wavelengths. The error of a pixel is the
+/// standard error of the total divided by the total.
 ///
 /// # Errors
 /// Returns an error if the stores are not rounds of one render, lack the slice or cannot be read.
@@ -123,8 +123,8 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     Ok(Survey { lit, tiles, across })
 }
 
-/// Pools all rounds into a new store `out` with additional root attributes `extra`; an existing store is
-/// replaced only with `replace`.
+/// Pools all rounds into a new store `out` with additional root attributes `extra`. An existing store is
+/// replaced only if `replace` is true.
 ///
 /// # Errors
 /// Returns an error if the stores are not rounds of one render, or if reading or writing fails.

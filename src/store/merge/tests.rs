@@ -210,8 +210,8 @@ fn rows_that_do_not_increase_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// Verifies that a merge that is interrupted at any chunk leaves no store, and that the next merge resumes
-/// the work and gives the same bytes.
+/// Verifies that a merge that is interrupted at any chunk leaves no store. Verifies that the next merge
+/// resumes the work and gives the same bytes.
 #[test]
 fn an_interrupted_merge_resumes() {
     let dir = tempfile::tempdir().unwrap();

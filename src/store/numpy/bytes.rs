@@ -25,7 +25,8 @@ impl Bytes {
     }
 }
 
-/// Reorders elements of `size` bytes from column-major to row-major order; `None` if memory is insufficient.
+/// Reorders elements of `size` bytes from column-major to row-major order, or `None` if memory is
+/// insufficient.
 pub(super) fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
     let mut out = vec![];
     out.try_reserve_exact(bytes.len()).ok()?;

@@ -1,6 +1,7 @@
-//! Object stores in memory, for tests. `memory://NAME/..` has no faults, `flaky://NAME/..` loses responses
-//! to conditional puts, and `mortal://NAME/..` makes a limited number of changes and then fails, like a
-//! killed process.
+//! Object stores in memory, for tests:
+//! - `memory://NAME/..` has no faults.
+//! - `flaky://NAME/..` loses responses to conditional puts.
+//! - `mortal://NAME/..` makes a limited number of changes and then fails, like a killed process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
 use crate::refusal::Refusal;
@@ -32,7 +33,7 @@ pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     memory(name).life.clone()
 }
 
-/// Returns the number of requests to a bucket so far.
+/// Returns the number of requests that a bucket has received.
 pub(crate) fn requests(name: &str) -> u64 {
     memory(name).requests.load(Ordering::Relaxed)
 }
@@ -52,7 +53,7 @@ pub(crate) fn upload(folder: &Path, name: &str, path: &str) {
     }
 }
 
-/// Opens an address of a test. Returns `None` for other schemes.
+/// Opens a URL of a test. Returns `None` for other schemes.
 pub(super) fn open(scheme: &str, address: &Path) -> Option<Arc<dyn ObjectClient>> {
     let kind = match scheme {
         "memory" => Kind::Sound,

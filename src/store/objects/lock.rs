@@ -1,10 +1,10 @@
-//! The lock of a store at an address: an object that only one process can create, and that its holder renews.
+//! The lock of a store at a URL: an object that only one process can create, and that its holder renews.
 //!
-//! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every
-//! third of the lease. A process that finds a lock watches it for one lease. If the lock is not renewed,
-//! the holder has ended. The process then takes over the lock with a put that is conditional on the watched
-//! version (`If-Match`). Clocks of different machines are never compared. A holder whose last renewal began
-//! more than a lease ago does not write.
+//! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every third
+//! of the lease. A process that finds a lock watches the lock for one lease. If the lock is not renewed
+//! within one lease, the holder has ended. The watching process then takes over the lock with a put that is
+//! conditional on the watched version (`If-Match`). Clocks of different machines are never compared. A holder
+//! whose last renewal began more than a lease ago does not write.
 
 use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
@@ -40,7 +40,7 @@ fn believed(seconds: f64) -> Duration {
 /// The reason why a lock was not taken.
 #[derive(Debug)]
 pub(crate) enum NoLock {
-    /// Another process holds the lock; contains the holder.
+    /// Another process holds the lock. Contains the name of the holder.
     Held(String),
     /// The object store refused the request.
     Refused(Refusal),
@@ -52,7 +52,7 @@ impl From<Refusal> for NoLock {
     }
 }
 
-/// The time until which a lock is certainly held; `None` after the lock is lost.
+/// The time until which a lock is certainly held, or `None` after the lock is lost.
 #[derive(Debug)]
 pub(crate) struct Hold(Mutex<Option<Instant>>);
 
@@ -120,7 +120,7 @@ fn parse(bytes: &[u8]) -> Value {
 }
 
 impl ObjectLock {
-    /// Takes the lock of a store at an address.
+    /// Takes the lock of a store at a URL.
     pub(crate) fn take(objects: &Objects, lease: Duration) -> Result<Self, NoLock> {
         let owner = Owner::new(lease);
         let (version, held) = acquire(objects, &owner)?;
@@ -163,8 +163,8 @@ impl Drop for ObjectLock {
         if let Some(renewal) = self.renewal.take() {
             let _ = renewal.join();
         }
-        // Do not delete a lock that could expire before the request arrives, because another process may
-        // then hold it.
+        // Delete the lock only if it cannot expire before the request arrives, because another process may
+        // take over an expired lock.
         if self.hold.left() > self.lease / 3 {
             let _ = self.objects.delete(vec![FILE.into()]);
         }

@@ -1,4 +1,4 @@
-//! Tests of the locks of stores at addresses, and of addresses without a client.
+//! Tests of the locks of stores at URLs, and of URLs without a client.
 
 use super::fake::{life, memory, put};
 use super::lock::{NoLock, ObjectLock};

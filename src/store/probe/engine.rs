@@ -96,7 +96,7 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-/// Iterates over all boxes that combine one range per axis; the last axis varies fastest.
+/// Iterates over all boxes that combine one range per axis. The last axis varies fastest.
 fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
     let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
     region::indices(&vec![0; counts.len()], &counts)
@@ -138,8 +138,8 @@ fn gather(
     Ok(partial)
 }
 
-/// Returns the first of the trailing axes that are kept unchanged and lie completely in the box, and the
-/// product of their lengths. The entries of these axes are added as one run.
+/// Returns the first axis and the number of values of a run. A run combines the trailing axes that are kept
+/// unchanged and lie completely in the box.
 fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     let (mut tail, mut run) = (ranges.len(), 1);
     while tail > camera {
@@ -196,8 +196,8 @@ struct Walk {
 }
 
 impl Walk {
-    /// Adds all values whose indices begin with a prefix. `source` is the flat index of the prefix, `to`
-    /// its offset in the sums.
+    /// Adds all values whose indices begin with a prefix. `source` is the flat index of the prefix, and `to`
+    /// is the prefix's offset in the sums.
     fn go(&self, axis: usize, source: usize, to: usize, weight: f64, into: &mut Partial) {
         if axis == self.targets.len() {
             let values = &self.mean[source * self.run..(source + 1) * self.run];

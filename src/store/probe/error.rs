@@ -11,7 +11,7 @@ pub enum ProbeError {
     #[error("selection on axis `{axis}`: {reason}")]
     Selection {
         axis: &'static str,
-        /// The fault and the fix.
+        /// Text that describes the fault and the fix.
         reason: String,
     },
     #[error("pattern of {width} × {height} pixels for slice `{slice}`: {reason}")]
@@ -19,7 +19,7 @@ pub enum ProbeError {
         slice: String,
         width: u32,
         height: u32,
-        /// The fault and the fix.
+        /// Text that describes the fault and the fix.
         reason: String,
     },
     /// The probe has a Stokes state, but the slice was stored for unpolarized light only.
@@ -30,7 +30,7 @@ pub enum ProbeError {
     #[error("pulse for slice `{slice}`: {reason}")]
     Pulse {
         slice: String,
-        /// The fault and the fix.
+        /// Text that describes the fault and the fix.
         reason: String,
     },
     #[error("the result would have {elements} elements: select fewer entries, or sum over an axis")]

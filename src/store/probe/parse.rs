@@ -10,7 +10,7 @@ use tensor::axes::AxisKind;
 #[error("`{text}`: {reason}")]
 pub struct ParseError {
     pub text: String,
-    /// The fault and the fix.
+    /// Text that describes the fault and the fix.
     pub reason: String,
 }
 

@@ -35,8 +35,8 @@ impl Pattern {
 }
 
 /// Returns the first and last pixel of each entry of a projector axis. `coords` are the centres of the
-/// entries, `bin` is the number of pixels per bin if known (attribute `projector_bin`), and `total` is the
-/// number of pixels along the axis.
+/// entries. `bin` is the number of pixels per bin if known (attribute `projector_bin`). `total` is the number
+/// of pixels along the axis.
 ///
 /// If `bin` is unknown, consecutive integer coordinates are single pixels, and fractional coordinates are
 /// bins that tile the axis from pixel 0. Integer coordinates with gaps are ambiguous and are refused.

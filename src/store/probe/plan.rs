@@ -1,4 +1,4 @@
-//! Converts a probe of a slice to one weighted sum: targets and weights of every entry of every axis.
+//! Converts a probe of a slice to one weighted sum, with targets and weights for every entry of every axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -24,7 +24,7 @@ pub(super) struct AxisPlan {
     pub(super) end: usize,
     /// Targets and weights of each of the entries `first..end`.
     pub(super) targets: Vec<Vec<Share>>,
-    /// Number of slots along this axis in the result; 1 if the axis is removed. A convolved axis has an
+    /// Number of slots along this axis in the result, or 1 if the axis is removed. A convolved axis has an
     /// additional last slot for light that leaves the stored bins.
     pub(super) slots: usize,
 }
@@ -36,7 +36,7 @@ pub(super) struct Plan {
     pub(super) joint: Option<Vec<f64>>,
     /// Axes that the result keeps.
     pub(super) kept: Vec<Axis>,
-    /// Whether the axis t has the extra slot.
+    /// Whether the axis t has an additional slot for light that leaves the stored bins.
     pub(super) convolved: bool,
     pub(super) time: Option<(f64, f64)>,
     pub(super) notes: Vec<String>,

@@ -24,9 +24,9 @@ pub enum CoordRange {
     /// The entry nearest to the coordinate. The axis is removed.
     Nearest(f64),
     /// All entries from the entry nearest to the first coordinate to the entry nearest to the second, both
-    /// included. The axis is kept. Bin edges are also valid: halfway between two entries, a range begins
-    /// with the later entry and ends with the earlier entry. Infinite values select the start and the end
-    /// of the axis.
+    /// included. The axis is kept. Bin edges are also valid coordinates. At a coordinate halfway between two
+    /// entries, a range begins with the later entry or ends with the earlier entry. Infinite values select
+    /// the start and the end of the axis.
     Between(f64, f64),
 }
 
@@ -39,15 +39,19 @@ pub enum Pulse {
         /// Full width at half maximum in picoseconds.
         fwhm_ps: f64,
     },
-    /// Samples of the pulse at the bin spacing; the first sample is at the emission time.
+    /// Samples of the pulse at the bin spacing, beginning at the emission time.
     Samples(Vec<f64>),
 }
 
-/// A probe of a stored slice. Steps apply in this order: contraction with pattern and Stokes state,
-/// convolution with the pulse, selection, sum. The default probe returns the slice unchanged.
+/// A probe of a stored slice. The default probe returns the slice unchanged. The steps apply in the following
+/// order:
+/// 1. Contraction with the pattern and the Stokes state.
+/// 2. Convolution with the pulse.
+/// 3. Selection.
+/// 4. Sum.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Probe {
-    /// Parts of axes to keep; at most one selection per axis.
+    /// Parts of axes to keep, with at most one selection per axis.
     pub select: Vec<Selection>,
     /// Axes to sum over, within their selections. Axes that the slice does not resolve are ignored, because
     /// they are already summed.
@@ -62,20 +66,20 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Returns T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces, components and labels are summed,
-    /// wavelengths kept.
+    /// Returns the probe of spatial light transport, T_s = Σ_t T(:,:,0,0,t). Bounces, components and labels
+    /// are summed. Wavelengths are kept.
     pub fn spatial() -> Self {
         Self::unpolarized(&[AxisKind::T])
     }
 
-    /// Returns T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces, components and labels are
-    /// summed, wavelengths kept.
+    /// Returns the probe of temporal light transport, T_t = Σ_{s,s'} T(s,s',0,0,:). Bounces, components and
+    /// labels are summed. Wavelengths are kept.
     pub fn temporal() -> Self {
         Self::unpolarized(&[AxisKind::Y, AxisKind::X, AxisKind::V, AxisKind::U])
     }
 
-    /// Returns T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces,
-    /// components and labels are summed, wavelengths kept.
+    /// Returns the probe of polarimetric light transport, the Mueller matrix T_p = Σ_{s,s',t} T(s,s',:,:,t).
+    /// Bounces, components and labels are summed. Wavelengths are kept.
     pub fn polarimetric() -> Self {
         use AxisKind::{Bounces, Component, Label, T, U, V, X, Y};
         Self { sum: vec![Y, X, V, U, T, Bounces, Component, Label], ..Self::default() }
@@ -89,7 +93,7 @@ impl Probe {
         probe
     }
 
-    /// Returns the same probe for arrays without a time axis.
+    /// Returns a copy of the probe for arrays without a time axis.
     pub(super) fn without_time(&self) -> Self {
         let mut probe = self.clone();
         probe.select.retain(|s| s.axis != AxisKind::T);

@@ -1,4 +1,4 @@
-//! Runs a probe: plans and executes it for every field.
+//! Runs a probe: plans and executes the probe for every field.
 
 use super::error::ProbeError;
 use super::request::Probe;
@@ -12,7 +12,7 @@ use tensor::field::Field;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProbeResult {
-    /// Values, W/(m² sr nm) per unit projector drive, over the remaining axes.
+    /// Values in W/(m² sr nm) per unit projector drive, over the remaining axes.
     pub mean: Tensor,
     /// Standard errors of `mean` (see the module documentation), with the same shape and unit.
     pub std_error: Tensor,
@@ -51,7 +51,7 @@ impl Probe {
     }
 }
 
-/// Fetches the first regions of all fields concurrently, if the store is at an address.
+/// Fetches the first regions of all fields concurrently, if the store is at a URL.
 fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
     let mut regions = vec![];
     let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));

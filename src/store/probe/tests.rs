@@ -170,8 +170,8 @@ fn convolution_conserves_light() {
                 close(result.mean.at(&index), 0.25 * back(0) + 0.75 * back(2));
             }
         }
-        // A probe with pulse, selection and sum equals selection and sum of the result of a probe with the
-        // pulse alone.
+        // Selecting and summing within a probe equals selecting and summing the result of a probe with only
+        // the pulse.
         let select = vec!["t=1050:1200".parse().unwrap()];
         let part =
             Probe { pulse: Some(pulse), select, sum: vec![T], ..Probe::default() }.run(&slice).unwrap();

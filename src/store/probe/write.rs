@@ -89,8 +89,8 @@ impl ProbeResult {
         SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }
     }
 
-    /// Writes a store with one slice, which has the name of the probed slice, and writes the given attributes
-    /// of the slice's group and of the root. If time is resolved, light outside the time bins becomes the
+    /// Writes a store with one slice, which has the name of the probed slice. Writes the given attributes to
+    /// the slice's group and to the root. If time is resolved, light outside the time bins becomes the
     /// overflow of the slice, without a standard error.
     ///
     /// # Errors

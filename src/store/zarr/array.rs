@@ -27,10 +27,10 @@ pub(super) struct Array {
     /// Shape of the block of elements in a file: a chunk or a shard.
     pub(super) stored: Vec<u64>,
     pub(super) coding: Coding,
-    /// Shape of a chunk in a shard; `None` without shards.
+    /// Shape of a chunk in a shard, or `None` without shards.
     pub(super) inner: Option<Vec<u64>>,
     pub(super) attributes: Map<String, Value>,
-    /// Name of each dimension; "" for a dimension without a name.
+    /// Name of each dimension, or "" for a dimension without a name.
     pub(super) names: Vec<String>,
     /// Prefix of all chunk keys, and the separator between the chunk indices.
     prefix: String,
@@ -175,7 +175,7 @@ mod tests {
             json["chunk_key_encoding"] = encoding;
             Array::of("/a/mean", "float32", &json).map(|array| array.chunk_key(index))
         };
-        // Section "Chunk key encoding": `default` has the prefix "c" and the separator "/" by default; `v2`
+        // Section "Chunk key encoding": `default` has the prefix "c" and the separator "/" by default. `v2`
         // has no prefix and the separator ".".
         for (encoding, expected) in [
             (json!("default"), "a/mean/c/1/20"),

@@ -1,4 +1,4 @@
-//! Zarr storage with atomic writes of files, in a directory or as objects at an address.
+//! Zarr storage with atomic writes of files, in a directory or as objects at a URL.
 //!
 //! In a directory, files are written with [`base::whole_file`]. A killed process may leave temporary files.
 //! Readers ignore such files, and [`AtomicDirectory::remove_leftovers`] deletes them.
@@ -20,11 +20,11 @@ use serde_json::Value;
 
 use bytes::Bytes;
 
-/// Maximum size, in bytes, of a shard at an address that is fetched completely. Later reads of the shard
-/// then need no further request.
+/// Size, in bytes, up to which a shard at a URL is fetched completely. Later reads of a completely fetched
+/// shard need no further request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
-/// The tail of a shard. The checksums in the tail serve to check the other bytes of the shard.
+/// The tail of a shard. Readers check the other bytes of the shard with the checksums in the tail.
 #[derive(Debug)]
 pub(super) struct Tail {
     pub(super) bytes: Bytes,
@@ -34,18 +34,18 @@ pub(super) struct Tail {
     pub(super) whole: Option<Bytes>,
 }
 
-/// Zarr storage in a directory, where files are replaced atomically, or at an address.
+/// Zarr storage in a directory, where files are replaced atomically, or at a URL.
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
     pub(super) root: PathBuf,
-    /// The objects, for a store at an address, or `None` for a directory.
+    /// The objects, for a store at a URL, or `None` for a directory.
     pub(super) remote: Option<Remote>,
     /// Manifest of a finished store. Every file that is read must match the manifest.
     manifest: Option<Manifest>,
 }
 
 impl AtomicDirectory {
-    /// Returns the storage at `root`, without accessing the folder or address.
+    /// Returns the storage at `root`, without accessing the folder or URL.
     pub(super) fn new(root: &Path) -> Self {
         Self { root: root.to_owned(), remote: None, manifest: None }
     }
@@ -72,7 +72,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Returns whether the metadata of an array at an address contains its coordinates.
+    /// Returns whether the metadata of an array at a URL contains its coordinates.
     pub(super) fn tells(&self, node: &str) -> bool {
         let description = |remote: &Remote| remote.description(&format!("{node}/zarr.json"));
         let json = self.remote.as_ref().and_then(description);
@@ -145,8 +145,8 @@ impl AtomicDirectory {
         }
     }
 
-    /// Fetches files from an address concurrently before they are read, from the first of `asks` up to a
-    /// memory limit. Returns the number of fetched files.
+    /// Fetches files from a URL concurrently before the files are read. Begins with the first of `asks` and
+    /// stops at a memory limit. Returns the number of fetched files.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)]) -> io::Result<usize> {
         match &self.remote {
             None => Ok(asks.len()),
@@ -160,7 +160,7 @@ impl AtomicDirectory {
             None => Place::read_file(&self.root.join(key))?,
             Some(remote) => {
                 if let Some(description) = remote.description(key) {
-                    // This metadata is part of the root's metadata, which has already been checked.
+                    // Consolidated metadata is part of the root's metadata, which has already been checked.
                     return Ok(Some(description));
                 }
                 // Files that are not in the manifest are not requested.
@@ -176,8 +176,7 @@ impl AtomicDirectory {
     }
 
     /// Reads the tails of shards, given as pairs of path and number of frames, and checks the tails against
-    /// the manifest. Reads at an address are concurrent. The result is `None` for a shard that does not
-    /// exist.
+    /// the manifest. Reads at a URL are concurrent. The result is `None` for a shard that does not exist.
     pub(super) fn read_tails(&self, all: &[(String, usize)]) -> io::Result<Vec<io::Result<Option<Tail>>>> {
         let Some(remote) = &self.remote else {
             let read = |(key, frames): &(String, usize)| {
@@ -244,7 +243,8 @@ impl AtomicDirectory {
         Ok(tail)
     }
 
-    /// Reads a byte range of a shard whose tail has been read. The caller checks the bytes with the tail.
+    /// Reads a byte range of a shard whose tail has been read. The caller checks the bytes with the checksums
+    /// in the tail.
     pub(super) fn read_part(&self, key: &str, range: Range<u64>) -> io::Result<Option<Bytes>> {
         if let Some(remote) = &self.remote {
             return Ok(remote.get_part(key, Ask::Bytes(range))?);
@@ -263,7 +263,7 @@ impl AtomicDirectory {
         Some(self.manifest.as_ref()?.0.get(key)?.size)
     }
 
-    /// Refuses a file that does not match the manifest; `bytes` is `None` for a missing file.
+    /// Refuses a file that does not match the manifest. `bytes` is `None` for a missing file.
     fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
         self.check_entry(path, bytes.map(|bytes| Entry::of(path, bytes)))
     }

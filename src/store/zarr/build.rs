@@ -15,12 +15,12 @@ use tensor::axes::SliceLayout;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleGrid {
     pub camera: [u32; 2],
-    /// Edge length of a tile in camera pixels; a chunk is one tile.
+    /// Edge length of a tile in camera pixels. A chunk is one tile.
     pub tile: u32,
 }
 
 impl SampleGrid {
-    /// Returns the grid of sample counts with this shape and chunk (rows, columns).
+    /// Returns the grid of sample counts with the given shape and chunk (rows, columns).
     pub(crate) fn new(shape: [u64; 2], chunk: [u64; 2]) -> Self {
         Self { camera: [shape[1] as u32, shape[0] as u32], tile: chunk[0].max(chunk[1]) as u32 }
     }
@@ -74,8 +74,8 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
-            // These names differ from `y` and `x` because dimensions of the root apply to all groups in
-            // `xarray.open_datatree`, and a slice may cover only a part of the camera.
+            // In `xarray.open_datatree`, dimensions of the root apply to all groups. A slice may cover only a
+            // part of the camera, so the dimensions of the sample counts must not be named `y` and `x`.
             names: vec!["camera_y", "camera_x"],
             attributes,
             sharding: shardings.get("samples").cloned(),

@@ -1,7 +1,8 @@
 //! Checks of coordinates and attributes when a store is opened or created.
 //!
-//! Files may have been edited or truncated. The checks ensure that coordinates are finite and increasing,
-//! and that attributes that the program reads have the right type. Other attributes may have any value.
+//! The files of a store may have been edited or truncated. The checks ensure that coordinates are finite and
+//! increasing, and that attributes that the program reads have the right type. Other attributes may have any
+//! value.
 
 use serde_json::{Map, Value};
 use tensor::axes::{Axis, AxisKind, SliceLayout};

@@ -17,8 +17,8 @@ impl<T: Number> ChunkedArray<T> {
         self.storage.root.join(&key)
     }
 
-    /// Copies the chunk file that begins at `start` from an array with the same metadata, after checking its
-    /// checksum.
+    /// Copies the chunk file that begins at `start` from an array with the same metadata, after verifying the
+    /// chunk's checksum.
     pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
         let index = self.index_of(start);
         let key = self.array.chunk_key(&index);

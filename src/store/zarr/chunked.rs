@@ -2,11 +2,11 @@
 //!
 //! Each chunk is a file, or part of a shard ([`super::sharded`]).
 //!
-//! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section
-//! 3.1.1) with the declared size of the chunk. A damaged file is therefore an error and never causes an
+//! Before a chunk file is decoded, the reader checks that the file is exactly one Zstandard frame of the
+//! declared size (RFC 8878, section 3.1.1). A damaged file is therefore an error and never causes an
 //! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
-//! damage inside the frame. Computing the checksum is fast, because it covers the compressed bytes and not
-//! the decompressed zeros.
+//! damage inside the frame. Computing the checksum is fast, because the checksum covers the compressed bytes
+//! and not the decompressed zeros.
 
 use std::marker::PhantomData;
 use std::path::PathBuf;
@@ -55,10 +55,10 @@ pub(super) struct ChunkedArray<T> {
     pub(super) storage: Arc<AtomicDirectory>,
     pub(super) array: Array,
     pub(super) path: PathBuf,
-    /// Shape of the block that is read and written together. In a shard, this block consists of several
-    /// chunks.
+    /// Shape of the block that is read and written together. A block of a sharded array consists of several
+    /// chunks of a shard.
     pub(super) chunk: Vec<u64>,
-    /// Shards of the array; `None` if the array is not sharded.
+    /// Shards of the array, or `None` if the array is not sharded.
     pub(super) sharded: Option<Sharded>,
     locks: Vec<Mutex<()>>,
     number: PhantomData<T>,
@@ -70,7 +70,7 @@ pub(super) struct Description<'a> {
     pub(super) chunk: Vec<u64>,
     pub(super) names: Vec<&'a str>,
     pub(super) attributes: Map<String, Value>,
-    /// Sharding of the array; `None` for one file per chunk.
+    /// Sharding of the array, or `None` for one file per chunk.
     pub(super) sharding: Option<Sharding>,
 }
 
@@ -147,7 +147,7 @@ impl<T: Number> ChunkedArray<T> {
         &self.array.shape
     }
 
-    /// Returns the dimension names; "" for a dimension without a name.
+    /// Returns the dimension names, or "" for a dimension without a name.
     pub(super) fn names(&self) -> Vec<String> {
         self.array.names.clone()
     }
@@ -178,8 +178,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(vec![T::default(); elements])
     }
 
-    /// Returns the shape of a unit, which is the block that is coded together: a chunk, or a chunk in a
-    /// shard.
+    /// Returns the shape of a unit, the block that is encoded as one frame: an unsharded chunk, or a chunk in
+    /// a shard.
     pub(super) fn unit(&self) -> &[u64] {
         self.sharded.as_ref().map_or(&self.chunk, |s| &s.inner)
     }
@@ -196,8 +196,9 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Calls `f(index of the unit, overlap start, overlap shape, start of the unit, whether the region
-    /// covers the unit completely)` for every unit that a region intersects.
+    /// Calls `f` for every unit that a region intersects. The arguments of `f` are the index of the unit, the
+    /// start and the shape of the overlap, the start of the unit, and whether the region covers the unit
+    /// completely.
     fn for_units(
         &self,
         units: &[Vec<u64>],
@@ -241,8 +242,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(values)
     }
 
-    /// Writes a region, row-major. Other elements of the intersected chunks keep their values. For
-    /// `touched`, see [`sparse_frame::encode`].
+    /// Writes a region, row-major. Elements of the intersected chunks outside the region keep their values.
+    /// For `touched`, see [`sparse_frame::encode`].
     pub(super) fn write(
         &self,
         start: &[u64],
@@ -262,7 +263,7 @@ impl<T: Number> ChunkedArray<T> {
         self.for_units(&units, start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
             if shape == self.chunk && origin == start {
-                // The region is exactly this chunk, so the values need not be copied.
+                // The region is exactly one chunk, so the values need not be copied.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));
             }

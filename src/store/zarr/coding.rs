@@ -11,8 +11,9 @@ use std::io;
 const LEVEL: i32 = -2;
 /// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;
-/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. Such a chunk consists
-/// of several chunks of the shard. Reads of whole arrays use blocks of this shape.
+/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. An unsharded chunk
+/// consists of several chunks of a shard. Reads of whole arrays use blocks of the shape of an unsharded
+/// chunk.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {
@@ -26,7 +27,7 @@ thread_local! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) frame: Frame,
-    /// Whether the byte order of the file differs from that of this machine.
+    /// Whether the byte order of the file differs from the byte order of this machine.
     pub(super) swapped: bool,
 }
 
@@ -66,7 +67,7 @@ pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result
 }
 
 /// Decodes a chunk file into `out`, in the byte order of the file. Returns the fault if the decoded size
-/// differs from that of `out`.
+/// differs from the size of `out`.
 pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), String> {
     let (content, seal) = match frame {
         Frame::Sealed => bytes.split_at(bytes.len().saturating_sub(SEAL)),
@@ -127,7 +128,8 @@ fn names(codecs: &Value) -> Vec<&str> {
     codecs.as_array().into_iter().flatten().filter_map(name).collect()
 }
 
-/// Returns whether the first codec, `bytes`, specifies a byte order other than that of this machine.
+/// Returns whether the first codec, `bytes`, specifies a byte order other than the byte order of this
+/// machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
     match codecs[0]["configuration"]["endian"].as_str() {

@@ -1,5 +1,5 @@
-//! Stores coordinates in the metadata of the coordinate arrays, for sharded stores. Opening a slice then
-//! needs no request for the coordinates.
+//! Stores coordinates in the metadata of the coordinate arrays, for sharded stores. Opening a slice of a
+//! sharded store needs no request for the coordinates.
 //!
 //! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). The coordinate
 //! arrays also contain the coordinates, for other programs.

@@ -1,10 +1,15 @@
 //! The Zarr v3 metadata of a store: groups, coordinate arrays and consolidated metadata.
 //!
-//! Layout of the directory (Zarr v3 core specification; `xarray`'s conventions for names and coordinates):
-//! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/`,
-//! `NAME/{overflow,overflow_std_error}/` if time is resolved, `NAME/total_std_error/` for renders, and one
-//! coordinate array per axis. All arrays except coordinates may be sharded. Each group contains
-//! `consolidated_metadata` in the inline form of zarr-python 3, so that readers open the group with one read.
+//! The directory follows the Zarr v3 core specification, and `xarray`'s conventions for names and
+//! coordinates. The root contains the root group (`zarr.json`) and the array `samples/`. A slice consists of:
+//! - `NAME/zarr.json`, the group.
+//! - `NAME/{mean,std_error}/`.
+//! - `NAME/{overflow,overflow_std_error}/` if time is resolved.
+//! - `NAME/total_std_error/` for renders.
+//! - One coordinate array per axis.
+//!
+//! All arrays except coordinates may be sharded. Each group contains `consolidated_metadata` in the inline
+//! form of zarr-python 3, so that readers open the group with one read.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -66,7 +71,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Returns the names of the slices from the root's metadata, or `None` if the metadata is not that of a
+/// Returns the names of the slices from the root's metadata, or `None` if the metadata does not belong to a
 /// Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
@@ -167,7 +172,7 @@ fn create_coordinates(
     }
 }
 
-/// Creates an array with these values at `node`.
+/// Creates an array with the given values at `node`.
 pub(super) fn create_filled<T: Number>(
     storage: &Arc<AtomicDirectory>,
     node: &str,
@@ -202,7 +207,7 @@ fn read_axis(
     }
 }
 
-/// Reads `expected` coordinates from the metadata of the coordinate array if possible, else from the
+/// Reads `expected` coordinates from the metadata of the coordinate array if possible, and otherwise from the
 /// array's values.
 fn read_coordinates<T: Number>(
     storage: &Arc<AtomicDirectory>,

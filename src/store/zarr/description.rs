@@ -23,7 +23,7 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
 /// Parses the content of a `zarr.json` file.
 pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
     match serde_json::from_slice(bytes) {
-        // Callers access the metadata by key.
+        // Callers access the metadata by key, so the metadata must be an object.
         Ok(object @ Value::Object(_)) => Ok(object),
         Ok(_) => Err(OpenError::damaged(path, "the file is not a JSON object")),
         Err(e) => Err(OpenError::damaged(path, format!("invalid JSON: {e}"))),

@@ -11,7 +11,7 @@ pub enum CreateError {
         "{path} already exists: resume the render with `--resume`, replace the store with `--force`, or choose another `-o`"
     )]
     Exists { path: PathBuf },
-    /// The path exists and is not a store. Such a path is never deleted.
+    /// The path exists and is not a store. A path that is not a store is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
     /// The path is inside another store, in which no files may be added.
@@ -21,7 +21,7 @@ pub enum CreateError {
     #[error("slice `{name}`: {reason}")]
     Slice {
         name: String,
-        /// The fault and the fix.
+        /// Text that describes the fault and the fix.
         reason: String,
     },
     /// Another process is writing to the path.
@@ -116,7 +116,7 @@ pub enum OpenError {
     #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
-        /// The file or attribute that is missing.
+        /// Name of the missing file or attribute.
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
@@ -203,7 +203,7 @@ pub enum AccessError {
         shard: Vec<u64>,
         cause: String,
     },
-    /// The array is sharded; shards cannot be modified.
+    /// The array is sharded, and shards cannot be modified.
     #[error("{path} is sharded, and shards cannot be changed: write another store, then shard that store")]
     Sharded { path: PathBuf },
     /// The object store refused to return a chunk, or could not be reached.

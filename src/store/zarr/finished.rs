@@ -30,8 +30,8 @@ impl TensorStore {
         }
     }
 
-    /// Opens a finished part of a render for joining. Values are checked as in a finished store, and the
-    /// values in tiles of other parts are zero. Returns `None` if there is no finished part.
+    /// Opens a finished part of a render for joining. Values are checked as in a finished store. Values in
+    /// tiles of other parts are zero. Returns `None` if there is no finished part.
     pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {
@@ -64,7 +64,7 @@ impl TensorStore {
     pub fn finish(&self) -> Result<(), OpenError> {
         let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(remote) = &self.storage.remote {
-            // At an address, the consolidated metadata is written when the store is created.
+            // At a URL, the consolidated metadata is written when the store is created.
             let finished = remote.finish(manifest::name(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }

@@ -1,10 +1,13 @@
 //! Raw frames on disk: unmodified digital numbers of a sensor, in a Zarr v3 store with named axes.
 //!
-//! Layout: the group `frames` contains the array `raw` (unsigned integers over the run's axes and the
-//! frame's axes), a coordinate array for every axis, and columns with one number per frame (measured
-//! positions, exposure times, …). A chunk is one frame, or, for small frames, all frames along the last of
-//! the run's axes. The bytes of a chunk depend only on its numbers. The manifest is written last, as for
-//! slices, so an unfinished store does not read as finished.
+//! The group `frames` contains:
+//! - The array `raw`, with unsigned integers over the run's axes and the frame's axes.
+//! - A coordinate array for every axis.
+//! - Columns with one number per frame (measured positions, exposure times, …).
+//!
+//! A chunk is one frame, or, for small frames, all frames along the last of the run's axes. The bytes of a
+//! chunk depend only on its numbers. The manifest is written last, as for slices, so an unfinished store does
+//! not read as finished.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -28,7 +31,7 @@ const GROUP: &str = "frames";
 pub struct FrameAxis {
     /// Name of the axis, which consists of letters, digits and `_`.
     pub name: String,
-    /// Unit of the coordinates (UDUNITS); `1` for dimensionless numbers.
+    /// Unit of the coordinates (UDUNITS), or `1` for dimensionless numbers.
     pub units: String,
     /// Coordinate of each entry of the axis.
     pub coords: Vec<f64>,
@@ -39,7 +42,7 @@ pub struct FrameAxis {
 pub struct FrameMap {
     /// Name of the map, which consists of letters, digits and `_`.
     pub name: String,
-    /// Unit of the numbers (UDUNITS); `1` for dimensionless numbers.
+    /// Unit of the numbers (UDUNITS), or `1` for dimensionless numbers.
     pub units: String,
     /// The numbers of the map, row-major.
     pub values: Vec<f64>,
@@ -118,8 +121,8 @@ impl FrameStore {
     /// dropped.
     ///
     /// # Errors
-    /// Returns an error if the path exists, another process writes the store, the size of a map differs from
-    /// that of a frame, or writing fails.
+    /// Returns an error if the path exists, another process writes the store, or writing fails. Returns an
+    /// error if the size of a map differs from the size of a frame.
     pub fn create(
         path: &Path,
         layout: &FrameLayout,
@@ -140,7 +143,7 @@ impl FrameStore {
                 return Err(CreateError::NotAStore { path: path.into() });
             }
         }
-        // If the process is killed here, either a complete store without frames exists or no store.
+        // A killed process leaves either a complete store without frames or no store.
         let part = staging::part_of(path);
         staging::remove(&part).map_err(io)?;
         Self::lay_out(&part, layout, maps, attributes)
@@ -282,7 +285,7 @@ impl FrameStore {
         &self.storage.root
     }
 
-    /// Returns the start and the shape of chunk number `chunk`; chunks are numbered in the order of the run.
+    /// Returns the start and the shape of chunk number `chunk`. Chunks are numbered in the order of the run.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];
@@ -333,7 +336,7 @@ impl FrameStore {
             .map_err(|e| CreateError::write(&self.path().join(GROUP).join(name), e))
     }
 
-    /// Reads a map. Returns `None` if the store has no map of this name.
+    /// Reads a map. Returns `None` if the store has no map of the given name.
     ///
     /// # Errors
     /// Returns an error if the map is damaged.
@@ -341,7 +344,7 @@ impl FrameStore {
         self.read_numbers(name, self.layout.frame_len())
     }
 
-    /// Waits until a chunk is on disk. A chunk of zeros has no file.
+    /// Waits until a chunk is written to disk. A chunk of zeros has no file.
     ///
     /// # Errors
     /// Returns an error if the file system reports an error.
@@ -357,7 +360,7 @@ impl FrameStore {
             Err(e) => return Err(e),
         }
         match file.parent() {
-            // Synchronize the folder too, because it contains the new file's name.
+            // Also synchronize the folder, which contains the new file's name.
             Some(folder) => std::fs::File::open(folder)?.sync_data(),
             None => Ok(()),
         }
@@ -367,8 +370,8 @@ impl FrameStore {
         self.layout.axes[..self.layout.run_axes].iter().map(|a| a.name.as_str())
     }
 
-    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of this
-    /// name.
+    /// Reads a column written by [`Self::write_column`]. Returns `None` if the store has no column of the
+    /// given name.
     ///
     /// # Errors
     /// Returns an error if the column is damaged.

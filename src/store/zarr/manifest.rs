@@ -1,12 +1,13 @@
 //! The manifest of a finished store: the list of its files. The manifest is written last. `verify` and all
 //! readers compare files with the manifest.
 //!
-//! The manifest is a text file. The first line contains the number of files. One line per file follows
-//! (checksum, size in bytes, path relative to the store), sorted by path. The last line is the checksum of
-//! all lines before it. The checksum of a chunk is the CRC-32C at the end of the chunk's file. The checksum
-//! of a shard is that of the shard's tail ([`shard::checksum`]). The checksum of metadata (`zarr.json`), or
-//! of a file of another format (`.ptu`), is the CRC-32C of the file's bytes. A chunk of zeros has neither a
-//! file nor a line, so a line without a file means that the file was lost.
+//! The manifest is a text file. The first line contains the number of files. One line per file follows, with
+//! the checksum, the size in bytes and the path relative to the store. The lines are sorted by path. The last
+//! line is the checksum of all lines before it. The checksum of a chunk is the CRC-32C at the end of the
+//! chunk's file. The checksum of a shard is the checksum of the shard's tail ([`shard::checksum`]). The
+//! checksum of metadata (`zarr.json`), or of a file of another format (`.ptu`), is the CRC-32C of the file's
+//! bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file was
+//! lost.
 
 use super::atomic::remove_if_present;
 use super::error::OpenError;
@@ -25,8 +26,8 @@ use std::path::Path;
 use tensor::part::Part;
 
 pub(super) const FILE: &str = "manifest.txt";
-/// File name of the manifest in a finished part of a render. This name differs from the manifest's name in
-/// a whole render, so that readers do not mistake the part for a whole render.
+/// File name of the manifest in a finished part of a render. The name differs from the manifest's name in a
+/// whole render, so that readers do not mistake the part for a whole render.
 pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
 /// Maximum folder depth that is searched. Stores have a depth of three.
@@ -43,18 +44,18 @@ pub(super) struct Entry {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
-/// Returns the file name of the manifest of a store with these root attributes.
+/// Returns the file name of the manifest of a store with the given root attributes.
 pub(super) fn name(attributes: &Map<String, Value>) -> &'static str {
     if Part::of_attributes(attributes).is_some() { OF_PART } else { FILE }
 }
 
-/// Returns whether a file is metadata or of another format, such as photon time tags. Such files do not end
-/// with a checksum, so the checksum is computed from their bytes.
+/// Returns whether a file is metadata or of another format, such as photon time tags. A plain file does not
+/// end with a checksum, so its checksum is computed from all bytes of the file.
 pub(super) fn is_plain(path: &str) -> bool {
     path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
-/// Returns the checksum in the manifest for a file with these bytes.
+/// Returns the checksum in the manifest for a file with the given bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
         Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
@@ -91,7 +92,7 @@ impl Entry {
         Self { crc, size }
     }
 
-    /// Reads the entry of a file on disk. Reads only the end of the file if the end contains the checksum.
+    /// Reads the entry of a file on disk. If the end of the file contains the checksum, reads only the end.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
@@ -164,7 +165,7 @@ impl Manifest {
         [FILE, OF_PART].iter().try_for_each(|name| remove_if_present(&root.join(name)))
     }
 
-    /// Reads the manifest with this file name at `place`. Returns `None` if the manifest does not exist.
+    /// Reads the manifest with the given file name at `place`. Returns `None` if the manifest does not exist.
     /// `root` is the path in messages.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
@@ -195,7 +196,7 @@ impl Manifest {
         Ok(manifest.zip(Some(part)))
     }
 
-    /// Reads the manifest and the root's metadata at an address concurrently.
+    /// Reads the manifest and the root's metadata at a URL concurrently.
     pub(super) fn with_root(
         objects: &Objects,
         root: &Path,

@@ -4,14 +4,16 @@
 //! finished chunk if the slice keeps single pixels. Files are replaced atomically (`atomic`). The bytes of a
 //! chunk depend only on its values, so a store is identical for any number and order of writing threads.
 //!
-//! Every open store has passed the checks in `check`, and readers rely on these properties. Axes have as
-//! many coordinates as the arrays have entries. Coordinates are finite and increasing. Chunks are inside
-//! their arrays. Attributes that the program reads have the right type.
+//! Readers rely on the following properties of an open store, which `check` verifies:
+//! - Every axis has as many coordinates as the arrays have entries.
+//! - Coordinates are finite and increasing.
+//! - Chunks are inside their arrays.
+//! - Attributes that the program reads have the right type.
 //!
 //! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
-//! a finished store must match the manifest, so lost or exchanged chunks are errors and not zeros. An
-//! unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a time writes a
-//! store ([`base::lock`]).
+//! a finished store must match the manifest. A lost or exchanged chunk is therefore an error and is not read
+//! as zeros. An unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a
+//! time writes a store ([`base::lock`]).
 
 mod array;
 mod atomic;
@@ -104,10 +106,10 @@ impl std::fmt::Debug for TensorStore {
 impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
-    /// The store is built next to `path` and then renamed, so it is created atomically. With `replace`, an
-    /// existing *store* at `path` is deleted first; a path with any other content is refused. Objects at an
-    /// address cannot be renamed. There, an old store is deleted first, and the new store is written in place
-    /// and remains unfinished until [`Self::finish`].
+    /// The store is built next to `path` and then renamed, so the creation is atomic. With `replace`, an
+    /// existing *store* at `path` is deleted first. A path with any other content is refused. Objects at a
+    /// URL cannot be renamed, so an old store at a URL is deleted first. The new store at a URL is written in
+    /// place, and remains unfinished until [`Self::finish`].
     ///
     /// # Errors
     /// Returns an error if `path` exists and may not be replaced, a name, axis or attribute is invalid, or
@@ -141,7 +143,7 @@ impl TensorStore {
 
     /// Creates a store as [`Self::create_filled`] does, with support for resuming. `origin` identifies
     /// everything on which the values depend. If a killed process left an unfinished store of the same
-    /// `origin`, `fill` receives that store. Every existing chunk file of that store is complete
+    /// `origin`, `fill` receives that store. Every existing chunk file of an unfinished store is complete
     /// ([`StoredSlice::is_stored`]).
     ///
     /// # Errors
@@ -306,7 +308,7 @@ impl TensorStore {
         })
     }
 
-    /// Returns whether the path or address of a store exists.
+    /// Returns whether the path or URL of a store exists.
     ///
     /// # Errors
     /// Returns an error if an object store refuses the request or cannot be reached.
@@ -318,8 +320,8 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a store exists at a path, so that a new store would have to replace it. At an address,
-    /// an unfinished store of a killed merge does not count, because the same merge resumes the store.
+    /// Returns whether a new store at a path would have to replace an existing store. At a URL, an unfinished
+    /// store of a killed merge does not count, because the same merge resumes the store.
     ///
     /// # Errors
     /// Returns an error if an object store refuses the request or cannot be reached.
@@ -336,8 +338,8 @@ impl TensorStore {
     /// is dropped. The caller must call [`TensorStore::finish`] after writing.
     ///
     /// # Errors
-    /// Returns the same errors as [`TensorStore::open`], and an error if another process writes the store,
-    /// and if a leftover cannot be removed.
+    /// Returns the same errors as [`TensorStore::open`]. Returns an error if another process writes the
+    /// store, or if a leftover cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if let Some(objects) = remote_store::objects_of(path).map_err(|e| OpenError::remote(path, e))? {
             return match remote_store::open_for_write(path, &objects)? {
@@ -360,7 +362,7 @@ impl TensorStore {
         Part::of_attributes(&self.attributes())
     }
 
-    /// Returns the first file that differs between two finished stores. The root's metadata is ignored.
+    /// Returns the first file that differs between two finished stores. Ignores the root's metadata.
     pub(crate) fn first_difference(&self, other: &Self) -> Option<String> {
         self.storage.first_difference(&other.storage)
     }

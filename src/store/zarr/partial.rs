@@ -10,15 +10,15 @@ use tensor::part::Part;
 pub(super) enum Values {
     /// All values can be read.
     All,
-    /// No values can be read, because some may be missing. Holds the part of a render that the store is, if
-    /// any.
+    /// No values can be read, because some may be missing. If the store is a part of a render, contains this
+    /// part.
     Unfinished(Option<Part>),
     /// Values of camera pixels with samples can be read. If samples are not counted, no values can be read.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }
 
-/// Replaces values of camera pixels without samples by NaN in a region, or all values if the field does not
-/// resolve pixels. `single` is true if each element belongs to one pixel.
+/// Replaces values of camera pixels without samples in a region by NaN. If the field does not resolve pixels,
+/// replaces all values. `single` is true if each element belongs to one pixel.
 pub(super) fn hide(
     samples: Option<&ChunkedArray<u32>>,
     layout: &SliceLayout,

@@ -1,5 +1,5 @@
 //! The finished tiles of a render: a journal in the store's folder, or one object per tile at the store's
-//! address.
+//! URL.
 
 use super::TensorStore;
 use super::atomic::AtomicDirectory;

@@ -1,4 +1,4 @@
-//! A store at an address of an object store, accessed with few and concurrent requests.
+//! A store at a URL of an object store, accessed with few and concurrent requests.
 //!
 //! The consolidated metadata of the root contains the metadata of all groups and arrays. Opening a store
 //! therefore takes two concurrent requests, for the manifest and for the root's metadata. Chunks are
@@ -18,8 +18,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const AHEAD_FILES: usize = 64;
 /// Maximum number of bytes of one concurrent fetch, if the manifest contains the sizes.
 const AHEAD_BYTES: u64 = 64 << 20;
-/// Maximum gap, in bytes, between ranges of one file that one request fetches together. Another request
-/// would take longer than the transfer of the gap.
+/// Maximum gap, in bytes, between ranges of one file that one request fetches together. Transferring a
+/// shorter gap takes less time than a second request.
 const GAP: u64 = 32 << 10;
 const AT_A_TIME: u64 = 8 << 20;
 
@@ -28,14 +28,14 @@ const AT_A_TIME: u64 = 8 << 20;
 pub(super) enum Known {
     /// A file that this process has written, with its manifest entry.
     Put(Entry),
-    /// An existing file with this size, in bytes.
+    /// An existing file with the given size in bytes.
     Found(u64),
 }
 
 /// State of a store that is being written.
 #[derive(Debug)]
 struct Writing {
-    /// All existing files. No other process writes the store.
+    /// All existing files. The list is complete, because no other process writes the store.
     known: BTreeMap<String, Known>,
     /// Whether the store's lock is still held.
     hold: Arc<Hold>,
@@ -46,9 +46,9 @@ pub(super) struct Remote {
     objects: Objects,
     /// Metadata by path of the file, from the root's consolidated metadata.
     descriptions: Mutex<HashMap<String, Bytes>>,
-    /// Fetched data that has not been read yet; `None` for a file that does not exist.
+    /// Fetched data that has not been read yet, or `None` for a file that does not exist.
     ahead: Mutex<HashMap<(String, Ask), Option<Bytes>>>,
-    /// State of writing; `None` for a store that is only read.
+    /// State of writing, or `None` for a store that is only read.
     writing: Mutex<Option<Writing>>,
 }
 
@@ -99,7 +99,7 @@ impl Remote {
         }
     }
 
-    /// Fetches files ahead, see [`super::atomic::AtomicDirectory::fetch_ahead`].
+    /// Fetches files ahead as [`super::atomic::AtomicDirectory::fetch_ahead`] does.
     pub(super) fn fetch_ahead(
         &self,
         asks: &[(String, Ask)],
@@ -108,7 +108,7 @@ impl Remote {
         let (mut wanted, mut bytes, mut passed) = (Vec::<Request>::new(), 0, 0);
         for (key, ask) in asks {
             let size = match (ask, manifest) {
-                // A chunk in a shard that is not stored has an empty range.
+                // A chunk that is not stored in its shard has an empty range.
                 (Ask::Bytes(range), _) if range.is_empty() => None,
                 (Ask::Bytes(range), _) => Some(range.end - range.start),
                 // A chunk of zeros has no file.
@@ -140,7 +140,7 @@ impl Remote {
         Ok(passed)
     }
 
-    /// Stores files that will be read next, or the fact that such files do not exist.
+    /// Stores files that will be read next. `None` records that a file does not exist.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
         let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
         self.ahead().extend(files.into_iter().map(whole));
@@ -176,7 +176,7 @@ impl Remote {
         self.put_as(key, bytes, entry)
     }
 
-    /// Writes a file as [`Self::put`] does, with this manifest entry.
+    /// Writes a file as [`Self::put`] does, with the given manifest entry.
     pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
         self.may_write()?;
         self.objects.put(key, bytes.clone())?;
@@ -222,8 +222,8 @@ impl Remote {
         all.filter(|key| key.starts_with(folder)).cloned().collect()
     }
 
-    /// Writes the manifest of the existing files under this name. For files that an earlier process wrote,
-    /// this function reads the ends of the files.
+    /// Writes the manifest of the existing files under the given name. For each file that an earlier process
+    /// wrote, reads the end of the file.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
         let known = self.writing().as_ref().map(|w| w.known.clone()).unwrap_or_default();
         let shards = Shards::of(self.descriptions().iter().filter_map(|(path, bytes)| {
@@ -276,7 +276,8 @@ impl Request {
         Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
-    /// Adds a range if it is adjacent to the last range in the same file; returns whether it was added.
+    /// Adds a range if it is adjacent to the last range in the same file. Returns whether the range was
+    /// added.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;

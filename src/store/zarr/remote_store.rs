@@ -1,11 +1,16 @@
-//! Creates, resumes and finishes stores at an address.
+//! Creates, resumes and finishes stores at a URL.
 //!
-//! Objects cannot be renamed, so the order of puts defines the state of a store. First a marker object is
-//! put, then all metadata, with the metadata of the root last. Then the marker is removed. Chunks are put
-//! when they are finished. The manifest is put last, and no values can be read without a manifest. If a store
-//! is created together with its values (a merge), the marker contains the origin of the values and remains
-//! until the end. A store with a marker and without a manifest is unfinished and may be replaced. The same
-//! code first writes the metadata to a local folder, so that the bytes are equal to those of a local store.
+//! Objects cannot be renamed, so the order of puts defines the state of a store:
+//! 1. A marker object is put.
+//! 2. All metadata is put, with the metadata of the root last.
+//! 3. The marker is removed.
+//! 4. Chunks are put when they are finished.
+//! 5. The manifest is put.
+//!
+//! No values can be read without a manifest. If a store is created together with its values (a merge), the
+//! marker contains the origin of the values and remains until the end. A store with a marker and without a
+//! manifest is unfinished and may be replaced. The code for local stores writes the metadata to a temporary
+//! folder first, so the bytes are equal to those of a local store.
 
 use super::atomic::AtomicDirectory;
 use super::build::ORIGIN;
@@ -23,8 +28,8 @@ use std::path::Path;
 
 /// Name of the metadata file that is put last.
 pub(super) const ROOT: &str = "zarr.json";
-/// Folder of the objects that record finished tiles. The name begins with a dot, so the objects are not
-/// part of the store.
+/// Folder of the objects that record finished tiles. The objects are not part of the store, because the name
+/// of the folder begins with a dot.
 pub(super) const PROGRESS: &str = ".sunstone-progress/";
 
 /// The lock of a writer.
@@ -39,11 +44,11 @@ pub(super) struct Making<'a> {
     pub(super) path: &'a Path,
     pub(super) objects: Objects,
     pub(super) replace: bool,
-    /// Origin of the values, see [`TensorStore::create_from`].
+    /// Origin of the values (see [`TensorStore::create_from`]).
     pub(super) origin: Option<&'a str>,
 }
 
-/// Returns the objects at an address, or `None` for a local path.
+/// Returns the objects at a URL, or `None` for a local path.
 pub(super) fn objects_of(path: &Path) -> Result<Option<Objects>, Refusal> {
     Ok(match Place::of(path)? {
         Place::Folder(_) => None,
@@ -145,13 +150,13 @@ fn is_begun<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ORIGIN)? && !has(manifest::FILE)? && !has(manifest::OF_PART)?)
 }
 
-/// Returns whether a store exists that a new store may replace only on request. An unfinished merge does
-/// not count, because the same merge resumes the work.
+/// Returns whether a store exists that a new store replaces only on request. An unfinished merge does not
+/// count, because the same merge resumes the work.
 pub(super) fn is_taken<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ROOT)? && !is_begun(has)?)
 }
 
-/// Returns whether metadata is that of the root of a Sunstone store.
+/// Returns whether metadata is the root metadata of a Sunstone store.
 pub(super) fn is_root(path: &Path, bytes: &[u8]) -> bool {
     let json = description::parse_json(path, bytes);
     json.is_ok_and(|json| describe::slice_names_of(&json).is_some())
@@ -185,7 +190,7 @@ fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
     ObjectLock::take(objects, lock::lease())
 }
 
-/// Takes the lock of an address, for creating or removing a store.
+/// Takes the lock of a URL, for creating or removing a store.
 pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, CreateError> {
     let path = path.to_owned();
     take(objects).map_err(|e| match e {
@@ -201,7 +206,7 @@ pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusa
     Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())
 }
 
-/// Opens a store at an address for writing. Returns `None` if there is no store.
+/// Opens a store at a URL for writing. Returns `None` if there is no store.
 pub(super) fn open_for_write(
     path: &Path,
     objects: &Objects,

@@ -1,4 +1,4 @@
-//! Removes stores, and locks folders or addresses that contain several stores.
+//! Removes stores, and locks folders or URLs that contain several stores.
 
 use super::build::ORIGIN;
 use super::error::CreateError;
@@ -32,7 +32,7 @@ impl RemoveError {
     }
 }
 
-/// The lock of a folder or an address that contains several stores, held until it is dropped.
+/// The lock of a folder or a URL that contains several stores, held until it is dropped.
 #[derive(Debug)]
 pub struct PlaceLock {
     _held: Held,
@@ -80,7 +80,8 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
     let io = |cause| RemoveError::Io { path: path.to_owned(), cause };
-    // If the process is killed here, the creation of the next store at this path removes the leftover.
+    // If the process is killed after the rename, the creation of the next store at the same path removes the
+    // leftover.
     let part = staging::part_of(path);
     staging::remove(&part).map_err(io)?;
     std::fs::rename(path, &part).map_err(io)?;
@@ -92,7 +93,7 @@ fn not_a_store(path: &Path) -> RemoveError {
     RemoveError::NotAStore { path: path.to_owned() }
 }
 
-/// Removes the objects at an address whose lock is held.
+/// Removes the objects at a URL whose lock is held.
 fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveError>, Refusal> {
     let names: Vec<String> = remote_store::found(objects)?.into_keys().collect();
     if names.is_empty() {
@@ -103,7 +104,7 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     if !is_begun && !root.is_some_and(|bytes| remote_store::is_root(path, &bytes)) {
         return Ok(Err(not_a_store(path)));
     }
-    // With the marker, the address counts as an unfinished store until all objects are removed.
+    // With the marker, the URL counts as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
     remote_store::delete(objects, names.into_iter())?;
     objects.delete(vec![ORIGIN.to_owned()])?;

@@ -1,12 +1,13 @@
 //! A shard: a file that contains many chunks, in the format of Zarr's codec `sharding_indexed` with the
 //! index at the end.
 //!
-//! The file contains sealed frames (each a Zstandard frame and its CRC-32C), a table of the frames'
-//! checksums, and the index. The index has two 64-bit numbers per frame, offset and size (all ones for a
-//! missing frame), and the CRC-32C of these numbers. The table is an addition of Sunstone; the codec allows
-//! any bytes between frames and index. The manifest contains the checksum of table and index. The tail of a
-//! shard and one frame are therefore sufficient to detect that another valid frame replaced this frame. The
-//! index alone is not sufficient, because incompressible frames give equal indices in all shards.
+//! The file contains sealed frames, a table of the frames' checksums, and the index. A sealed frame is a
+//! Zstandard frame and its CRC-32C. The index contains two 64-bit numbers per frame, offset and size, and the
+//! CRC-32C of all offsets and sizes. For a missing frame, all bits of offset and size are ones. The table is
+//! an addition of Sunstone, which is valid because the codec allows any bytes between frames and index. The
+//! manifest contains the checksum of table and index. The tail of a shard is therefore sufficient to detect
+//! that a frame was replaced by another valid frame. The index alone is not sufficient, because
+//! incompressible frames give equal indices in all shards.
 
 use serde_json::Value;
 use std::collections::HashMap;
@@ -52,7 +53,8 @@ pub(super) fn tail_len(frames: usize) -> u64 {
 }
 
 /// Returns the checksum of a shard for the manifest. The checksum covers the tail of the shard except the
-/// checksum of the index. With that checksum, a CRC would no longer depend on the content of the index.
+/// checksum of the index. A CRC over the index and the checksum of the index would not depend on the content
+/// of the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
@@ -150,7 +152,8 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     (end != data).then(|| format!("the chunks end at byte {end}, expected byte {data}"))
 }
 
-/// The files of a store that are shards, with the number of frames of each, from the metadata of arrays.
+/// The shards of a store, with the number of frames of each shard. The metadata of arrays determines the
+/// list.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shards(HashMap<String, usize>);
 
@@ -172,7 +175,7 @@ impl Shards {
         Self(found.collect())
     }
 
-    /// Reads the list of shards from the metadata in a folder that contains these files.
+    /// Reads the list of shards from the metadata in a folder. `files` are the files in the folder.
     pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
         let descriptions = files.into_iter().filter_map(|path| {
             let bytes = path.ends_with("/zarr.json").then(|| base::input::read(&root.join(path)));
@@ -228,7 +231,7 @@ mod tests {
             assert_eq!(&bytes[range], &frame[..]);
             assert_eq!(piece.fault(frame), None);
         }
-        // Another valid frame has another checksum.
+        // Two different valid frames have different checksums.
         assert!(pieces[2].unwrap().fault(&frames[1]).is_some());
         assert_eq!(fault(&bytes, 4), None);
         assert!(Builder::new(3).finish().is_none());

@@ -34,7 +34,7 @@ pub(super) struct Sharded {
     pub(super) shard: Vec<u64>,
     /// Number of chunks per shard.
     pub(super) frames: usize,
-    /// Contents of shards by shard index; `None` for a shard of zeros.
+    /// Contents of shards by shard index, or `None` for a shard of zeros.
     kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
 }
 

@@ -1,10 +1,10 @@
 //! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
 //! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk. All values of a
-//! pixel are therefore a small part of a file. A shard is a block of chunks. The shard grows first along the
-//! axes after the camera axes, so that one shard contains all values of a pixel. The shard then grows along
-//! the camera axes until the shard is large enough.
+//! A chunk in a shard is a block of few pixels, with all entries of an unsharded chunk for each pixel. All
+//! values of a pixel therefore occupy a small part of a file. A shard is a block of chunks. The shard grows
+//! first along the axes after the camera axes, so that one shard contains all values of a pixel. The shard
+//! then grows along the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
@@ -17,11 +17,11 @@ pub(crate) struct Limits {
     pub(crate) piece: u64,
     /// Mean size, in bytes, of an array's shards above which the shards are not enlarged further.
     pub(crate) enough: u64,
-    /// Maximum size of a shard in bytes, because a shard is assembled in memory. A shard of a single chunk
-    /// may be larger.
+    /// Maximum size of a shard in bytes. The size is limited because a shard is assembled in memory. A shard
+    /// of a single chunk may be larger.
     pub(crate) most: u64,
-    /// Maximum number of chunks of a shard, because the tail (20 bytes per chunk) is read before the first
-    /// value.
+    /// Maximum number of chunks of a shard. The number is limited because the tail (20 bytes per chunk) is
+    /// read before the first value.
     pub(crate) pieces: usize,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Array<'a> {
     pub(super) chunk: &'a [u64],
     /// Number of camera axes, which are the first axes.
     pub(super) camera: usize,
-    /// File size of each chunk in bytes, row-major; 0 for a chunk without a file.
+    /// File size of each chunk in bytes, row-major, or 0 for a chunk without a file.
     pub(super) sizes: &'a [u64],
 }
 
@@ -66,8 +66,8 @@ fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// Returns the shape of chunks in shards: the unsharded chunk, divided along the camera axes until it is
-/// small enough.
+/// Returns the shape of chunks in shards. The unsharded chunk is divided along the camera axes until the
+/// chunk is small enough.
 fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut inner = array.chunk.to_vec();
     let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);

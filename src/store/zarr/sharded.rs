@@ -134,15 +134,15 @@ impl<T: Number> ChunkedArray<T> {
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
     }
 
-    /// Fetches requests ahead, from the first of `asks`, and returns the number of fetched requests.
-    /// `index` is the chunk index of the first request.
+    /// Fetches the bytes of requests ahead, from the first of `asks`. Returns the number of requests whose
+    /// bytes were fetched. `index` is the chunk index of the first request.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
         let fetched = self.storage.fetch_ahead(asks);
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches units ahead for several regions, from the first, each of some arrays of one store. Returns
-    /// the number of fetched regions.
+    /// Fetches units ahead for several regions, from the first region. Each region refers to some arrays of
+    /// one store. Returns the number of fetched regions.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
         let Some(first) = first.filter(|a| a.storage.remote.is_some()) else {

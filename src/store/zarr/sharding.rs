@@ -1,7 +1,8 @@
-//! Creates sharded stores, with the same values in few files, from stores with one file per chunk.
+//! Creates sharded stores from stores with one file per chunk. A sharded store contains the same values in
+//! fewer files.
 //!
-//! A shard is assembled in memory and written atomically, so every existing shard is complete, and an
-//! interrupted copy resumes with the next shard.
+//! A shard is assembled in memory and written atomically, so every existing shard is complete. An interrupted
+//! copy therefore resumes with the next shard.
 
 use super::build::{New, SampleGrid};
 use super::chunked::{ChunkedArray, Number};
@@ -108,8 +109,8 @@ fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
-    // Process several shards concurrently, so that one is assembled while another is written. The number of
-    // concurrent shards limits the memory.
+    // Process several shards concurrently, so that one shard is assembled while another shard is written. The
+    // number of concurrent shards limits the memory.
     for some in all.chunks(AT_ONCE) {
         some.par_iter().try_for_each(|shard| write(target, sharded, shard, source))?;
     }

@@ -89,8 +89,8 @@ impl StoredSlice {
         &self.0.layout
     }
 
-    /// Returns the attributes of the slice's group: those of the caller, and `time_start_ps` and
-    /// `time_bin_ps` if time is resolved.
+    /// Returns the attributes of the slice's group: the caller's attributes and, if time is resolved,
+    /// `time_start_ps` and `time_bin_ps`.
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
     }
@@ -125,15 +125,15 @@ impl StoredSlice {
     /// stored.
     ///
     /// # Errors
-    /// Returns an error if the region is outside the field, the number of values differs from that of the
-    /// region, a shared chunk is damaged, or writing fails.
+    /// Returns an error if the region is outside the field, or if the number of values differs from the
+    /// number of elements of the region. Returns an error if a shared chunk is damaged or writing fails.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
         self.field(field)?.1.write(start, shape, data, None)
     }
 
-    /// Writes a region as [`Self::write`] does, for callers that know where zeros are. `touched` has one
-    /// bit, lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit of 0 means that
-    /// these bytes are all zero.
+    /// Writes a region as [`Self::write`] does, for callers that know where zeros are. `touched` has one bit,
+    /// lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit of 0 means that the
+    /// corresponding bytes are all zero.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::write`].
@@ -174,9 +174,10 @@ impl StoredSlice {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
     }
 
-    /// Fetches regions of fields of one layout, given as first index and shape, concurrently from a remote
-    /// store before they are read one by one. Returns the number of fetched regions, at least one. After
-    /// reading these regions, the caller calls the function again for the remaining regions.
+    /// Fetches regions concurrently from a remote store, before the caller reads the regions one by one. All
+    /// fields have the same layout. A region is given as first index and shape. Returns the number of fetched
+    /// regions, at least one. After reading the fetched regions, the caller calls the function again for the
+    /// remaining regions.
     ///
     /// # Errors
     /// Returns an error if the slice does not have a field, a region is outside the field, or an object store
@@ -198,8 +199,8 @@ impl StoredSlice {
         Ok(Region { array: &self.field(field)?.1, start: start.to_vec(), shape: shape.to_vec() })
     }
 
-    /// Fetches one region of each of several fields as [`Self::fetch_ahead`] does. Fetches all regions or
-    /// none.
+    /// Fetches one region of each of several fields as [`Self::fetch_ahead`] does. Fetches either all regions
+    /// or none.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::fetch_ahead`].
@@ -249,8 +250,8 @@ impl StoredSlice {
         Ok(region::chunks(array.shape(), &array.chunk))
     }
 
-    /// Returns the index of the axis of this kind among the axes of the mean, or `None` if the slice has no
-    /// such axis.
+    /// Returns the index of the axis of the given kind among the axes of the mean, or `None` if the slice has
+    /// no such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.0.layout.find(kind)
     }

@@ -1,8 +1,8 @@
 //! Writes Zstandard frames of mostly zero bytes directly (RFC 8878, section 3.1.1).
 //!
-//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates
-//! the time. Frames written here have only two kinds of blocks, which any decoder reads: runs of zeros as
-//! one repeated byte, and raw bytes between the runs.
+//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates the
+//! time. The encoder therefore writes only runs of zeros, as one repeated byte, and raw bytes between the
+//! runs. Every Zstandard decoder reads blocks of repeated bytes and blocks of raw bytes.
 
 use tensor::sink::STRETCH;
 
@@ -10,13 +10,13 @@ use tensor::sink::STRETCH;
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
     Zero,
-    /// Mostly zero bytes; contains the complete frame.
+    /// Mostly zero bytes, with the complete frame.
     Sparse(Vec<u8>),
     /// Other bytes, which the general encoder compresses.
     Dense,
 }
 
-/// Granularity of runs of zeros in bytes; shorter runs would not reduce the size.
+/// Granularity, in bytes, of runs of zeros. Shorter runs would not reduce the size.
 const PIECE: usize = 16;
 /// Minimum number of bytes per nonzero byte. With more nonzero bytes, the general encoder gives smaller
 /// frames.
@@ -28,7 +28,7 @@ const RAW: u32 = 0;
 const REPEATED: u32 = 1;
 
 /// Analyses bytes, and encodes the bytes as a frame if most of them are zero. `touched` has one bit, lowest
-/// first, for every [`STRETCH`] bytes; a bit of 0 means that these bytes are zero.
+/// first, for every [`STRETCH`] bytes. A bit of 0 means that the corresponding bytes are zero.
 pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
         return Content::Dense;
@@ -55,7 +55,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
             let stretch = &stretches[m * STRETCH..stretches.len().min((m + 1) * STRETCH)];
             let filled = if nothing { 0 } else { filled(stretch, PIECE) };
             others += filled.count_ones() as usize * PIECE;
-            // A bit is 1 where a piece differs from the previous. The last stretch may have fewer pieces.
+            // A bit is 1 if exactly one of a piece and the previous piece is zero. The last stretch may have
+            // fewer pieces.
             let pieces = (1 << stretch.len().div_ceil(PIECE)) - 1;
             let mut turns = (filled ^ (filled << 1 | u64::from(!in_zeros))) & pieces;
             while turns != 0 {

@@ -31,7 +31,7 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
     }
 }
 
-/// Returns a slice with every kind of array, a plain image, and sample counts, with tiles of 4 pixels.
+/// Returns the layouts of a slice with every kind of array and of a plain image, with tiles of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
     let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 5 };
     let attributes = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
@@ -285,9 +285,9 @@ fn damaged_descriptions_are_errors() {
     assert!(matches!(TensorStore::open(&file("steady/mean/c")), Err(OpenError::Missing { .. })));
 }
 
-/// Verifies that sample counts are not along `y` and `x`. In `xarray.open_datatree`, dimensions of the
-/// root's arrays apply to every group, so xarray would refuse slices of a part of the camera. Stores of
-/// earlier versions, with counts along `y` and `x`, still open.
+/// Verifies that sample counts are not along `y` and `x`. In `xarray.open_datatree`, dimensions of the root's
+/// arrays apply to every group, so xarray would refuse slices of a part of the camera. Stores of earlier
+/// versions, with counts along `y` and `x`, can still be opened.
 #[test]
 fn sample_counts_use_dimensions_of_no_slice() {
     let dir = tempfile::tempdir().unwrap();
@@ -341,7 +341,8 @@ fn consolidated_metadata_lists_every_array() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Verifies that any damage of a chunk file gives an error or values, never a panic or a huge allocation.
+    /// Verifies that reading a damaged chunk file gives an error or values, and never a panic or a huge
+    /// allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {
         let dir = tempfile::tempdir().unwrap();
@@ -370,7 +371,7 @@ proptest! {
     }
 }
 
-/// Verifies that values that are not rendered are not read as zeros: reading fails, or returns NaN with
+/// Verifies that values that are not rendered are not read as zeros. Reading fails, or returns NaN with
 /// `open_partial`.
 #[test]
 fn unfinished_stores_do_not_read_as_zeros() {
@@ -400,7 +401,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// Verifies that reading reports a lost, exchanged or additional chunk, and that `verify` detects this chunk.
+/// Verifies that reads and `verify` report lost, exchanged and additional chunks.
 #[test]
 fn changes_of_finished_stores_are_detected() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Verifies that all files in the manifest of a finished store exist, are complete and unchanged, and that
-//! there are no other files.
+//! Verifies that all files in the manifest of a finished store exist and are unchanged, and that there are no
+//! other files.
 
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
@@ -69,7 +69,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     Ok(Verified { part, ..verified(&entries, faults, &found) })
 }
 
-/// Verifies as [`verify`] does at an address with this manifest. A failed request is an error.
+/// Verifies a store at a URL as [`verify`] does, with the given manifest. A failed request is an error.
 fn verify_objects(
     path: &Path,
     objects: &Objects,

@@ -54,8 +54,8 @@ fn goal(error: f64, share: f64) -> Goal {
     Goal { slice: "s".into(), error, share, first: 64, most: 1 << 20 }
 }
 
-/// Verifies that the goal is reached with fewer samples than uniform sampling needs if variances differ
-/// between tiles. The saving is small for the median, which excludes the noisy half, and large for a share
+/// Verifies that, if variances differ between tiles, the goal is reached with fewer samples than uniform
+/// sampling needs. The saving is small for the median, which excludes the noisy half, and large for a share
 /// of 0.9.
 #[test]
 fn the_goal_is_reached_with_fewer_samples() {
@@ -80,8 +80,8 @@ fn equal_tiles_cost_as_much_as_uniform_sampling() {
     assert!((0.95..1.06).contains(&cost), "{cost}");
 }
 
-/// Verifies that the only lit pixel of a tile gets as many samples as its neighbours, although it needs 100
-/// times as many.
+/// Verifies that the only lit pixel of a tile receives as many samples as its neighbours, although this pixel
+/// needs 100 times as many samples.
 #[test]
 fn a_single_pixel_does_not_determine_its_tile() {
     let counts = |variance: f64| {

@@ -66,7 +66,7 @@ pub enum JoinError {
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
-        /// Paths of the parts that were combined before.
+        /// Paths of the parts that were joined before `second`.
         first: Vec<PathBuf>,
         /// Path of the part with the duplicate value.
         second: PathBuf,

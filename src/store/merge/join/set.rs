@@ -77,8 +77,8 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
     };
     let (a, b) = (first.attributes(), second.attributes());
     let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-    // The scene's text is long, and its checksum is another attribute. Compare the other attributes first,
-    // so that the message names a short one.
+    // Compare short attributes first, so that the message names a short attribute. The scene's text is long,
+    // and another attribute contains the text's checksum.
     let (long, short): (Vec<&String>, Vec<&String>) = keys.into_iter().partition(|key| *key == "scene");
     for key in short.into_iter().chain(long) {
         let (theirs, ours) = (a.get(key), b.get(key));
@@ -150,7 +150,8 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(describe(&parts, &missing))
 }
 
-/// Returns the error for missing parts if all parts are `K/N` of one N, else the error for missing tiles.
+/// Returns the error for missing parts if all parts are `K/N` of one N, and otherwise the error for missing
+/// tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))

@@ -23,7 +23,7 @@ fn written_frames_are_read_back() {
             values: (0..layout.frame_len()).map(|i| i as f64).collect(),
         };
         let short = FrameMap { values: vec![0.0; 3], ..map.clone() };
-        // A failed creation leaves nothing.
+        // A failed creation leaves no files.
         let maps = [map.clone(), short];
         assert!(FrameStore::create(&path, &layout, &maps, &Map::new(), false).is_err());
         assert!(!path.exists() && !staging::part_of(&path).exists());

@@ -1,4 +1,4 @@
-//! Tests that stores at an address are read like stores in a folder, with few requests, and that damage is
+//! Tests that stores at a URL are read like stores in a folder, with few requests, and that damage is
 //! detected.
 
 use super::*;
@@ -52,8 +52,8 @@ fn an_address_reads_like_a_folder() {
     assert_eq!(verified.faults, Vec::<String>::new());
 }
 
-/// Verifies that opening takes two requests, plus one for each stored coordinate array of a slice and for
-/// each stored chunk.
+/// Verifies the number of requests: two to open a store, one per stored coordinate array of a slice, and one
+/// per stored chunk.
 #[test]
 fn opening_and_reading_need_few_requests() {
     let (_dir, _, address) = both("few");

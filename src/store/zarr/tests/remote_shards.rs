@@ -1,5 +1,5 @@
-//! Tests that sharded stores at an address, read by byte ranges, have the same values, even after failures
-//! and killed processes.
+//! Tests that sharded stores at a URL have the values of their source when read by byte ranges, even after
+//! failures and killed processes.
 
 use super::remote_writing::{address, kill_everywhere, objects_of};
 use super::shards::{SMALL, both, same, shards};

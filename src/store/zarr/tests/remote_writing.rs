@@ -1,4 +1,4 @@
-//! Tests that stores written at an address equal stores in a folder byte for byte, even after failures and
+//! Tests that stores written at a URL are byte-identical to stores in a folder, even after failures and
 //! killed processes.
 
 use super::*;
@@ -79,9 +79,9 @@ fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     files(&path)
 }
 
-/// Runs `make` repeatedly, as a process that is killed before every third of its changes, and resumes with
-/// `again`. Checks that incomplete stores never count as finished and that the result is `expected`.
-/// Returns the number of changes.
+/// Runs `make` repeatedly, as a process that is killed before a change, for every third change. Resumes with
+/// `again`. Checks that incomplete stores never count as finished and that the result is `expected`. Returns
+/// the number of changes.
 pub(super) fn kill_everywhere(
     name: &str,
     expected: &BTreeMap<PathBuf, Vec<u8>>,
@@ -148,7 +148,7 @@ fn a_part_can_be_killed_at_any_change() {
     assert!(TensorStore::open_part(&address).expect("opens").is_some());
 }
 
-/// Verifies that creating a store with its values again resumes the creation.
+/// Verifies that a repeated creation of a store with values resumes the interrupted creation.
 #[test]
 fn a_merge_can_be_killed_at_any_change() {
     let make = |path: &Path, origin: &str| {
@@ -188,7 +188,7 @@ fn a_merge_can_be_killed_at_any_change() {
             }
         },
     );
-    // A creation resumes with chunks of the same origin, but not with those of another origin.
+    // A creation reuses chunks of the same origin, but not chunks of another origin.
     let begun = |name: &str| {
         let life = life(name);
         life.store(all - 4, Ordering::Relaxed);

@@ -87,8 +87,8 @@ fn sharded_values_are_bit_identical() {
     assert_eq!(found.faults, Vec::<String>::new());
     let store = TensorStore::open(&sharded).expect("opens");
     assert!(store.is_sharded().expect("opens"));
-    // Some chunks of shards cover several unsharded chunks, others only a few of their pixels. An array has
-    // several shards.
+    // Some chunks of shards cover several unsharded chunks, others cover only a few pixels of an unsharded
+    // chunk. An array has several shards.
     let all = shards(&sharded);
     let of_timed = all.iter().filter(|(p, _)| p.starts_with("timed/mean"));
     assert!(of_timed.clone().count() > 1 && of_timed.clone().all(|(_, n)| *n > 8), "{all:?}");
@@ -152,8 +152,8 @@ fn invalid_requests_are_refused() {
     assert!(!out.exists());
 }
 
-/// Verifies that any changed byte is detected by `verify`, which names the file, and by reads that depend
-/// on the byte.
+/// Verifies that `verify` detects any changed byte and names the file, and that dependent reads report an
+/// error.
 #[test]
 fn damage_is_detected_and_named() {
     let (_dir, [plain, sharded]) = both();
@@ -232,7 +232,7 @@ fn exchanged_frames_are_detected() {
     assert_eq!(verify(&path).expect("a store").faults, ["a/c.0: was changed after it was written"]);
 }
 
-/// Prints how the cost of a shard's chunks depends on the chunk size. The command is `SUNSTONE_STORE=PATH
+/// Prints how the cost of a shard's chunks depends on the chunk size. Run the test with `SUNSTONE_STORE=PATH
 /// cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
 #[test]
 #[ignore = "a measurement"]
