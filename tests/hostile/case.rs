@@ -1,4 +1,4 @@
-//! Runs hostile cases and collects the faults of the program's response.
+//! Runs hostile cases and collects the faults of the program's responses.
 
 use super::fixtures::Fixtures;
 use rayon::prelude::*;
@@ -19,9 +19,9 @@ const FLOOD: u64 = 64 << 10;
 pub enum Put {
     Text(String),
     Bytes(Vec<u8>),
-    /// A copy of a file or folder of the fixtures.
+    /// A copy of a fixture file or folder.
     Copy(&'static str),
-    /// The first half of a file of the fixtures.
+    /// The first half of a fixture file.
     Half(&'static str),
     /// No file. A file that an earlier entry created is removed.
     Gone,
@@ -44,7 +44,7 @@ pub enum Expect {
     Refused,
 }
 
-/// A call of the program. In arguments and texts, `{f}` is the folder of the fixtures.
+/// A call of the program. In arguments and texts, `{f}` is the folder of fixtures.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub name: String,
@@ -53,18 +53,19 @@ pub struct Case {
     pub expect: Expect,
     /// Words that the message must contain.
     pub says: &'static str,
-    /// Largest file that the child process can write, in blocks of 512 bytes, to simulate a full disk.
+    /// Size of the largest file that the child process can write, in blocks of 512 bytes. The limit simulates
+    /// a full disk.
     pub limit: Option<u32>,
-    /// Store that must not be reported as finished after the call.
+    /// Store that the program must not report as finished after the call.
     pub verify: Option<&'static str>,
-    /// Permission mode of the created files. If the user is root, the user `nobody` runs the program.
+    /// Permission mode of the created files. If root runs the tests, the user `nobody` runs the program.
     pub mode: Option<u32>,
-    /// Outputs that can exist after a failure, because they were finished before the failure.
+    /// Outputs that can exist after a failure, because the program finished them before the failure.
     pub may_leave: &'static [&'static str],
 }
 
 impl Case {
-    /// Returns a case for a call that must be refused; blanks separate the words of `line`.
+    /// Returns a case for a call that the program must refuse. Blanks separate the arguments in `line`.
     pub fn new(name: impl Into<String>, line: &str) -> Self {
         Self {
             name: name.into(),
@@ -119,7 +120,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Option<String> {
     let arguments: Vec<String> = case.arguments.iter().map(|a| a.replace("{f}", &root)).collect();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     if let Some(blocks) = case.limit {
-        // The shell ignores the signal of a write beyond the limit, so that the write fails as on a full
+        // The shell ignores the signal for writes beyond the limit, so that such a write fails as on a full
         // disk.
         command = Command::new("sh");
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
@@ -229,7 +230,7 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Returns everything below a folder: the bytes of files (only the lengths of large files), and the kinds of
+/// Returns the contents of a folder: the bytes of small files, the lengths of large files, and the kinds of
 /// all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {

@@ -1,4 +1,4 @@
-//! Tests hand-written scenes for Mitsuba: contents that are read, and errors with their locations.
+//! Tests the import of hand-written Mitsuba scenes: the imported contents, and errors with their locations.
 
 use super::{ALL, built, exported, imported, imported_whole};
 use glam::Vec3A;
