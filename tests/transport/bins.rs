@@ -82,8 +82,8 @@ struct Fault {
 
 const NONE: Fault = Fault { ps: 0.0, px: 0.0 };
 
-/// Returns the values of time bins and s' bins by quadrature over n × n points of every pixel. Returns the
-/// largest value of a sample of a pixel.
+/// Returns the values of time bins and s' bins by quadrature over n × n points of every pixel. Also returns
+/// the largest value of a sample of each pixel.
 fn quadrature(
     n: u32,
     start_ps: f64,
@@ -101,7 +101,7 @@ fn quadrature(
                 let radiance = share.radiance / f64::from(n * n);
                 let [u, v] = [share.at[0] + fault.px, share.at[1]].map(f64::floor);
                 let inside = 0.0..f64::from(SIZE);
-                // Drops light that leaves the image because of the planted shift.
+                // Skips light outside the projector's image.
                 if !inside.contains(&share.at[0]) || !inside.contains(&share.at[1]) {
                     return;
                 }

@@ -9,7 +9,8 @@ use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, X, Y};
 
 const LIGHT: DVec3 = DVec3::new(-0.3, 0.4, -1.0);
 
-/// Writes the heights `a`·u + `b`·v, except near the edges, to an image of 64 × 64 pixels.
+/// Writes the heights `a`·u + `b`·v to an image of 64 × 64 pixels. Interpolated heights are exact away from
+/// the edges of the image.
 fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     let file = folder.join("ramp.exr");
     let mid = |i: u32| (f64::from(i) + 0.5) / 64.0;

@@ -18,11 +18,12 @@ const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// Returns a render of a small white disk 0.1 below a slab of calcite. The slab has faces at z = 0 and
-/// -THICK.
+/// Renders a small white disk 0.1 below a slab of calcite. The slab has faces at z = 0 and -THICK. Returns
+/// the render, the radiance of the disk, and the path length outside the slab.
 ///
-/// The camera sees the point (0.05, 0.03) of the upper face, by light that leaves along `d`. The disk is at
-/// the straight line without a crystal, shifted by `shift`.
+/// The camera sees the point (0.05, 0.03) of the upper face, by light that leaves along `d`. The line of
+/// sight crosses the lower face below this point, shifted by `shift`, and continues parallel to `d` to the
+/// disk.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -50,8 +51,8 @@ fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
 }
 
 /// Asserts that the camera sees the disk with intensity `pass`, and that the light arrives after `optical`
-/// metres in the crystal. The light must be polarized along ±`electric`. s1 = ±1 refers to the camera's x,
-/// which is the world's x.
+/// metres in the crystal. The normalized Stokes elements of the light must be (`s1`, 0, 0) relative to the
+/// camera's x, which is the world's x.
 fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, what: &str) {
     let (r, radiance, outer) = seen(d, axis, shift);
     let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
@@ -135,8 +136,8 @@ fn faces_of_a_splitting_crystal() {
             panic!("light goes somewhere");
         };
         assert!(sampled.delta);
-        // Light that is sampled by its intensity has a weight of 1. The index between the two sides
-        // compresses the radiance, which changes the weight.
+        // Light that stays on its side of the face has a weight of 1. Light that enters the crystal has a
+        // weight of 1/n², with n between the two indices.
         let weight = f64::from(sampled.scatter.m00().to_array()[0]);
         let range =
             if sampled.filling.is_some() { 0.97 / (N_O * N_O)..1.03 / (N_E * N_E) } else { 0.999..1.001 };

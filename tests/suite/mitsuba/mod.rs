@@ -234,7 +234,7 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     (hits, matrices)
 }
 
-/// Asserts that two matrices are equal. Returns whether neither is missing. A missing matrix counts as zero,
+/// Asserts that two matrices are equal. Returns whether both matrices exist. A missing matrix counts as zero,
 /// because near the horizon the f32 rounding of moved shapes decides whether a matrix exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
