@@ -8,10 +8,10 @@
 //! nearest hits of all rays.
 //!
 //! At the end of the input, the program writes the last hits to HITS.f32. Each hit has four f32 values:
-//! - the distance (infinite for a miss)
+//! - the distance, which is infinite for a miss
 //! - the barycentric coordinate of the second vertex
 //! - the barycentric coordinate of the third vertex
-//! - 0 in place of a primitive index, which would be meaningful in Sunstone's tree only
+//! - 0 in place of the primitive index, which has no meaning outside Sunstone's tree
 
 use glam::Vec3A;
 use rayon::prelude::*;

@@ -52,7 +52,8 @@ fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Largest allowed allocation in bytes: an epipolar table of 2^24 pixels, whose capacity doubles as it grows.
+/// Largest allowed allocation in bytes. The limit allows an epipolar table of 2^24 pixels, whose capacity
+/// doubles as it grows.
 const MEMORY: usize = 1 << 30;
 
 /// Time limit for all mutations together. A slow machine tests fewer mutations.

@@ -1,6 +1,5 @@
-//! Tests interrupted sessions of the simulated rig. The tests kill runs at random times or disturb them
-//! deliberately, and then resume them. The resulting stores are byte-identical to the store of an undisturbed
-//! run.
+//! Tests interrupted sessions of the simulated rig. The tests kill or disturb runs and then resume the same
+//! runs. The resulting stores are byte-identical to the store of an undisturbed run.
 //!
 //! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24). `SUNSTONE_DAMAGE=10000` sets the number of damaged
 //! runs (CI: 400). `-- --nocapture` prints the table of faults.
@@ -225,8 +224,8 @@ fn killed_runs_lose_no_frames() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// For each fault: the name, the instrument, the time of the fault, and a part of the message if the fault
-/// must end the session.
+/// For each fault, the plan, the name, the instrument, the time of the fault, and a part of the message if
+/// the fault must end the session.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -651,7 +650,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert_eq!(all["radiometric"], before["radiometric"]);
     assert_eq!(all["detector"], before["detector"]);
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
-    // Tests schemes. A run without a sample has only saturated readings.
+    // Tests schemes. All readings of a run without a sample are saturated.
     output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();

@@ -17,7 +17,7 @@ use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// A field of a file: its name, type code, shape and data.
+/// A field of a file, with name, type code, shape and data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
 /// Writes the container according to the format description, without code of the crate. Returns the file and
@@ -264,8 +264,8 @@ fn empty_axes_can_be_evenly_spaced() {
 }
 
 /// Tests that errors of a table in a materials file state the location, the path, the fault and the fix.
-/// Tests that the hash depends on the data, and that a file that another program truncates while the file is
-/// open gives the same values as before.
+/// Tests that the hash depends on the data. If another program truncates a file while the file is open, the
+/// values must not change.
 #[test]
 fn a_small_table_is_independent_of_its_file() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Shared code of the tests that render or run the program: small scenes as text, readers of results, and
-//! checks of error messages.
+//! Shared code of the tests that render or run the program. The code builds small scenes from text, reads
+//! results, and checks error messages.
 
 #![allow(dead_code)]
 
@@ -150,11 +150,11 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
     }
 }
 
-/// A fault in a valid file, as a tuple:
+/// A fault in a valid file. The entries of the tuple are:
 /// - the name of the fault
 /// - the passage to replace
 /// - the replacement
-/// - the location of the fault: the first line with this text, and after a leading `^` also the column
+/// - the first line of the file with this text, where the fault is (a leading `^` adds the column)
 /// - the words that the message must contain
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Maximum allowed duration of a call, on a machine that is also running other programs.
+/// Maximum allowed duration of a call on a machine that runs other programs at the same time.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Largest allowed message in bytes.
 const FLOOD: u64 = 64 << 10;
@@ -23,7 +23,7 @@ pub enum Put {
     Copy(&'static str),
     /// The first half of a fixture file.
     Half(&'static str),
-    /// No file. A file that an earlier entry created is removed.
+    /// No file. The case removes a file that an earlier entry created.
     Gone,
     Folder,
     Fifo,
@@ -36,11 +36,11 @@ pub enum Put {
 /// Required exit code of a case.
 #[derive(Clone, Copy, Debug)]
 pub enum Expect {
-    /// The input is valid: exit code 0.
+    /// Exit code 0, for valid input.
     Accepted,
-    /// The system failed: exit code 1.
+    /// Exit code 1, for a failure of the system.
     Failed,
-    /// The input is invalid: exit code 2.
+    /// Exit code 2, for invalid input.
     Refused,
 }
 
@@ -230,8 +230,8 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Returns the contents of a folder: the bytes of small files, the lengths of large files, and the kinds of
-/// all other entries.
+/// Returns the contents of a folder. The map contains the bytes of small files, the lengths of large files,
+/// and the kinds of all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in fs::read_dir(at).expect("a folder") {

@@ -1,12 +1,12 @@
-//! Tests arrays, and documents with every key, other than scenes: schemes, detectors, priors, media,
-//! materials and calibrations. The tests replace every value by invalid values, one at a time. The program
-//! must refuse the result.
+//! Tests arrays, and documents other than scenes with every key. The documents are schemes, detectors,
+//! priors, media, materials and calibrations. The tests replace every value by invalid values, one at a time.
+//! The program must refuse the result.
 
 use super::case::{Case, Expect, Put};
 use super::scenes::spoil;
 use std::collections::BTreeSet;
 
-/// Replacements that are valid: one `document: key = value` per line.
+/// Valid replacements, with one `document: key = value` per line.
 const ACCEPTED: &str = include_str!("accepted_documents.txt");
 
 const SCHEME: &str = r#"name = "x"

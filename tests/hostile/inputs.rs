@@ -4,8 +4,8 @@
 use super::case::{Case, Expect, Put};
 use super::fixtures::SMALL;
 
-/// For each reader: the command with `{x}` in place of the damaged file, the name of the damaged file, and
-/// the valid file of the fixtures.
+/// For each reader, the command with `{x}` in place of the damaged file, the name of the damaged file, and
+/// the valid fixture file.
 #[rustfmt::skip]
 pub const READERS: &[(&str, &str, &str)] = &[
     ("render {x} -o out.zarr", "x.toml", "scene.toml"),

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Expect, Put};
 
-/// For each writer:
+/// The outputs of the commands. Each entry has:
 /// - the command with `{o}` in place of the output
 /// - the output's extension, `/` for a folder or `zarr` for a store
 /// - the argument that names an input that the command could overwrite

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 /// A scene with every key of the syntax.
 const SCENE: &str = include_str!("scene.toml");
-/// Replacements that are valid: one `key = value` per line.
+/// Valid replacements, with one `key = value` per line.
 const ACCEPTED: &str = include_str!("accepted.txt");
 
 /// Returns the value at a key or index.
@@ -19,8 +19,8 @@ fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
     }
 }
 
-/// Collects all paths of a document. For a list of plain values, the function collects the path of the first
-/// entry only.
+/// Collects all paths of a document. For a list of plain values, the function collects only the path of the
+/// first entry.
 fn places(value: &Value, at: &[String], out: &mut Vec<Vec<String>>) {
     let children: Vec<(String, &Value)> = match value {
         Value::Table(table) => table.iter().map(|(key, child)| (key.clone(), child)).collect(),
@@ -81,7 +81,7 @@ pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     for place in all {
         for (name, value) in damaged() {
             let mut text = document.clone();
-            // A zero vector is an invalid replacement for directions only.
+            // The replacement `zeros` applies to vectors only.
             let old = place.iter().fold(&mut text, |value, step| child(value, step));
             if name == "zeros" && !is_vector(old) {
                 continue;

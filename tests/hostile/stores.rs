@@ -2,7 +2,8 @@
 
 use super::case::{Case, Expect, Put};
 
-/// Commands that read the complete store `s.zarr`. `info` is not listed because it reads only metadata.
+/// Commands that read the complete store `s.zarr`. The list excludes `info`, because `info` reads only
+/// metadata.
 #[rustfmt::skip]
 const READERS: &[&str] = &[
     "verify s.zarr",

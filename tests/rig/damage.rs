@@ -1,4 +1,5 @@
-//! Tests that the program refuses damaged runs with correct checksums with a message, or reads them.
+//! Tests damaged runs with correct checksums. The program must read each run, or refuse the run with a
+//! message.
 
 use super::*;
 

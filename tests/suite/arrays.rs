@@ -6,8 +6,12 @@ use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{self, Share};
 
-/// Slices for these tests. The slices have tiles that do not divide the image, binned cameras with a smaller
-/// last bin, light outside the time bins, matrices, and listed rows.
+/// Slices for these tests. The slices have:
+/// - tiles that do not divide the image
+/// - binned cameras with a smaller last bin
+/// - light outside the time bins
+/// - matrices
+/// - listed rows
 const SLICES: &str = r#"
 [[slices]]
 name = "mueller"

@@ -39,8 +39,8 @@ fn board() -> Board {
     Board::new(7, 6, 0.025).expect("a board")
 }
 
-/// Returns two values for each sample point of each camera pixel: the brightness of the board at the point,
-/// and the projector pixel that illuminates the point.
+/// Returns two values for each sample point of each camera pixel. The values are the brightness of the board
+/// at the point, and the projector pixel that illuminates the point.
 fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     let [camera, projector] = devices();
     let (board, back) = (board(), pose.inverse());

@@ -1,5 +1,5 @@
-//! Tests `sunstone capture` and `sunstone trial`: captures of stores and arrays, their reconstructions, and
-//! comparisons.
+//! Tests `sunstone capture` and `sunstone trial`. The tests capture stores and arrays, reconstruct the
+//! captures, and compare the results.
 
 use crate::commands::{rendered, run};
 use crate::decompose::{save, values};
@@ -134,7 +134,7 @@ fn slices_are_captured_along_their_axes() {
 }
 
 /// Tests that the error in each row of the table equals the closed form for the given noise. Tests that more
-/// captures give smaller errors, also with a camera model.
+/// captures give smaller errors, with and without a camera model.
 #[test]
 fn trials_match_closed_forms() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -77,7 +77,7 @@ fn a_chain_of_commands() {
     let info = run(d, &["info", "out/room.zarr"]);
     assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
 
-    // For a scene, `info` prints the content. It prints no warnings, not even about the mirror in the
+    // For a scene, `info` prints the content. `info` prints no warnings, although a mirror is in the
     // projector's light.
     let about = run(d, &["info", "room/scene.toml"]);
     assert!(about.contains("integrator         path") && about.contains("1 quadrics"), "{about}");

@@ -23,14 +23,14 @@ time = { start_ps = 13000, bin_ps = 200, bins = 80 }
 "#;
 
 const SIZE: usize = 64;
-/// Number of values per pixel: elements times wavelengths.
+/// Number of values per pixel, which is the number of elements times the number of wavelengths.
 const NUMBERS: usize = 48;
-/// Number of samples of the converged render, divided by the number of samples of the other renders.
+/// Number of samples of the converged render, divided by the number of samples of each noisy render.
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    // The samples are independent, so that standard errors also describe the noise of renders with fewer
-    // samples.
+    // The samples are independent. Standard errors therefore describe the noise of renders with fewer samples
+    // as well.
     let options = ["--seed", seed, "--spp", spp, "--replicates", spp, "--no-figures", "-o", store];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
@@ -45,7 +45,7 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
 #[derive(Debug)]
 struct Judged {
     /// Mean squared error before denoising, divided by the mean squared error after denoising, over all
-    /// values. Both exclude the noise of the converged render.
+    /// values. The two errors exclude the noise of the converged render.
     gain: f64,
     /// The ratio `gain` without the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,

@@ -97,8 +97,8 @@ fn learned_priors_are_used_in_reconstruction() {
     let few = ["--starts", "2", "--iterations", "60", "--adam-steps", "50", "--resolution", "5x7x9"];
     let what = ["learn", "-k", "4", "--sensor", "polarizer-array", "--estimator", "prior", "-o", "s.toml"];
     run(d, &[&what[..], &few[..], &["--save-prior", "prior.toml", "--folds", "5"]].concat());
-    // The captured material is an ideal depolarizer at two brightnesses. It is one of the materials of the
-    // prior.
+    // The captured material is an ideal depolarizer at two brightnesses. The materials of the prior include
+    // an ideal depolarizer.
     let scheme = load(&d.join("s.toml")).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
     let mut seen = vec![0.0; 16 * 2];

@@ -23,7 +23,7 @@ fn a_scene_round_trips_through_mitsuba() {
     assert!(xml.contains("name=\"wavelengths_nm\" value=\"550\""), "{xml}");
     run(at, &["import", "out/scene.xml"], 0);
     run(at, &["import", "out/scene.xml"], 2);
-    // A scene file in another folder contains file paths relative to the other folder.
+    // A scene file in another folder contains file paths relative to the folder of the scene file.
     run(at, &["import", "out/scene.xml", "-o", "room.toml"], 0);
     let toml = std::fs::read_to_string(at.join("room.toml")).expect("the scene file");
     assert!(toml.contains("file = \"out/mesh_007.ply\""), "{toml}");

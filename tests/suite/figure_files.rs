@@ -180,7 +180,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
     assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
-    // Draws all figures of a folder, in both sizes.
+    // Draws all figures of a folder, as full figures and as previews.
     run(folder.path(), &["figure", "--all", ".", "--renders", "r", "-o", "all"], 0);
     assert!(read("all/f.png").len() > 1000);
 }
@@ -265,9 +265,9 @@ fn an_interrupted_render_resumes() {
     assert_eq!(draw(&cut).rendered, 0);
 }
 
-/// Tests that processes with a common folder of renders give equal results, also while another process checks
-/// whether renders are finished. Tests that a path with the name of a render that is not a render is reported
-/// with a fix.
+/// Tests that processes with a common folder of renders give equal results, while another process checks
+/// whether renders are finished. Tests that the program reports a path that has the name of a render but is
+/// not a render, with a fix.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn renders_are_shared_and_damage_is_reported() {

@@ -157,8 +157,8 @@ fn killed_merges_exports_and_shards_leave_no_partial_output() {
     assert_eq!(killed(at, shard, ["s.zarr", "sharded.zarr"], true).unfinished, 0);
 }
 
-/// Tests that only one of several processes writes to a path. The error messages of the other processes must
-/// name the writing process.
+/// Starts several processes that write to one path. Tests that one process writes, and that the error
+/// messages of the remaining processes name the writing process.
 #[test]
 fn only_one_process_writes() {
     let folder = tempfile::tempdir().expect("a folder");

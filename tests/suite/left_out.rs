@@ -147,8 +147,8 @@ fn arrays_without_valid_values_are_refused() {
     assert!(message.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{message}");
     let message = stderr(&run(d, &capture("one.npy"), 0));
     assert!(message.contains("36 of 72 intensities"), "{message}");
-    // The captures of the second pixel are unknown. With saturation at 1e-9, the command also excludes the
-    // captures of the first pixel.
+    // The captures of the second pixel are unknown. With saturation at 1e-9, the command excludes the
+    // captures of the first pixel as well.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let message = stderr(&run(d, &back, 0));
     assert!(message.contains("1 of 2 pixels are NaN"), "{message}");

@@ -44,8 +44,8 @@ fn target(path: &Path, resume: bool) -> Target {
     Target { path: path.to_owned(), resume, replace: false }
 }
 
-/// Tests that a tile with any number of samples is bit-identical to the tile of a plain render with this
-/// number of samples, also with light subpaths.
+/// Tests that a tile with any number of samples is bit-identical to the tile of a plain render with the same
+/// number of samples. The test includes light subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_tile_equals_that_of_a_plain_render_with_its_samples() {

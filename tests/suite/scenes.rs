@@ -1,7 +1,8 @@
-//! Tests that the shipped scenes load. Tests further properties:
+//! Tests the shipped scenes:
+//! - The scenes load.
 //! - Meshes are closed, and so are shapes that refract or contain a medium.
 //! - Camera and projector see the main objects.
-//! - Each twin differs from its scene in materials and media only.
+//! - Only materials and media differ between a scene and its twin.
 
 use glam::{DVec2, Vec3, Vec3A};
 use std::collections::HashMap;
@@ -101,8 +102,8 @@ fn every_scene_folder_is_listed() {
 }
 
 /// Checks that a sphere is in the device's image, at least `pixels` wide, and visible. The sphere is visible
-/// if it contains the first opaque surface on the way to the sphere's centre, or the first surface of the
-/// object itself.
+/// if it contains the first opaque surface on the way to its centre. The sphere is also visible if it
+/// contains the first surface of the object itself.
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();

@@ -176,7 +176,8 @@ fn applications_are_listed_run_resumed_and_refused() {
     figures_keep_the_fit(at, scenes);
 }
 
-/// Tests that a method is fitted again only if a render changed or the stored fit is damaged.
+/// Tests that a method is fitted again if a render changed or the stored fit is damaged, and is not fitted
+/// again otherwise.
 fn figures_keep_the_fit(at: &Path, scenes: &str) {
     let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
     let figure =

@@ -1,4 +1,5 @@
-//! Shared code of tests that render: scenes as text, and stores in temporary folders.
+//! Shared code of tests that render. The code builds scenes from text, and writes stores to temporary
+//! folders.
 
 use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};

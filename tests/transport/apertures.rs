@@ -67,7 +67,7 @@ fn shrinking_lights_become_points() {
         stokes(&tank(spp, seed, "", &ball), Integrator::Path)
     };
     let (large, small) = (ball(0.2, 30_000, 1), ball(0.1, 100_000, 2));
-    // The emitter illuminates only the tank, uniformly.
+    // The emitter illuminates the tank uniformly, and illuminates nothing else.
     let point = format!(
         "[[emitters]]\nspot = {{ position = {at}, direction = [-0.09, -0.33, -0.45], intensity = 1.0, cutoff_deg = 25, beam_deg = 24 }}\n"
     );

@@ -73,7 +73,7 @@ struct Share {
     hit: f64,
 }
 
-/// Deliberate errors for negative controls: a shift in time, and a shift of s'.
+/// Deliberate errors for negative controls. The errors are a shift in time and a shift of s'.
 #[derive(Clone, Copy)]
 struct Fault {
     ps: f64,
@@ -172,8 +172,8 @@ fn against(
             if want[i] == 0.0 && got.mean[i] == 0.0 {
                 continue;
             }
-            // With few hits, the error is that of the expected number of hits. This number is at least half a
-            // hit, even if there is no hit.
+            // With few hits, the error is that of the expected number of hits. The expected number is at
+            // least half a hit, even if there is no hit.
             let hit = hits[i / inner] / f64::from(samples(spp));
             let expected = want[i] / hit;
             let likely = if expected > MANY { 0.5 } else { expected.max(0.5) };
@@ -395,8 +395,9 @@ fn paths_agree_in_a_medium() {
 }
 
 /// Compares camera paths and bidirectional paths. The scene has a pane in front of the camera, which camera
-/// paths pass, and a mirror outside the camera's view. The projector illuminates neither directly. Otherwise,
-/// only bidirectional paths would find the light that pane and mirror reflect onto walls.
+/// paths pass, and a mirror outside the camera's view. The projector illuminates neither directly. If the
+/// projector illuminated pane or mirror, only bidirectional paths would find the light that pane and mirror
+/// reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";

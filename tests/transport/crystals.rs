@@ -145,7 +145,8 @@ fn a_quartz_slab_is_a_wave_plate() {
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// Tests that a crystal given by name has a separate direction and retardance at each of three wavelengths.
+/// Tests a crystal that is given by name. The direction and the retardance must differ between the three
+/// wavelengths.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();

@@ -26,7 +26,7 @@ use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use sunstone::transport::medium::scattered::Elements;
 
-/// A square matrix, row by row.
+/// A square matrix, stored row by row.
 #[derive(Clone)]
 struct Square {
     n: usize,
@@ -313,8 +313,8 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
 }
 
 /// Returns a layer so thin that the light inside is the mean of entering and leaving light (Wiscombe 1976,
-/// "diamond"). Let G = δ/2μ, and let P be the phase matrices of both hemispheres. The leaving light is ((1 -
-/// G)/(1 + G) + B w) times the entering light. In this formula, B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 +
+/// "diamond"). Let G = δ/2μ, and let P be the phase matrices of the two hemispheres. The leaving light is ((1
+/// - G)/(1 + G) + B w) times the entering light. The kernel is B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 +
 /// G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();

@@ -42,8 +42,9 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .collect()
 }
 
-/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this mean. z is the
-/// deviation from the mean of the other seeds, divided by the standard error of this deviation.
+/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this mean. The
+/// variable z is the deviation from the mean of the remaining seeds, divided by the standard error of the
+/// deviation.
 fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     let others = (seeds.len() - 1) as f64;
     let each: Vec<f64> = seeds

@@ -41,7 +41,7 @@ const SHEETS: [Sheet; 10] = [
         passes: [1.0 - PLATE, 1.0 - PLATE],
         reflects: PLATE,
     },
-    // With a mask, half of the surface is open, and the other half absorbs light.
+    // With a mask, half of the surface is open, and half of the surface absorbs light.
     Sheet {
         keys: "a.null = {}\nb.diffuse.albedo = 0\ns.blend = { a = \"a\", b = \"b\", weight = 0.5 }\n",
         passes: [0.5, 0.5],

@@ -41,8 +41,8 @@ fn rolls_are_rotation_matrices() {
     }
 }
 
-/// Tests that a point emitter of intensity I acts like a projector of irradiance E = I at 1 m, except for the
-/// factor 1/cos³θ of the projector's lens.
+/// Compares a point emitter of intensity I with a projector of irradiance E = I at 1 m. The light is equal
+/// except for the factor 1/cos³θ of the projector's lens.
 #[test]
 fn a_point_emitter_is_a_projector_without_lens() {
     let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [40, 40], 60.0).rolled(0.4);

@@ -1,4 +1,4 @@
-//! Compares media with density grids with closed forms, with white furnaces, and with homogeneous media.
+//! Tests media with density grids. The references are closed forms, white furnaces and homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;

@@ -106,8 +106,8 @@ fn mtl_colours_are_those_of_the_whole_surface() {
         ("Kd .5 .5 .5\nd .5", [0.75; 3]),
         ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
         ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
-        // One half is metal with α = 0.5 (`gltf` of `validation/import_albedo.py`), and the other half is
-        // base and mirror.
+        // Half of the surface is metal with α = 0.5 (`gltf` of `validation/import_albedo.py`), and the
+        // remaining half is base and mirror.
         ("Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5", [0.5 * METAL + 0.5 * 0.9; 3]),
         // The sRGB value 188 is 0.503.
         ("map_Kd grey.png", [0.503; 3]),

@@ -1,6 +1,6 @@
 //! Tests light that is separated by the interactions of its path. The tests compare each kind of light with a
-//! closed form, sums with the total, and one integrator with the other. The comparison must detect a planted
-//! error.
+//! closed form, sums with the total, and the integrators with each other. The comparison must detect a
+//! planted error.
 
 use crate::bidirectional::{FOG, WALLS, devices, redirecting, with};
 use crate::optics::{
@@ -51,15 +51,15 @@ fn direct_light_of_a_lambert_plate_is_diffuse() {
         let t = render_text(&plate_under_a_point("it.diffuse.albedo = 0.6", integrator)).mean("m");
         let p = DVec3::new(-0.9, 0.5, 1.4);
         let want = 3.0 * 0.6 / PI * p.z / p.length().powi(3);
-        // A Lambertian plate depolarizes light, so only M00 reaches the camera.
+        // A Lambertian plate depolarizes light, so M00 is the only element that reaches the camera.
         assert_only(&t, &[BODY], integrator);
         let got = light(&t, BODY);
         assert!((got / want - 1.0).abs() < 1e-5, "{integrator}: {got} {want}");
     }
 }
 
-/// Compares all 16 elements of the two lobes of plastic with plastics that have only one of the lobes.
-/// Repeats the comparison for blended, two-sided and depolarized plastic.
+/// Tests the two lobes of plastic. Compares all 16 elements of each lobe with a plastic that has a single
+/// lobe. Repeats the comparison for blended, two-sided and depolarized plastic.
 #[test]
 fn lobes_of_plastic_are_separated_exactly() {
     let plastic = |albedo: f64, specular: f64| {
@@ -89,7 +89,7 @@ fn lobes_of_plastic_are_separated_exactly() {
         let t = both.mean("m");
         assert_only(&t, &[GLOSSY, BODY], &what);
         let at = |t: &Tensor, set: u8| mueller(t, &[(Label, set.into())]);
-        // Without the body, only glossy light remains, including the second half of a blend. Without the
+        // Without the body, all remaining light is glossy, including the second half of a blend. Without the
         // coat's reflection, the light of the body is unchanged.
         let glossy = mueller(&made(&plastic(0.0, 0.9)).mean("all"), &[]);
         assert_close(&at(&t, GLOSSY), &glossy, 1e-5, &what);
@@ -178,8 +178,8 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
             );
             assert!(sigma < 0.02 * want || want == 0.0);
         }
-        // Light of two bounces is scattered by the medium alone, or by wall and medium in either order. It is
-        // never reflected twice by the wall, which is flat.
+        // Light of two bounces is scattered by the medium alone, or by wall and medium in either order. The
+        // wall never reflects light twice, because the wall is flat.
         let t = r.mean("m");
         assert_only(&t, &[MEDIUM, BODY, MEDIUM | BODY], integrator);
         assert!(light(&t, MEDIUM | BODY) > 0.01 && light(&t, MEDIUM) > once);
@@ -244,7 +244,7 @@ fn parts_add_up_to_the_whole() {
             let top = whole.data.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
             assert!(top > 0.0, "{integrator:?} {i}");
             if i == 1 {
-                // Coaxial slices use separate paths, so their totals agree statistically only.
+                // Coaxial slices use separate paths, so the totals differ by random errors.
                 let (a, da) = total(&r, "whole1");
                 let (b, db) = total(&r, "parts1");
                 assert!((a - b).abs() < 5.0 * da.hypot(db), "{integrator:?}: {a} ± {da}, {b} ± {db}");
@@ -258,8 +258,8 @@ fn parts_add_up_to_the_whole() {
             }
         }
     }
-    // Glass alone sets no label. Unlabelled light exists in this scene, because the environment is also seen
-    // directly.
+    // Glass alone sets no label. Unlabelled light exists in this scene, because the camera sees the
+    // environment directly as well.
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 

@@ -120,7 +120,7 @@ fn a_ball_has_correct_depth_normals_and_rim() {
 }
 
 /// Tests the layers of a tilted metal rectangle in front of a wall. Edges are not mixed, metal has no albedo,
-/// and normals face the camera on both sides.
+/// and the normals of each side face the camera.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
     let (corner, u, v) =

@@ -112,7 +112,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
         let (theta, phi) = (lit[1] as f32 * step, std::f32::consts::TAU * (lit[0] as f32 + 0.5) / w as f32);
         let dir = Vec3A::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
         let peak = sky.radiance(to_world * dir).to_array()[0];
-        // At a pole, rounding determines the column.
+        // At a pole, rounding determines the column of the texel.
         if lit[1] != 0 && lit[1] != h - 1 {
             assert!((peak - 1.0).abs() < 1e-3, "{w} x {h}, {lit:?}: peak {peak}");
         }

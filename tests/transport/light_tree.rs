@@ -116,8 +116,8 @@ fn every_light_that_reaches_a_point_can_be_chosen() {
 /// power ratio is 3200.
 #[test]
 fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
-    // The irradiance is π L (r/d)² cosθ. The far lamp has radiance 2, and the near lamp has radiance 1.
-    // Neither lamp occludes the other.
+    // The irradiance is π L (r/d)² cosθ. The far lamp has radiance 2, and the near lamp has radiance 1. The
+    // lamps do not occlude each other.
     let (far, near) = (DVec3::new(0.0, 0.0, 40.0), DVec3::new(0.3, 0.0, 0.597));
     let mut light = shining("sphere = { center = [0, 0, 40], radius = 2 }", "");
     light += "[[objects]]\nmaterial = \"black\"\nshape.sphere = { center = [0.3, 0, 0.597], radius = 0.05 }\n\

@@ -171,14 +171,14 @@ fn ellipsoids_and_tubes_light_a_plane() {
     for integrator in BOTH {
         let sphere = shining("sphere.radius = 1", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
-        // The tube is open at its ends. Its inside is dark and occludes nothing.
+        // The tube is open at its ends. The inside of the tube is dark and occludes nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
     }
 }
 
-/// Tests emitters that are seen directly: radiance, travel time, one-sided or two-sided emission, and
-/// polarization.
+/// Tests the radiance, travel time and polarization of emitters that the camera sees directly. Tests
+/// one-sided and two-sided emission.
 #[test]
 fn directly_seen_lights_are_correct() {
     let seen = |more: &str, from: f64, integrator: &str| {
@@ -492,8 +492,8 @@ fn a_beam_loses_no_power() {
     }
 }
 
-/// Tests where travel time starts: at the emitting surface, at the plane of a directional light's origin, or
-/// at a beam's origin. Light without an origin is counted as overflow.
+/// Tests that travel time starts at the emitting surface, at the plane of a directional light's origin, or at
+/// a beam's origin. Light without an origin is counted as overflow.
 #[test]
 fn travel_time_counts_from_the_emitter() {
     let from = DVec3::new(0.3, -4.0, 2.5);

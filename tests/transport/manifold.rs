@@ -21,7 +21,8 @@ pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
 }
 
 /// A ray in a plane that contains an axis. The fields are the final distance from the axis, the optical
-/// length, and half the sum and half the difference of the transmittances for s and p.
+/// length, and the transmittances. The transmittances are half the sum and half the difference of those for s
+/// and p.
 pub struct Meridian {
     pub rho: f64,
     pub optical: f64,
@@ -293,8 +294,8 @@ fn wall_behind_glass_is_seen_and_lit_through_it() {
         move |k: usize| (f64::from(m.at(&[(Bounces, k)])), f64::from(e.at(&[(Bounces, k)])))
     };
     let (clear, glazed) = (value(&text(false)), value(&text(true)));
-    // The light passes two faces in each direction, near normal incidence, which gives the factor 0.96⁴. A
-    // thin slab shifts light only slightly.
+    // The light passes two faces in each direction, near normal incidence, which gives the factor 0.96⁴. The
+    // shift of light by a thin slab is small.
     let (a, b) = (clear(1), glazed(5));
     let ratio = b.0 / a.0;
     let sigma = ratio * (b.1 / b.0).hypot(a.1 / a.0);

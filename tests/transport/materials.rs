@@ -38,7 +38,7 @@ fn diffuse() -> Materials {
     table(Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])) }))
 }
 
-/// Returns a frame in general position: columns x, y, normal.
+/// Returns a frame in general position, with the columns x, y and normal.
 pub fn axes() -> Mat3A {
     Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
 }

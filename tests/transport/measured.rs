@@ -97,7 +97,7 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// Returns one lane of the matrix between axes that depend only on the rays.
+/// Returns one lane of the matrix between axes. The axes depend on the rays alone.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
@@ -193,8 +193,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// Tests that φ_d = -π and φ_d = π are equal. Some tables include both values. All tables must be continuous
-/// at this boundary, and must agree.
+/// Tests that φ_d = -π and φ_d = π are equal. Some tables include the two values. All tables must be
+/// continuous at this boundary, and must agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -221,8 +221,8 @@ fn tables_are_continuous_across_the_azimuth_boundary() {
 }
 
 /// Tests that holes are excluded and that the remaining corners have more weight. A constant stays constant
-/// if one corner exists, and is 0 if no corner exists. An entry with one invalid element is also a hole, but
-/// only in the band of that element.
+/// if one corner exists, and is 0 if no corner exists. An entry with one invalid element is a hole in the
+/// band of that element.
 #[test]
 fn holes_are_excluded_from_interpolation() {
     let bench = Bench::new();

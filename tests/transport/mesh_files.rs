@@ -1,7 +1,5 @@
-//! Tests mesh files:
-//! - glTF with textures against OBJ of the same model
-//! - embedded materials against scene-file materials
-//! - media in meshes that are open, inside out, or intersecting
+//! Tests mesh files. The tests compare textured glTF files with OBJ files of the same model, and embedded
+//! materials with scene-file materials. Tests media in meshes that are open, inside out, or intersecting.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -13,8 +11,8 @@ use sunstone::tensor::array::Tensor;
 const LIGHT: &str =
     "[[emitters]]\npoint = { position = [0.5, 1, 3], intensity = 2 }\n[[slices]]\nname = \"m\"\n";
 
-/// Writes three files: a square with texture coordinates as OBJ with a material library, the same square as
-/// glTF with its buffer, and an image without symmetry.
+/// Writes a square with texture coordinates as OBJ with a material library. Writes the same square as glTF
+/// with a buffer, and an image without symmetry.
 pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     image::RgbImage::from_fn(3, 2, |x, y| {

@@ -252,7 +252,7 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
 }
 
 /// Returns the power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible
-/// facets. The function uses a midpoint rule over facet slopes. For facets that only reflect, `through` is
+/// facets. The function uses a midpoint rule over facet slopes. For facets without transmission, `through` is
 /// false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
@@ -260,7 +260,7 @@ fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2
     let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = [0.0; 2];
     for k in 0..U * PHI {
-        // This choice makes D cosθ_h dω_h = 2t dt dφ / 2π. The squares of t shift points into the tails.
+        // With this variable t, D cosθ_h dω_h = 2t dt dφ / 2π. The squares of t shift points into the tails.
         let t = (f64::from(k / PHI) + 0.5) / f64::from(U);
         let left = 1.0 - (1.0 - t).powi(2);
         let (u, stretch) = (left, 2.0 * (1.0 - t));
@@ -378,7 +378,7 @@ fn no_energy_is_created() {
 }
 
 /// Tests that, at α = 0.001, the mean of each lobe equals that of the smooth interface, in all 16 elements
-/// and from both sides.
+/// and from each side.
 #[test]
 fn the_smooth_limit_is_the_smooth_interface() {
     const N: u32 = 20_000;
@@ -510,9 +510,9 @@ fn interreflection_conserves_energy() {
     }
 }
 
-/// Tests facets with a white base below them in a white furnace. The material must return all light, at any
-/// roughness and angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up
-/// to a third of the light.
+/// Tests facets above a white base in a white furnace. The material must return all light, at any roughness
+/// and angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up to a third
+/// of the light.
 #[test]
 fn a_white_base_below_facets_returns_all_light() {
     const STEPS: u32 = 400;

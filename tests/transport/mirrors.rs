@@ -237,8 +237,8 @@ fn mirror_behind_glass() {
         + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
         + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-1.4, -1, 0.5], max = [1.4, 1, 0.6] }\n";
     let r = render(&text);
-    // The light travels as if it came straight from behind the mirror. One plane contains all rays, and p of
-    // both matrices.
+    // The light travels as if it came straight from behind the mirror. One plane contains all rays and the p
+    // directions of the two matrices.
     let trace = |theta: f64| {
         let (sin, cos) = theta.sin_cos();
         let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();

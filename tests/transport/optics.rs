@@ -15,7 +15,7 @@ pub type M = Matrix4<f64>;
 pub const GOLD: Complex<f64> = Complex::new(0.4242, 2.4721);
 pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 
-/// Speed of light in vacuum, metres per picosecond.
+/// Speed of light in vacuum in metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
 /// Returns R(θ) for the rotation from the basis `from` to the basis `to`, for light that travels along `d`. θ

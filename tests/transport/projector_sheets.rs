@@ -2,7 +2,8 @@
 //! 3's issue 1462, "projector's light can't walk through polarizer or circular"). In Mitsuba, a pinhole
 //! behind any BSDF renders black.
 //!
-//! Renders are compared with closed forms. Light passes a sheet without bending, so only the matrix changes.
+//! The tests compare renders with closed forms. Light passes a sheet without bending, so the sheet changes
+//! nothing but the matrix.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
@@ -165,7 +166,7 @@ fn corner(max_depth: u32, sheets: &str) -> Rendered {
         + sheets
         + "[[slices]]\nname = \"all\"\nprojector = \"all\"\n\
            [[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 250, bins = 100 }\n";
-    // Enables connections to the projector only.
+    // Uses camera paths, so that all light comes from connections to the projector.
     let mut scene = scene_of(&text);
     scene.set_integrator(Integrator::Path);
     render_scene(&scene)

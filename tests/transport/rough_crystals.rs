@@ -73,8 +73,8 @@ fn facets_are_reciprocal() {
     assert!(pairs > 100, "{pairs} pairs see each other");
 }
 
-/// Tests that matrices of facets are realizable. Tests that the crystal is only on the inner side of its
-/// face.
+/// Tests that matrices of facets are realizable. Tests that the crystal is on the inner side of its face, and
+/// not on the outer side.
 #[test]
 fn matrices_are_realizable_and_the_crystal_is_inside() {
     let m = crystal("name = \"calcite\", roughness = 0.3");
@@ -123,8 +123,8 @@ fn nearly_smooth_faces_are_smooth() {
         assert!((g - w).abs() < bound, "element {k}: {g} is not {w} ± {}\n{got}{want}", error[k]);
     }
     assert!(error[0] < 0.02 * want[0], "{error}");
-    // Negative controls: glass of the mean index, which has no retardance, and rough faces, which scatter
-    // most light in other directions.
+    // The negative controls are glass of the mean index, which has no retardance, and rough faces, which
+    // scatter most light in other directions.
     let glass = slab.expected(DVec3::Z, QUARTZ, 550.0);
     let off = |m: &M| (0..16).filter(|k| (m[*k] - got[*k]).abs() > 5.0 * error[*k] + 2e-3 * want[0]).count();
     assert!(off(&glass) > 3, "{got}{glass}");

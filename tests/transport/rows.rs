@@ -87,8 +87,8 @@ fn every_path_through_a_ball_is_found() {
     for (wall, rho, count, spp) in
         [(-0.42, 0.008, 3, 150_000), (-1.0, 0.2, 1, 60_000), (-1.0, 0.55, 1, 60_000)]
     {
-        // The straight line to the last point misses the sphere. For the other points, the lamp is so narrow
-        // that all its light hits the sphere.
+        // The straight line to the last point misses the sphere. For all earlier points, the lamp is so
+        // narrow that all its light hits the sphere.
         let beside = rho > 0.5;
         let lamp =
             Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], if beside { 100.0 } else { 190.0 });
@@ -262,8 +262,8 @@ fn a_mirror_under_a_normal_map() {
     agree([met, found], 0.2);
 }
 
-/// Tests calcite between lamp and wall. The tracer must trace the two refracted rays separately, from one end
-/// to the other.
+/// Tests calcite between lamp and wall. The tracer must trace the two refracted rays separately, from the
+/// lamp to the wall and in reverse.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_crystal_with_double_images() {

@@ -246,8 +246,8 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     render_text(&text)
 }
 
-/// Tests that empty null boundaries, and clear media behind such boundaries, affect travel time only.
-/// Absorbing media follow Beer and Lambert in each direction.
+/// Tests empty null boundaries, and clear media behind such boundaries. The boundaries and media must affect
+/// travel time only. Absorbing media follow Beer and Lambert in each direction.
 #[test]
 fn null_boundaries_have_no_effect() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
@@ -323,8 +323,8 @@ fn refractive_boundaries_are_those_of_glass() {
 }
 
 /// Tests that, in a furnace, a lossless medium is invisible behind any boundary, and that unpolarized light
-/// stays unpolarized. If nothing polarizes and wavelengths do not share paths, every sample satisfies this
-/// condition. Otherwise, the condition holds on average.
+/// stays unpolarized. The condition holds in every sample if nothing polarizes and wavelengths do not share
+/// paths. In all other cases, the condition holds on average.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);

@@ -1,5 +1,6 @@
-//! Tests slices that keep few projector pixels s' per camera pixel. Such slices use additional paths. The
-//! additional paths give the same light as random paths, with far smaller standard errors.
+//! Tests slices that keep few projector pixels s' per camera pixel. The renderer uses additional paths for
+//! slices with few s'. The additional paths give the same light as random paths, with far smaller standard
+//! errors.
 
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::array::Tensor;
@@ -13,7 +14,7 @@ use sunstone::transport::scene::Integrator;
 const SIZE: usize = 16;
 const SPP: u32 = 512;
 
-/// A slice that resolves all projector pixels s'. In this slice, only random paths give values.
+/// A slice that resolves all projector pixels s'. All values of the slice come from random paths.
 const ALL: &str = r#"
 [[slices]]
 name = "matrices"

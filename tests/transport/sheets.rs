@@ -184,8 +184,8 @@ fn a_coated_mirror_in_front_of_metal() {
         + &sheet(DVec3::ZERO, DVec3::X, DVec3::Y, "m")
         + &sheet(target, u, v, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    // The ratio of the tangential fields is computed layer by layer. It is proportional to q for s and to
-    // q/n² for p.
+    // The ratio of the tangential fields is computed layer by layer. The ratio is proportional to q for s and
+    // to q/n² for p.
     let sin2 = Complex::new(0.75, 0.0);
     let root = |n: Complex<f64>| (n * n - sin2).sqrt();
     let film = Complex::new(n_film, 0.0);

@@ -1,7 +1,7 @@
 //! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, in all 16 elements.
 //!
-//! The slab is a wide cube with a null boundary, from z = -τ to 0, with a mean free path of 1 m. A projector
-//! so far away that its light is parallel illuminates the slab, and a single ray sees the slab.
+//! The slab is a wide cube with a null boundary, from z = -τ to 0, with a mean free path of 1 m. A distant
+//! projector illuminates the slab with parallel light, and a single ray sees the slab.
 //!
 //! Media have index 1. Spheres have the relative index and the wavelength in water of Ramella-Roman, Prahl &
 //! Jacques (2005, Opt. Express 13, 4420): 1.59 in 1.33, 632.8 nm.

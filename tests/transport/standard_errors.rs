@@ -209,7 +209,7 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
             "{what}, {name}: {dropped} of {} elements have too few hits",
             elements + dropped
         );
-        // With few elements, the variance is known to this precision only (5 sigma).
+        // `unsure` is five standard errors of the variance, which is large for few elements.
         let unsure = 5.0 * (2.0 / n).sqrt();
         let window = 0.8 * (1.0 - unsure)..1.25 * (1.0 + unsure);
         assert!(window.contains(&variance), "{what}, {name}: z has variance {variance}, not in {window:?}");

@@ -1,5 +1,5 @@
-//! Tests that disabling a sampling strategy does not change light that other strategies also sample. Tests
-//! that this light is less noisy if all strategies are enabled.
+//! Tests the effect of disabling a sampling strategy. Light that other strategies sample must not change.
+//! With all strategies enabled, this light must be less noisy.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -111,7 +111,7 @@ fn strategies_agree_on_light_that_leaves_rough_stones() {
     }
 }
 
-/// Disables one strategy of bidirectional paths whose paths other strategies also sample. Tests that the
+/// Disables a strategy of bidirectional paths. The remaining strategies sample the same paths. Tests that the
 /// weights still sum to one.
 #[test]
 #[ignore = "slow: tools/check --all"]

@@ -24,9 +24,9 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material". A sphere at the origin was
-/// black under the projector if its material was a measured table. Camera and projector are 50 m away and 9°
-/// to either side.
+/// Covers Mitsuba 3's issue 1067, "Rendering problem with measured polarized material". A sphere at the
+/// origin was black under the projector if its material was a measured table. Camera and projector are 50 m
+/// away and 9° to either side.
 ///
 /// Tests that the sphere equals a sphere of the metal from which the table was made.
 #[test]
@@ -127,17 +127,17 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     }
 }
 
-/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a box.
-/// Tests that a render uses far less memory than the size of the table, because the render maps the file. The
-/// table has 80 MB, and the process has 32 MB.
+/// Covers Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a
+/// box. Tests that a render uses far less memory than the size of the table, because the render maps the
+/// file. The table has 80 MB, and the process has 32 MB.
 #[cfg(target_os = "linux")]
 #[test]
 fn measured_tables_need_little_memory() {
     in_little_memory([91, 53, 53], 32 << 10, 80_000_000);
 }
 
-/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)". Tests Stokes vectors and
-/// Mueller matrices of chosen wavelengths instead of RGB, for optical constants at four wavelengths. Each
+/// Covers Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)". Tests Stokes vectors
+/// and Mueller matrices of chosen wavelengths instead of RGB, for optical constants at four wavelengths. Each
 /// lane has a separate closed form. A render of a single wavelength gives the same values.
 #[test]
 fn every_wavelength_has_its_own_matrix() {
@@ -220,9 +220,9 @@ fn menagerie(seed: u32) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives negative
-/// light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2 + M03 s3
-/// over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
+/// Covers Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives
+/// negative light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2
+/// + M03 s3 over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
 #[test]
 fn no_light_is_negative() {
     let (mut lit, mut full) = (0, 0);
@@ -263,7 +263,7 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
+/// Covers Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
 /// camera". Tests that, for every camera pixel, `moment` over `sum` is the projector pixel from which the
 /// light started. The geometry gives the reference. (Users compare the result with a decoded structured-light
 /// scan.)
@@ -343,8 +343,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// Tests that moments give the projector pixel, including the case that the slice resolves both
-/// polarizations.
+/// Tests that moments give the projector pixel if the slice resolves Mueller matrices.
 #[test]
 fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

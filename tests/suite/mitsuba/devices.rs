@@ -1,4 +1,4 @@
-//! Tests the import of cameras, of emitters with images, and of media on grids. These are orthographic
+//! Tests the import of cameras, of emitters with images, and of media on grids. The tests cover orthographic
 //! sensors, projectors, spots with a texture, and heterogeneous media.
 
 use super::{built, imported};

@@ -18,7 +18,7 @@ fn text(shape: &str) -> String {
     )
 }
 
-/// Writes the files of an import, reads them again, and returns the resulting scene.
+/// Writes the files of an import and reads the written files. Returns the resulting scene.
 fn written(folder: &Path, import: &Import) -> Scene {
     let toml = folder.join("scene.toml");
     import.write(&toml, true).unwrap();

@@ -57,7 +57,7 @@ fn a_handwritten_scene_is_read() {
     assert!(e.0[0].message.contains("`fow`"), "{e}");
 }
 
-/// For each fault: a passage of [`HAND`], the replacement of the passage, the line of the fault, and words of
+/// For each fault, a passage of [`HAND`], the replacement of the passage, the line of the fault, and words of
 /// the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
@@ -197,8 +197,8 @@ fn flipped_rectangles_face_the_other_way() {
     }
 }
 
-/// Returns 1 if the normals of a shape that is hit from outside point toward the ray's origin. Otherwise,
-/// returns -1.
+/// Returns 1 if the normals of a shape that is hit from outside point toward the ray's origin, and -1 if the
+/// normals point away.
 fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
@@ -354,8 +354,8 @@ fn rotations_about_long_axes_match_mitsuba() {
     let turned = |op: &str| HAND.replace("<rotate z=\"1\" angle=\"90\"/>", op);
     let import = imported(folder.path(), &turned("<rotate x=\"2\" angle=\"90\"/>")).unwrap();
     assert!(import.notes.iter().any(|n| n.contains("<rotate>")), "{:?}", import.notes);
-    // The matrix is cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0). It scales x by 4 and maps y to 2 z.
-    // An earlier transform scales x by 2.
+    // The matrix is cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0). The matrix scales x by 4 and maps y
+    // to 2 z. An earlier transform scales x by 2.
     assert!(
         ["[8.0, 0.0", "[7.99999999999999"].iter().any(|row| import.toml.contains(row)),
         "{}",

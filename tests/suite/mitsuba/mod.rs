@@ -25,7 +25,7 @@ mod import;
 mod instances;
 mod there_and_back;
 
-/// A scene with all materials and shapes that Mitsuba can also express.
+/// A scene with all materials and shapes that Sunstone and Mitsuba can express.
 const ALL: &str = r#"
 wavelengths_nm = [550]
 [render]
