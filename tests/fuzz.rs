@@ -393,8 +393,8 @@ fn mutated_figure_files_are_read_or_give_an_error() {
     });
 }
 
-/// Tests combinations of sizes, each of which is valid alone. The program must not request more memory than
-/// the machine has.
+/// Tests combinations of sizes. Each size is valid without the others. The program must not request more
+/// memory than the machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();

@@ -262,8 +262,8 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
-/// Tests that after every fault the session recovers, or ends with one error without data loss. Tests that,
-/// after a resume on an intact rig, the bytes equal those of an undisturbed run.
+/// Tests that after every fault the session recovers, or ends with one error without data loss. Tests that a
+/// resumed run on an intact rig has the same bytes as an undisturbed run.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn faults_lose_no_frames() {
@@ -432,7 +432,7 @@ fn an_analog_galvo_takes_the_same_frames() {
         let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
         assert_eq!(journal.contains("\"event\":\"retry\""), !fault.is_empty(), "{fault}");
     }
-    // A card with four bits sets other mirror angles, so the frames differ.
+    // A card with four bits sets coarser mirror angles, so the frames differ.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
     let bench = Bench::new("");
     bench.write("rig.toml", coarse);

@@ -245,8 +245,8 @@ fn errors_name_the_fault_and_fix() {
     assert!(Table::open(folder.path(), &Options::default()).is_err(), "a folder");
 }
 
-/// Tests that empty axes are evenly spaced if the caller requests even spacing. Tests that the results equal
-/// those for explicit axes.
+/// Tests that empty axes are evenly spaced if the caller requests even spacing. Tests that the results with
+/// empty axes equal the results with explicit axes.
 #[test]
 fn empty_axes_can_be_evenly_spaced() {
     let folder = folder();
@@ -314,9 +314,9 @@ fn errors_name_the_position_and_the_file() {
     assert!(unknown.err().expect("an unknown key").message.contains("unknown field `path`"));
 }
 
-/// Tests that hashes of pieces distinguish tables, and that the scene hash depends on the hashes of the
-/// pieces. The pieces of a large file are the header, the axes and 64 parts of the data. The hash always
-/// detects a change that is as long as the distance between two parts.
+/// Tests that the hashes of a table's pieces distinguish tables. Tests that the scene hash depends on the
+/// hashes of the pieces. The pieces of a large file are the header, the axes and 64 parts of the data. The
+/// hash always detects a change that is as long as the distance between two parts.
 #[test]
 fn scene_hashes_depend_on_the_pieces_of_tables() {
     let folder = folder();

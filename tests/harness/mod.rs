@@ -158,7 +158,8 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
 /// - the words that the message must contain
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-/// Returns the line and column of a fault, which the function computes from the mark of a case alone.
+/// Returns the line and column of a fault. The function computes the position from `text` and the mark of a
+/// case, without the program's output.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
     let at = text.find(wanted.unwrap_or(mark)).unwrap_or_else(|| panic!("`{mark}` is not in the file"));

@@ -1,6 +1,6 @@
-//! Tests arrays, and documents other than scenes with every key. The documents are schemes, detectors,
-//! priors, media, materials and calibrations. The tests replace every value by invalid values, one at a time.
-//! The program must refuse the result.
+//! Tests arrays and documents. Each document has every key. The documents are schemes, detectors, priors,
+//! media, materials and calibrations. The tests replace every value by invalid values, one at a time. The
+//! program must refuse the result.
 
 use super::case::{Case, Expect, Put};
 use super::scenes::spoil;

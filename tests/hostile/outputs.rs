@@ -108,7 +108,7 @@ pub fn cases() -> Vec<Case> {
             let fix = "--features object-stores";
             (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
-            // These commands write to URLs, but not to URLs with the scheme `nowhere`.
+            // The commands `render` and `merge` write to URLs, but not to URLs with the scheme `nowhere`.
             (make("an address", &format!("nowhere://bucket/{out}")).says("s3://"), "read only")
         } else {
             (make("an address", &format!("s3://bucket/{out}")).says("address"), "address")

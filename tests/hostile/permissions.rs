@@ -25,7 +25,7 @@ pub fn cases() -> Vec<Case> {
         return vec![];
     }
     let mut cases = vec![];
-    // These commands look for another file first.
+    // The listed commands open another file before the file without permission.
     let others = [
         "rig status",
         "rig flash",

@@ -74,7 +74,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Damages finished runs at one position and corrects the checksums, as another program could do. Tests that
+/// Damages finished runs at one position and corrects the checksums, as a faulty program could do. Tests that
 /// the program reads each run or refuses it with a message, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]

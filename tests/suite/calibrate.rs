@@ -106,7 +106,7 @@ fn a_camera_and_a_projector_are_calibrated_from_images() {
         }
         views.push(view);
     }
-    // Calibrates the camera alone, from the white images.
+    // Calibrates the camera without the projector, from the white images.
     let whites: Vec<String> = views.iter().map(|v| format!("{v}/000.png")).collect();
     let mut arguments = vec!["calibrate", "board", "-o", "camera.toml", "--fix-k3"];
     arguments.extend(TARGET);

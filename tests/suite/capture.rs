@@ -35,7 +35,7 @@ fn schemes(folder: &Path) {
     sunstone(folder, "scheme drr -k 36 -o drr36.toml");
     sunstone(folder, "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml");
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
-    // The retardances of these plates are exact at 550 nm only.
+    // The retardances of the scheme's plates are exact at 550 nm and at no other wavelength.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
     let text = text.replace(
         "retardance_deg = 90.0",
@@ -94,8 +94,8 @@ fn captures_are_reconstructed() {
     assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
-/// Tests that captures of a slice have the wavelengths and time bins of the slice, and that a photon counter
-/// counts in these bins.
+/// Tests that captures of a slice have the wavelengths and time bins of the slice. Tests that a photon
+/// counter counts in the time bins of the slice.
 #[test]
 fn slices_are_captured_along_their_axes() {
     let folder = rendered();

@@ -1,5 +1,5 @@
-//! Tests the capture chain of applications. The chain consists of the rig of a seed, and the calibration of
-//! this rig with known samples. Tests refusals.
+//! Tests the capture chain of applications. The chain creates a rig from a seed, and calibrates the rig with
+//! known samples. Tests refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

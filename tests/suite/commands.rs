@@ -117,7 +117,7 @@ fn a_chain_of_commands() {
         .sum(AxisKind::Y);
     assert!((m00 / f64::from(sum.data[0]) - 1.0).abs() < 1e-5);
 
-    // A pattern of ones gives the image of full drive. Half drive gives half of this image.
+    // A pattern of ones gives the image of full drive. Half drive gives half of the image of full drive.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
         image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();

@@ -29,8 +29,7 @@ const NUMBERS: usize = 48;
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    // The samples are independent. Standard errors therefore describe the noise of renders with fewer samples
-    // as well.
+    // The samples are independent. Standard errors are therefore valid for renders with fewer samples.
     let options = ["--seed", seed, "--spp", spp, "--replicates", spp, "--no-figures", "-o", store];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
@@ -45,7 +44,7 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
 #[derive(Debug)]
 struct Judged {
     /// Mean squared error before denoising, divided by the mean squared error after denoising, over all
-    /// values. The two errors exclude the noise of the converged render.
+    /// values. The noise of the converged render is subtracted from each error.
     gain: f64,
     /// The ratio `gain` without the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,
@@ -118,8 +117,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
 }
 
 /// Compares renders of 64 × 64 pixels with 16 samples and with 1024 samples per pixel. A few tens of pixels
-/// on the glossy knot have most of the squared error, and no similar pixels for averaging. Over all pixels,
-/// the mean squared error therefore decreases far less than without the noisiest 5 %.
+/// on the glossy knot have most of the squared error, and no similar pixels for averaging. Denoising
+/// therefore reduces the mean squared error over all pixels far less than the error without the noisiest 5 %
+/// of the pixels.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn denoising_reduces_the_error_and_states_it_correctly() {
@@ -279,7 +279,7 @@ fn denoised_stores_are_marked_and_refused_as_references() {
     assert!(stdout(&done).contains("copied"));
     let [from, to] = ["profile.zarr", "copy.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
     assert_eq!(read(&from, "mueller", Field::Mean).data, read(&to, "mueller", Field::Mean).data);
-    // The sample counts are the sums of the sample counts of the two inputs.
+    // The sample counts of the denoised store are the sums of the sample counts of the two inputs.
     let made = TensorStore::open(&at.join("d.zarr")).expect("a store");
     assert!(made.read_samples([0, 0], [16, 16]).expect("counts").iter().all(|n| *n == 8));
     assert_eq!(made.attributes()["seeds"], serde_json::json!([1, 2]));

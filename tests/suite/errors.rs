@@ -2,7 +2,7 @@
 
 use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 
-/// A valid scene. Each test in this file makes one item invalid.
+/// A valid scene. Each test makes one item of the scene invalid.
 const SCENE: &str = r#"name = "box"
 wavelengths_nm = [450, 550, 660]
 

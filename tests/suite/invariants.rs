@@ -384,8 +384,8 @@ fn camera_parts_equal_pixels_of_the_full_image() {
     }
     let coarse = boxes(&mean("mueller"), 4, |v| v);
     assert_agree("camera boxes", &mean("coarse"), &coarse, 500);
-    // Pixels are independent. The variance of their mean is therefore the mean of their variances, divided by
-    // the number of pixels.
+    // Pixels are independent. The variance of the mean over pixels is therefore the mean of the pixels'
+    // variances, divided by the number of pixels.
     let mut want = boxes(&error("mueller"), 4, |e| e * e / 16.0);
     want.data.iter_mut().for_each(|v| *v = v.sqrt());
     let got = error("coarse");

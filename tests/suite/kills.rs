@@ -1,5 +1,5 @@
 //! Kills one to three processes that write the same store, at random times. Tests that an unfinished store is
-//! never reported as finished. Tests that the final bytes equal those of an undisturbed run.
+//! never reported as finished. Tests that the final bytes equal the bytes of an undisturbed run.
 //!
 //! By default, the tests run few trials. `SUNSTONE_KILLS=200 cargo test --release --test suite kills --
 //! --nocapture` sets the number of trials of each kind.
@@ -80,8 +80,8 @@ fn duration(at: &Path, arguments: &[&str]) -> Duration {
 }
 
 /// Repeatedly kills and restarts a command that writes a store or a file. Asserts that the result equals the
-/// result `whole` of an undisturbed run, and that no other files remain. If `replaces` is set, every second
-/// trial replaces an existing output.
+/// result `whole` of an undisturbed run, and that no temporary files remain. If `replaces` is set, every
+/// second trial replaces an existing output.
 fn killed(
     at: &Path,
     command: impl Fn(&'static str) -> Vec<&'static str>,

@@ -148,7 +148,7 @@ fn arrays_without_valid_values_are_refused() {
     let message = stderr(&run(d, &capture("one.npy"), 0));
     assert!(message.contains("36 of 72 intensities"), "{message}");
     // The captures of the second pixel are unknown. With saturation at 1e-9, the command excludes the
-    // captures of the first pixel as well.
+    // captures of the first pixel.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let message = stderr(&run(d, &back, 0));
     assert!(message.contains("1 of 2 pixels are NaN"), "{message}");
@@ -189,7 +189,8 @@ fn large_lengths_need_a_unit() {
         let message = refused(d, &board(square));
         assert!(message.contains(why), "{square}: {message}");
     }
-    // The command accepts a length with a unit, or a small length. The remaining error is the missing image.
+    // The command accepts a length with a unit, or a small length. In this case, the only error is the
+    // missing image.
     for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
         let message = refused(d, &board(square));
         assert!(message.contains("missing.png"), "{square}: {message}");

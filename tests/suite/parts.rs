@@ -154,7 +154,7 @@ fn shared_light_subpaths_give_the_same_bytes() {
         let share_of = |n: u32| made.iter().find(|name| name.ends_with(&format!("-{n}of{of}.light")));
         let file = |n: u32| light.join(share_of(n).expect("a share"));
         // Negative control: a share with another seed changes the result. The program therefore reads the
-        // light and does not trace the light again.
+        // light of the share and does not trace this light again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));
         other.change_settings(|s| s.seed += 1);
@@ -225,7 +225,7 @@ fn a_part_is_not_a_finished_render() {
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
-    // Commands can read the finished pixels. Pixels of other parts are NaN, not zero.
+    // Commands can read the finished pixels. Pixels of unfinished parts are NaN, not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
     let sum = partial.slice("sum").expect("a slice").read_all(Field::Mean).expect("values");

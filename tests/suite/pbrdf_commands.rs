@@ -130,8 +130,8 @@ fn tables_are_made_and_read() {
     // table gives the same value.
     let source = json(at, &["pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180"]);
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
-    // A wavelength of 660 nm is outside the table. The command uses the last band of the table and reports
-    // this choice once.
+    // A wavelength of 660 nm is outside the table. The command uses the last band of the table, and reports
+    // once that the table does not include 660 nm.
     std::fs::write(at.join("red.toml"), "[materials]\nm.measured.file = 't/white.pbsdf'\n").expect("a file");
     let red = run(at, &["pbrdf", "eval", "red.toml", "--in", "30,0", "--out", "10,90"], 0);
     assert_eq!(stderr(&red).matches("660 nm uses the band at 650 nm").count(), 1, "{}", stderr(&red));

@@ -2,7 +2,7 @@
 
 use crate::harness::{Case, fault, refusals, run};
 
-/// A valid file of media. Each test in this file makes one item invalid.
+/// A valid file of media. Each test makes one item of the file invalid.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
 
 [media.air.homogeneous]

@@ -1,4 +1,4 @@
-//! Tests that the bytes of a render depend on neither the number of threads nor interruptions.
+//! Tests that the number of threads and interruptions do not change the bytes of a render.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
@@ -34,8 +34,8 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// Tests that the number of threads changes no byte of a bidirectional render. In such a render, light can
-/// reach any tile. (`bytes.rs` compares other integrators.)
+/// Tests that the number of threads changes no byte of a bidirectional render. In a bidirectional render,
+/// light can reach any tile. (`bytes.rs` compares the remaining integrators.)
 #[test]
 fn threads_do_not_change_the_output() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -115,7 +115,8 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     let done = lines(&store);
     assert!((5..TILES).contains(&done), "{done} tiles were finished");
 
-    // The program must neither restart the render by mistake nor mix it with other slices or settings.
+    // The program must not restart the render by mistake, and must not mix the render with different slices
+    // or settings.
     let refused = |more: &[&str]| {
         let arguments = [&["render", "scene.toml", "-o", "killed.zarr"], more].concat();
         stderr(&run(at, &arguments, 2))

@@ -99,8 +99,8 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         assert!((mean - number("mean_samples_per_pixel")).abs() < 0.1, "{mean} {message}");
         assert!(counts.iter().max() > counts.iter().min());
 
-        // The result merges with a plain render of another seed. The merged store does not record the target
-        // error.
+        // The result of a render to a target error merges with a plain render of another seed. The merged
+        // store does not record the target error.
         scene.change_settings(|s| s.seed = 77);
         Render::new(&scene).to_store(&at("plain")).expect("a render");
         scene.change_settings(|s| s.seed = 0);

@@ -79,7 +79,7 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
     // Two renders of the same variant give the same store.
     render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
-    // Another variant neither resumes the store nor merges with the store.
+    // A store of one variant cannot be resumed as another variant, or merged with another variant.
     let message = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
     assert!(message.contains("variant differs"), "{message}");
     render("varied.toml", &["--variant", "0", "--seed", "5", "-o", "other.zarr"], 0);
@@ -199,7 +199,8 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     std::fs::write(&fit, &damaged).expect("writes");
     let fixed = draw();
     assert_eq!((&fixed.0, &fixed.2), (&first.0, &first.2));
-    // Another render of the same light with another render time has another key but gives the same numbers.
+    // A second render of the same light has a different render time. The key of the fit therefore differs,
+    // but the numbers are the same.
     let renders = std::fs::read_dir(at.join("out/apply/renders")).expect("renders");
     let mut stores = renders.map(|e| e.expect("one").path()).filter(|p| p.is_dir());
     std::fs::remove_dir_all(stores.next().expect("a store")).expect("removes");

@@ -1,5 +1,5 @@
 //! Compares bidirectional paths with camera paths in scenes in which camera paths sample all light. Tests
-//! each strategy alone.
+//! each sampling strategy separately.
 
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -88,8 +88,8 @@ fn compare(text: &str, share: f32, least: usize) {
 pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
-/// Tests that each strategy alone gives the light of the paths with the number of interactions of the
-/// strategy.
+/// Tests each sampling strategy separately. A strategy must give the light of the paths with its number of
+/// interactions.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_strategy_alone_gives_the_light_of_its_paths() {
@@ -156,7 +156,7 @@ pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
 /// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees, as if the
-/// projector's mirror image emitted the light. Camera paths cannot sample this light.
+/// projector's mirror image emitted the light. Camera paths cannot sample the light of the mirror.
 #[test]
 fn mirror_reflects_light_onto_a_wall() {
     reflected_onto_a_wall(60.0, 120_000, "");
@@ -251,7 +251,7 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
 }
 
 /// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, sample all light of
-/// bidirectional paths. Neither kind of samples alone is sufficient.
+/// bidirectional paths. Plain paths alone, or redirected light alone, are not sufficient.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn redirected_light_and_plain_paths_add_up_to_all_light() {

@@ -123,7 +123,7 @@ fn quadrature(
 struct Found {
     bins: usize,
     lit: usize,
-    /// Number of bins with many hits. The next field is the sum of z² over these bins.
+    /// Number of bins with many hits. The field `chi2` is the sum of z² over the bins with many hits.
     known: usize,
     chi2: f64,
     most: f64,
@@ -313,8 +313,8 @@ fn light_in_a_medium_matches_quadrature() {
 /// Returns the contribution of one hit to each bin. If h of n samples hit and each contributes k, the mean is
 /// k h/n and the squared error is k h²/n².
 ///
-/// The function uses the largest contribution in the surrounding bins. A few hits may all be weak, and an
-/// error from these hits alone would ignore strong ones.
+/// The function uses the largest contribution in the surrounding bins. All hits in a bin with few hits can be
+/// weak. An error from the weak hits would ignore the strong hits.
 fn hits(of: &Bins) -> Vec<f64> {
     const AROUND: usize = 8;
     let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
@@ -395,9 +395,9 @@ fn paths_agree_in_a_medium() {
 }
 
 /// Compares camera paths and bidirectional paths. The scene has a pane in front of the camera, which camera
-/// paths pass, and a mirror outside the camera's view. The projector illuminates neither directly. If the
-/// projector illuminated pane or mirror, only bidirectional paths would find the light that pane and mirror
-/// reflect onto walls.
+/// paths pass, and a mirror outside the camera's view. The projector does not illuminate pane or mirror
+/// directly. If the projector illuminated pane or mirror, only bidirectional paths would find the light that
+/// pane and mirror reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";

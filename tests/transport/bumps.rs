@@ -49,8 +49,8 @@ fn check(found: f64, normal: DVec3, what: &str) {
 }
 
 /// Tests bump maps on a rectangle of 2 m by 0.5 m whose u runs along y. Heights of 0.5 (a u + b v) have the
-/// slopes 0.25 a and b on this rectangle. Images that `uv` rotates and scales follow the chain rule. Copies
-/// of a group stretch their base, not the heights.
+/// slopes 0.25 a and b on the rectangle. Images that `uv` rotates and scales follow the chain rule. Copies of
+/// a group stretch their base, not the heights.
 #[test]
 fn ramps_tilt_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -38,8 +38,8 @@ pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M
     (retarder(TAU * length * (n - n_o) / (nm * 1e-9)), frame)
 }
 
-/// Point of entry on the slab's upper face. The point is far from the origin. The offset from a surface grows
-/// with the coordinates, and would exceed a wavelength at this point.
+/// Point of entry on the slab's upper face. The point is far from the origin. The offset of rays from a
+/// surface grows with the coordinates, and would exceed a wavelength at the point of entry.
 const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
 
 /// Returns the scene-file text of a slab perpendicular to z, from z = 0 to `top`.
@@ -121,7 +121,7 @@ impl Slab {
 }
 
 /// Checks a slab. Every sample without inner reflections has the same matrix up to a factor. The normalized
-/// matrix is therefore exact, and the factor is statistical.
+/// matrix is therefore exact, and the factor has a statistical error.
 fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
     let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);

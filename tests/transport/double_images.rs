@@ -1,5 +1,5 @@
-//! Tests that birefringent crystals show two images with orthogonal polarizations. The positions must equal
-//! those that wave theory gives for the two rays.
+//! Tests that birefringent crystals show two images with orthogonal polarizations. The positions of the
+//! images must equal those that wave theory gives for the ordinary and the extraordinary ray.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
 use crate::support::{Rendered, render_text};
@@ -22,8 +22,8 @@ const RADIUS: f64 = 0.001;
 /// the render, the radiance of the disk, and the path length outside the slab.
 ///
 /// The camera sees the point (0.05, 0.03) of the upper face, by light that leaves along `d`. The line of
-/// sight crosses the lower face below this point, shifted by `shift`, and continues parallel to `d` to the
-/// disk.
+/// sight crosses the lower face below the seen point, shifted by `shift`. The line then continues parallel to
+/// `d` to the disk.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -100,8 +100,8 @@ fn double_image_of_calcite() {
     }
 }
 
-/// Tests oblique rays in the plane of x and z, with the axis along y. Each of the two rays obeys Snell's law
-/// with its own index.
+/// Tests oblique rays in the plane of x and z, with the axis along y. The ordinary and the extraordinary ray
+/// each obey Snell's law with their own index.
 #[test]
 fn oblique_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);

@@ -4,14 +4,14 @@
 //! The method follows Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma &
 //! Hovenier (1987, A&A 183, 371), with the project's signs. z is the normal of the slab. A direction of
 //! travel has the cosine ±μ to the normal and the azimuth φ. The first axis of the Stokes frame of the
-//! direction is the horizontal (-sin φ, cos φ, 0), also at the pole. This axis is perpendicular to the
+//! direction is the horizontal (-sin φ, cos φ, 0), also at the pole. The horizontal is perpendicular to the
 //! meridian plane. With the phase matrix Z per steradian, ∫ Z00 dω = 1,
 //!
 //!     ±μ dI/dz = -I + ϖ ∫ Z(d, d') I(d') dω',   z in units of the mean free path.
 //!
 //! A Fourier series Z = Σ Z^m exp(imφ) represents the azimuth. Z is even in φ in the blocks that map (I, Q)
-//! to themselves and (U, V) to themselves, and odd between these blocks. Therefore, diag(1, 1, i, i) Z^m
-//! diag(1, 1, -i, -i) is real. The code stores these real matrices.
+//! to themselves and (U, V) to themselves, and odd between the blocks. Therefore, the product diag(1, 1, i,
+//! i) Z^m diag(1, 1, -i, -i) is real. The code stores the real products.
 //!
 //! Gauss's rule on 0..1 discretizes μ. Directions of interest are additional nodes of weight 0.
 //!
@@ -151,7 +151,7 @@ pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec
 }
 
 /// Returns the scattering matrix between directions that are given by signed cosine and azimuth. The matrix
-/// refers to the frames of these azimuths.
+/// refers to the frames of the azimuths of the two directions.
 pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M {
     let [out, into] = [out, into].map(|[mu, phi]| [direction(mu, phi), horizontal(phi)]);
     scattered(scattering, out, into)

@@ -20,9 +20,9 @@ fn single(camera: &Device, light: &str) -> M {
 
 /// Tests that M(roll_c, roll_p) = R(θ_c) M R(-θ_p), with θ counter-clockwise looking toward the source.
 ///
-/// Light leaves the projector along forward. A rotation of the projector's right by θ is therefore toward
-/// forward × right = down. Light reaches the camera along -forward, so θ is from right toward up in the
-/// camera.
+/// Light leaves the projector along forward. For the projector, a rotation of right by θ is therefore toward
+/// forward × right = down. Light reaches the camera along -forward. For the camera, a rotation of right by θ
+/// is therefore toward up.
 #[test]
 fn rolls_are_rotation_matrices() {
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);

@@ -59,7 +59,7 @@ fn slab_at_normal_incidence() {
     let reflectance = ((N - 1.0) / (N + 1.0)).powi(2);
     let pass = (1.0 - reflectance).powi(2);
     let time = r.mean("t");
-    // Later orders are too rare for reliable standard errors. The comparison of the total includes these
+    // Later orders are too rare for reliable standard errors. The comparison of the total includes all
     // orders.
     for k in 0..3_usize {
         let bounces = 3 + 2 * k;

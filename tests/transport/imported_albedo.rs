@@ -45,7 +45,7 @@ fn mtl(text: &str) -> [f64; 3] {
 fn gltf(material: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     square(folder.path(), material, "");
-    // In this map, the green channel (roughness) and the blue channel (metal) are half.
+    // In the map `picture.png`, the green channel (roughness) and the blue channel (metal) are half.
     image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 128]))
         .save(folder.path().join("picture.png"))
         .unwrap();
@@ -80,7 +80,7 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
 const METAL: f64 = 0.344;
 
 /// Relative tolerance for 20,000 samples. Five standard errors of a rough mirror, which has the largest
-/// variance in these tests, are 0.7 %.
+/// variance of all tested materials, are 0.7 %.
 const NOISE: f64 = 0.012;
 
 #[test]

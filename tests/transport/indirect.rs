@@ -63,7 +63,7 @@ fn diffuse_corner() {
     let sigma = error(2);
     assert!((mean(2) - sum).abs() < 5.0 * sigma, "second bounce {} is not {sum} ± {sigma:.1e}", mean(2));
     assert!(sigma < 3e-3 * sum, "too few samples to mean anything");
-    // Compares each bin with at least 1 % of the light separately, and the remaining bins together.
+    // Compares bins with at least 1 % of the light one by one, and the sum of the remaining bins.
     let (mut compared, mut rest, mut rest_sigma2, mut got_moment, mut moment_sigma2) =
         (0, 0.0, 0.0, 0.0, 0.0);
     let centre = moment / sum;

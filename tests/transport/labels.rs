@@ -89,7 +89,7 @@ fn lobes_of_plastic_are_separated_exactly() {
         let t = both.mean("m");
         assert_only(&t, &[GLOSSY, BODY], &what);
         let at = |t: &Tensor, set: u8| mueller(t, &[(Label, set.into())]);
-        // Without the body, all remaining light is glossy, including the second half of a blend. Without the
+        // Plastic without a body has only glossy light, including the second half of a blend. Without the
         // coat's reflection, the light of the body is unchanged.
         let glossy = mueller(&made(&plastic(0.0, 0.9)).mean("all"), &[]);
         assert_close(&at(&t, GLOSSY), &glossy, 1e-5, &what);
@@ -258,8 +258,8 @@ fn parts_add_up_to_the_whole() {
             }
         }
     }
-    // Glass alone sets no label. Unlabelled light exists in this scene, because the camera sees the
-    // environment directly as well.
+    // Glass alone sets no label. The scene has unlabelled light, because the camera sees part of the
+    // environment directly.
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 

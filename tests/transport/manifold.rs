@@ -21,8 +21,8 @@ pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
 }
 
 /// A ray in a plane that contains an axis. The fields are the final distance from the axis, the optical
-/// length, and the transmittances. The transmittances are half the sum and half the difference of those for s
-/// and p.
+/// length, and the transmittances. The field `passed` has half the sum and half the difference of the
+/// transmittances for s and p.
 pub struct Meridian {
     pub rho: f64,
     pub optical: f64,
@@ -114,7 +114,7 @@ fn refraction_by_a_flat_slab_obeys_snell() {
             Meridian {
                 rho: 1.3 * sin / cos + 0.2 * (sin / 1.5) / inner,
                 optical: 1.3 / cos + 0.2 * 1.5 / inner,
-                // The two faces transmit equally.
+                // The two faces of the slab have equal transmittances.
                 passed: [a * a + b * b, 2.0 * a * b],
             }
         });

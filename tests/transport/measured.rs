@@ -193,8 +193,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// Tests that φ_d = -π and φ_d = π are equal. Some tables include the two values. All tables must be
-/// continuous at this boundary, and must agree.
+/// Tests that φ_d = -π and φ_d = π are equal. Some tables include entries at -π and π. All tables must be
+/// continuous at φ_d = ±π, and must agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -308,7 +308,8 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
 }
 
 /// Tests that sampling with the table has a smaller second moment of the weight's M00 than cosine sampling.
-/// The mean of M00, which is the reflected fraction of light, must be equal for the two methods.
+/// The mean of M00, which is the reflected fraction of light, must be equal for sampling with the table and
+/// for cosine sampling.
 #[test]
 fn importance_tables_reduce_variance() {
     let bench = Bench::new();

@@ -244,9 +244,9 @@ fn overlapping_filled_objects_need_a_priority() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Tests light that enters a filled object through one surface and leaves through another surface. The
-/// surfaces are the end and the side of a tube, or parts of a mesh with different materials. The expected
-/// transmittance is exp(-2 · length) of the path inside.
+/// Tests light that enters a filled object through one surface and leaves the object through a second
+/// surface. The surfaces are the end and the side of a tube, or parts of a mesh with different materials. The
+/// expected transmittance is exp(-2 · length) of the path inside.
 #[test]
 fn parts_of_a_filled_object_count_as_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -260,8 +260,8 @@ fn parts_of_a_filled_object_count_as_one() {
     let mesh =
         format!("obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}", file.to_str().unwrap());
     let tube = "cylinder = { p0 = [0, 0, -0.5], p1 = [0, 0, 0.5], radius = 0.5, caps = true }";
-    // Each ray ends at (0.5, 0, 0). Rays from outside enter the object at z = 0.5. Other rays start at a
-    // camera inside the object.
+    // Each ray ends at (0.5, 0, 0). Rays from outside enter the object at z = 0.5. Rays from inside start at
+    // a camera inside the object.
     for (shape, z, length) in [
         (tube, 1.5, f64::hypot(0.5, 1.0 / 6.0)),
         (&mesh, 2.0, f64::hypot(0.5, 0.125)),

@@ -500,7 +500,7 @@ fn interreflection_conserves_energy() {
                 let value =
                     |m: &Materials| f64::from(m.eval(0, &surface(), wo, wi).unwrap().m00().to_array()[lane]);
                 sum += value(&closed) * TAU / f64::from(STEPS);
-                // The value of a white base is the same in the two modes.
+                // The value of a white base is the same in the closed and the linear mode.
                 assert_eq!(value(&closed), value(&linear));
                 let want = through * (1.0 - reflectance(f64::from(c), f64::from(eta))) * f64::from(c) / PI;
                 assert!((value(&open) - want).abs() < 1e-5, "{} is not {want}", value(&open));
@@ -590,8 +590,8 @@ fn single_scattering_is_a_second_reflection() {
 }
 
 /// Tests that, away from the highlight, plastic's light is polarized in the plane of n and `wo`. In a frame
-/// perpendicular to this plane, s1 is negative. The polarization is stronger at grazing exit. Shape from
-/// polarization relies on this sign.
+/// perpendicular to the plane of n and `wo`, s1 is negative. The polarization is stronger at grazing exit.
+/// Shape from polarization relies on the negative sign of s1.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);

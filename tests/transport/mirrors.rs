@@ -82,7 +82,7 @@ fn floor() -> String {
     plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
 }
 
-/// Asserts that all light of a number of bounces arrives within a bin of these times.
+/// Asserts that all light of a number of bounces arrives within a time bin of `times_ps`.
 pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     let t = r.mean("t").select(Bounces, bounces);
     let mut seen = vec![false; times_ps.len()];
@@ -115,7 +115,7 @@ fn one_mirror_is_an_image() {
         let p = r.mean("p").select(Bounces, 3);
         let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
         assert_eq!(lit, [v as usize * 64 + u as usize]);
-        // No other strategy samples this light, so the image is black without manifold connections.
+        // No other strategy samples light via a mirror, so the image is black without manifold connections.
         let mut scene = scene_of(&text);
         scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, false));
         assert_eq!(mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]), M::zeros());
@@ -321,7 +321,7 @@ fn light_over_mirror_balls_matches_traced_rays() {
 }
 
 /// Tests that, behind dispersive glass, every wavelength searches separately for paths over a sphere. The
-/// light must equal that of a render of this wavelength alone.
+/// light of each wavelength must equal that of a render of a single wavelength.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_wavelength_finds_paths_over_balls_separately() {

@@ -1,6 +1,6 @@
-//! Tests sheets between a surface and the projector. Users of other programs requested such sheets (Mitsuba
-//! 3's issue 1462, "projector's light can't walk through polarizer or circular"). In Mitsuba, a pinhole
-//! behind any BSDF renders black.
+//! Tests sheets between a surface and the projector. Users of other programs requested sheets in front of a
+//! projector (Mitsuba 3's issue 1462, "projector's light can't walk through polarizer or circular"). In
+//! Mitsuba, a pinhole behind any BSDF renders black.
 //!
 //! The tests compare renders with closed forms. Light passes a sheet without bending, so the sheet changes
 //! nothing but the matrix.
@@ -204,7 +204,7 @@ fn a_filter_near_the_pinhole_halves_everything() {
 }
 
 /// Tests that a path of `max_depth` 2 has one interaction. With a sheet between projector and wall, the
-/// wall's interaction exceeds this depth.
+/// wall's interaction exceeds a `max_depth` of 2.
 #[test]
 fn sheets_count_for_max_depth() {
     let sheets = in_front(&scanner(), 0.1, "p");

@@ -10,7 +10,8 @@ use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
 /// Compares I, Q and U of light that leaves the top of a Rayleigh slab with all digits of the tables of
-/// Coulson, Dave & Sekera (1960). Natraj, Li & Yung (2009, ApJ 691, 1909) recomputed these tables.
+/// Coulson, Dave & Sekera (1960). Natraj, Li & Yung (2009, ApJ 691, 1909) recomputed the tables of Coulson,
+/// Dave & Sekera.
 ///
 /// The slab has τ = 0.5 over a black ground, under a sun of flux π at cos θ0 = 0.2. The signs of Q and U are
 /// those of Sunstone's frames.

@@ -176,7 +176,8 @@ fn both(
     [seen, over(mirrored)]
 }
 
-/// Checks that the two values agree, and are so precise that a missing fraction `share` would be detected.
+/// Checks that two values of the light agree. Checks that the values are so precise that the test would
+/// detect a missing fraction `share`.
 fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     let sigma = x.hypot(y);
     assert!((a - b).abs() < 5.0 * sigma, "{a} ± {x}, {b} ± {y}");

@@ -1,5 +1,5 @@
-//! Tests large scenes and small gaps. If single precision suffices, renders are exact. Other scenes are
-//! refused.
+//! Tests large scenes and small gaps. If single precision suffices for a scene, the render is exact.
+//! Otherwise, the program refuses the scene.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{render_scene, render_text};
@@ -87,7 +87,7 @@ fn gaps_of_a_micrometre_work_or_are_refused() {
             let touching = at(0.0).unwrap_or_else(|e| panic!("{what} on the wall: {e}"));
             assert!(touching.notes.iter().any(|n| n.contains("touches")), "{what}: {:?}", touching.notes);
             // A pane that touches the wall within single precision has no air behind it. The scene has a note
-            // about this contact.
+            // about the contact.
             if front == "null" || scene.notes.iter().any(|n| n.contains("into the other object")) {
                 continue;
             }

@@ -246,7 +246,7 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     render_text(&text)
 }
 
-/// Tests empty null boundaries, and clear media behind such boundaries. The boundaries and media must affect
+/// Tests empty null boundaries, and clear media behind null boundaries. The boundaries and media must affect
 /// travel time only. Absorbing media follow Beer and Lambert in each direction.
 #[test]
 fn null_boundaries_have_no_effect() {
@@ -324,7 +324,7 @@ fn refractive_boundaries_are_those_of_glass() {
 
 /// Tests that, in a furnace, a lossless medium is invisible behind any boundary, and that unpolarized light
 /// stays unpolarized. The condition holds in every sample if nothing polarizes and wavelengths do not share
-/// paths. In all other cases, the condition holds on average.
+/// paths. If light is polarized or wavelengths share paths, the condition holds on average.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);

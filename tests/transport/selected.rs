@@ -206,7 +206,7 @@ fn drawn_bands_agree_with_the_full_slice() {
     assert!(ratio > 1.2, "variances fall by {ratio} alone");
 }
 
-/// Tests that a slice with few s' does not change other slices of the render.
+/// Tests that a slice with few projector pixels s' does not change the remaining slices of the render.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_slices_keep_their_bits() {

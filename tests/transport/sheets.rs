@@ -1,5 +1,5 @@
-//! Tests polarizer sheets, retarder sheets and coated mirrors. The tests compare renders with closed forms,
-//! and test the matrices alone.
+//! Tests polarizer sheets, retarder sheets and coated mirrors. The tests compare renders with closed forms.
+//! Further tests check the matrices without a render.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, of_image, project,
@@ -407,8 +407,8 @@ fn named_constants_equal_their_values() {
     assert!((mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3, "SiO absorbs in the blue");
 }
 
-/// Tests a surface that is partly a sheet and partly another material. The surface is as bright as the second
-/// part alone, times the fraction of this part.
+/// Tests a surface that is partly a sheet and partly another material. The brightness of the surface is the
+/// fraction of the second part, times the brightness of a surface of the second material.
 ///
 /// The light is a point, the projector or an emitting disk. The test uses each integrator, with and without
 /// the tracking of media that a null material requires.

@@ -72,7 +72,8 @@ fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
         assert!(known >= 16.0, "{file}: only {known} pixels are known");
         assert!(largest < 5.0 || spread > 1.2, "{file}: a pixel is {largest} sigma off");
         // If errors are known to a fifth, z² has a variance of 3. Errors are too small where light is rare,
-        // as for bidirectional paths in stone and flesh. In such scenes, single pixels are not significant.
+        // as for bidirectional paths in stone and flesh. Where light is rare, single pixels are not
+        // significant.
         assert!(chi2 < spread * known + 5.0 * (3.0 * known).sqrt(), "{file}: chi² {chi2} of {known} pixels");
     }
 }
@@ -96,8 +97,8 @@ fn fruits() {
 }
 
 /// Compares the two integrators for light that leaves rough stone toward the projector's pinhole. Few
-/// bidirectional samples contribute, and errors are too small until such samples occur. (Camera paths connect
-/// to the pinhole: `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
+/// bidirectional samples contribute. Until a contributing sample occurs, the error estimate is too small.
+/// (Camera paths connect to the pinhole: `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
 #[test]
 fn statue() {
     compare("sss_statue/scene.toml", [256, 64], 0.1, 3.0);

@@ -17,7 +17,7 @@ use sunstone::transport::medium::size_distribution::SizeDistribution;
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
-/// Half width of the slab in metres. No light returns from the sides of such a wide slab.
+/// Half width of the slab in metres. The slab is so wide that no light returns from its sides.
 const HALF: f64 = 40.0;
 /// Distance of the projector in metres.
 const FAR: f64 = 2e4;
@@ -225,8 +225,8 @@ fn mie_slabs_to_depth_8() {
     ]);
 }
 
-/// Tests that subpaths are not biased toward the light at every step. With such a bias, the result would be
-/// 14 % too dark at 9000 samples, because the tails of the distribution would not be sampled.
+/// Tests that subpaths are not biased toward the light at every step. With a bias at every step, the result
+/// would be 14 % too dark at 9000 samples, because the tails of the distribution would not be sampled.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_of_depth_32() {

@@ -127,8 +127,8 @@ fn malus_by_two_brewster_reflections() {
         let full = reflectance * reflectance / 2.0;
         let axis = turn(d_out, s1, project(camera.right, d_out));
         let shape = axis * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0);
-        // A sample that hits the two reflections always has the same value, and any other sample is zero. The
-        // mean and the standard error determine this value and its frequency.
+        // All samples that both plates reflect have the same value, and all other samples are zero. The mean
+        // and the standard error determine the nonzero value and its frequency.
         let mean = got[(0, 0)];
         if malus < 1e-9 {
             assert!(mean < 1e-9, "crossed plates pass {mean}");

@@ -1,5 +1,5 @@
-//! Tests the effect of disabling a sampling strategy. Light that other strategies sample must not change.
-//! With all strategies enabled, this light must be less noisy.
+//! Tests the effect of disabling a sampling strategy. Light that other strategies sample must not change. If
+//! all strategies are enabled, light that several strategies sample must be less noisy.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -64,8 +64,8 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
 }
 
 /// Returns the largest deviation, in standard errors, of elements with errors below 1/20 in each of two
-/// renders, and the number of these elements. Errors of other elements, which have few random samples, are
-/// unreliable.
+/// renders, and the number of such elements. Elements with larger errors have few random samples, so their
+/// errors are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {

@@ -1,6 +1,6 @@
-//! Tests that thin plates of glass, and rough glass, polarize light. Users of other programs requested this
-//! feature (Mitsuba 3's issue 1512, "why does the dielectric material display polarization information, while
-//! roughdielectric and thindielectric do not?").
+//! Tests that thin plates of glass, and rough glass, polarize light. Users of other programs requested
+//! polarization by thin plates (Mitsuba 3's issue 1512, "why does the dielectric material display
+//! polarization information, while roughdielectric and thindielectric do not?").
 
 use crate::optics::{
     Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at, turn,

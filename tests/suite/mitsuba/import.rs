@@ -215,7 +215,7 @@ fn facing(folder: &Path, shape: &str) -> f32 {
 const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
-/// Tests that orientations equal those of Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
+/// Compares the orientations of shapes with Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
 /// Mirroring reverses the normals of spheres and of meshes with computed normals, but of no other shapes.
 /// `flip_normals` reverses the normals of all shapes.
 #[test]
