@@ -181,12 +181,12 @@ fn render_if_small(mut scene: Scene) -> bool {
 /// One change to a text. A position is a fraction of the number of numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
-    /// Replaces a number by a text.
+    /// Replaces a number with a text.
     Number(f64, &'static str),
-    /// Replaces a line or a word by another line or word.
+    /// Replaces a line or a word with another line or word.
     Line(f64, f64),
     Word(f64, f64),
-    /// Replaces several characters by one character, or deletes several characters.
+    /// Replaces several characters with one character, or deletes several characters.
     Cut(f64, usize, Option<char>),
 }
 
@@ -309,8 +309,8 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 fn mutated_scenes_render_finite_values_or_give_an_error() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
-    // Milk takes three times as long as all other media, because its droplets have hundreds of sizes. Spheres
-    // of many sizes around a hundred wavelengths take up to a minute.
+    // Milk takes three times as long as all other media, because its droplets have hundreds of sizes. Media
+    // with spheres of many sizes around a hundred wavelengths take up to a minute.
     let slow = ["milk.milk", "beads.polystyrene", "grains.particles"];
     let lines = EVERYTHING.lines().filter(|line| !slow.iter().any(|s| line.starts_with(s)));
     let base: String =

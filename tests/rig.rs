@@ -650,7 +650,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert_eq!(all["radiometric"], before["radiometric"]);
     assert_eq!(all["detector"], before["detector"]);
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
-    // Tests schemes. All readings of a run without a sample are saturated.
+    // Uses the calibration in schemes. All readings of a run without a sample are saturated.
     output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
@@ -659,7 +659,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     let words: Vec<&str> =
         example.iter().map(|w| if *w == "SCHEME" { file.to_str().expect("a name") } else { *w }).collect();
     output_of(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
-    // Tests plans and rigs. A rig accepts a single name or a list.
+    // Uses the calibration in plans and rigs. A rig accepts a single name or a list of names.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
     bench.write("again.toml", plan);
     bench.write("rig.toml", format!("calibration = \"sensor.toml\"\n{RIG}"));

@@ -1,5 +1,5 @@
 //! Tests arrays and documents. Each document has every key. The documents are schemes, detectors, priors,
-//! media, materials and calibrations. The tests replace every value by invalid values, one at a time. The
+//! media, materials and calibrations. The tests replace every value with invalid values, one at a time. The
 //! program must refuse the result.
 
 use super::case::{Case, Expect, Put};

@@ -1,4 +1,5 @@
-//! Replaces every output by an input, a folder, a device, a pipe, a URL, a wrong name, or an impossible path.
+//! Replaces every output with an input, a folder, a device, a pipe, a URL, a wrong name, or an impossible
+//! path.
 
 use super::case::{Case, Expect, Put};
 

@@ -1,5 +1,5 @@
 //! Tests the capture chain of applications. The chain creates a rig from a seed, and calibrates the rig with
-//! known samples. Tests refusals.
+//! known samples. Tests that invalid input is refused.
 
 use crate::harness::{run, stderr};
 use std::path::Path;

@@ -140,7 +140,8 @@ fn slices_of_stores() {
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
 
-/// Tests that the command refuses input that is not an array of matrices with a fix, and writes nothing.
+/// Tests that the command refuses input other than arrays of matrices. The error message must contain a fix,
+/// and the command must write nothing.
 #[test]
 fn invalid_inputs_are_refused() {
     let folder = rendered();

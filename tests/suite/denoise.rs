@@ -256,7 +256,7 @@ fn denoised_stores_are_marked_and_refused_as_references() {
     assert!(text.contains("denoised"), "the title does not say it");
     run(at, &["decompose", "d.zarr", "mueller", "-o", "d.npz"], 0);
     run(at, &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"], 0);
-    // Commands that would use the denoised store as a reference refuse it.
+    // Commands that would use the denoised store as a reference refuse the store.
     run(at, &["scheme", "drr", "-k", "36", "-o", "drr.toml"], 0);
     let refused: [&[&str]; 7] = [
         &["merge", "d.zarr", "a.zarr", "-o", "m.zarr"],

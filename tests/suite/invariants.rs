@@ -330,7 +330,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
 }
 
 /// Tests that direct coaxial light is the diagonal of the full slice. A statistical test compares indirect
-/// light, because the render uses separate paths for it (`tests/transport/selected.rs`).
+/// light, because coaxial slices use separate paths for indirect light (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_the_full_slice() {
     for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {

@@ -189,8 +189,8 @@ fn large_lengths_need_a_unit() {
         let message = refused(d, &board(square));
         assert!(message.contains(why), "{square}: {message}");
     }
-    // The command accepts a length with a unit, or a small length. In this case, the only error is the
-    // missing image.
+    // The command accepts a length with a unit, or a small length. If the length is accepted, the only error
+    // is the missing image.
     for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
         let message = refused(d, &board(square));
         assert!(message.contains("missing.png"), "{square}: {message}");

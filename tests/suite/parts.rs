@@ -280,7 +280,7 @@ fn wrong_sets_are_refused() {
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
     refused(&["p1", "p2", "p3", "first"], &["both contain tile", "pass only one of the two parts"]);
     refused(&["p1", "half"], &["both contain tile 0"]);
-    // Negative control: one part has another seed or other samples.
+    // Negative control: one part has a different seed or a different number of samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
@@ -294,7 +294,7 @@ fn wrong_sets_are_refused() {
     let partial = Options { partial: true, ..Options::default() };
     let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
     assert!(text.expect_err("refused").contains("--partial"));
-    // Negative control: the merge contains a copy of a part in which one number differs.
+    // Negative control: one number differs between two copies of a part.
     std::fs::remove_dir_all(at("joined")).expect("a folder");
     let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
     let sum = twin.slice("sum").expect("a slice");

@@ -102,7 +102,7 @@ fn tables_are_made_and_read() {
     let info = ok(&["pbrdf", "info", "t/white.pbsdf"]);
     assert!(info.contains("phi_d      19 entries, -180.0° to 180.0°"), "{info}");
     assert!(info.contains("450, 500, 550, 600, 650"), "{info}");
-    // The white material is constant and unpolarized. At 550 nm, its value is 0.65/π.
+    // The white material is constant and unpolarized. At 550 nm, the value of the white material is 0.65/π.
     let band = info.lines().find(|l| l.trim_start().starts_with("550")).expect("a band");
     let numbers: Vec<f64> = band.split_whitespace().filter_map(|w| w.parse().ok()).collect();
     let want = 0.65 / std::f64::consts::PI;

@@ -71,7 +71,7 @@ fn errors_of_broken_files_have_position_and_fix() {
     let folder = tempfile::tempdir().expect("a folder");
     let message = |case: &Case| {
         let from = case.1;
-        // The faulty medium is named in the last heading before the fault.
+        // The last heading before the fault names the faulty medium.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
         let name =
             above.rfind("[media.").map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));

@@ -1,4 +1,4 @@
-//! Tests that the number of threads and interruptions do not change the bytes of a render.
+//! Tests that neither interruptions nor the number of threads change the bytes of a render.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;

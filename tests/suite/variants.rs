@@ -211,9 +211,9 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
 
 /// Tests that the light of each variant is rendered once if seeds affect a detector only.
 ///
-/// From scene file to table, errors equal two closed forms. The first is 0.5e-3 √(440/15/16), for fifteen
-/// learned captures with a polarizer array. The second is 0.5e-3 √(196/16), for 36 captures of dual rotating
-/// retarders.
+/// From scene file to table, errors equal two closed forms. The first closed form is 0.5e-3 √(440/15/16), for
+/// fifteen learned captures with a polarizer array. The second closed form is 0.5e-3 √(196/16), for 36
+/// captures of dual rotating retarders.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {

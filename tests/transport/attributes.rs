@@ -1,5 +1,5 @@
-//! Tests attributes of PLY meshes that are used as albedos, in closed form. Under uniform white light, the
-//! radiance of a surface equals its albedo.
+//! Tests attributes of PLY meshes that are used as albedos. The references are closed forms. Under uniform
+//! white light, the radiance of a surface equals its albedo.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;

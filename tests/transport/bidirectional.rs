@@ -290,8 +290,8 @@ fn lenses() {
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
 
-/// Tests reciprocity: the light through an object is the same if camera and projector are exchanged. In
-/// formulas, T(s, s') f'² = D T'(s', s)ᵀ D f². The test compares light subpaths with camera subpaths.
+/// Tests reciprocity: the light through an object is the same if camera and projector are exchanged. The
+/// formula is T(s, s') f'² = D T'(s', s)ᵀ D f². The test compares light subpaths with camera subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_devices_give_the_same_light() {

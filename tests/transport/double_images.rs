@@ -151,7 +151,8 @@ fn faces_of_a_splitting_crystal() {
             continue;
         }
         entered += 1;
-        // The same ray arrives from inside on its way out. One of two candidates leads back to the start.
+        // The reversed refracted ray arrives at the face from inside. One of two candidates leads back along
+        // the original ray.
         for _ in 0..8 {
             let Some(out) = set.materials.sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
             else {

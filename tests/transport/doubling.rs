@@ -18,8 +18,9 @@
 //! A layer consists of its kernels R and T of diffuse light and the factor exp(-τ/μ) of unscattered light.
 //! For example, for light from above, I_up(i) = Σ_j R(i, j) w_j I(j).
 //!
-//! An inverted homogeneous layer has the kernels X R X and X T X with X = diag(1, 1, -1, -1). The reason is
-//! that mirroring in a horizontal plane keeps the first axis of a frame and reverses the second.
+//! An inverted homogeneous layer has the kernels X R X and X T X with X = diag(1, 1, -1, -1). The signs of X
+//! follow because mirroring in a horizontal plane keeps the first axis of a frame and reverses the second
+//! axis.
 
 use crate::optics::{M, turn};
 use glam::DVec3;

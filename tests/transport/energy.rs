@@ -128,8 +128,8 @@ fn rough_conductor_returns_its_directional_albedo() {
 }
 
 /// Tests that spheres with a small loss or gain of light are nearly invisible, for any number of inner
-/// reflections. Rough faces lose light that is reflected between facets. Faces of split crystals are
-/// approximate to (n_e - n_o)².
+/// reflections. Rough faces lose light that is reflected between facets. The model of the faces of split
+/// crystals is accurate to the order (n_e - n_o)².
 #[test]
 fn spheres_nearly_vanish() {
     let split = "axis = [0.5, -0.3, 0.8], split = true";

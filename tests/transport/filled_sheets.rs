@@ -79,7 +79,7 @@ fn check([mean, error]: [M; 2], want: f64, what: &str) {
 }
 
 /// Tests the transmission of absorbing media behind every kind of sheet under uniform illumination. The
-/// camera is outside, along the diameter, or at the centre. Multiple reflections are included.
+/// camera is outside, along the diameter, or at the centre. The expected values include multiple reflections.
 #[test]
 fn absorbing_media_behind_every_kind_of_sheet() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -122,8 +122,9 @@ fn connections_to_points_of_light_through_filled_sheets() {
             let [t, u] = sheet.passes;
             let distance = 1.0 - at;
             let passed = (-DEPTH * ways).exp() * if faces == 1 { t } else { t * u };
-            // Light that is reflected twice along the axis adds (r a)² to light from behind. For the light at
-            // the centre, a mirror image of the spot would have to emit backwards.
+            // Light that is reflected twice along the axis adds (r a)² to light from behind. A spot at the
+            // sphere's centre has no light that is reflected twice, because a mirror image of the spot would
+            // have to emit backwards.
             let r = sheet.reflects;
             let direct = 3.0 * passed / (distance * distance) * 0.5 / PI;
             for integrator in ["path", "bidirectional"] {

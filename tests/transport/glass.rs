@@ -48,7 +48,7 @@ fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
     const SPP: u32 = 200_000;
-    // The lit disk is small. The light that the slab returns to the disk is below one part in 10⁷.
+    // The lit disk is small, so the light that the slab returns to the disk is below one part in 10⁷.
     let disk = "[[objects]]\nmaterial = \"wall\"\nshape.disk = { radius = 0.01 }\n";
     let text = scene(&head(SPP, 30, 11), 0.0, "ior = 3", disk)
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\

@@ -75,7 +75,7 @@ fn uneven_lossless_clouds_vanish_in_the_furnace() {
 }
 
 /// Tests that a grid of equal values acts as a homogeneous medium, up to rounding along the same paths. The
-/// scattering albedo may also be a grid.
+/// scattering albedo is a constant or a grid.
 #[test]
 fn equal_values_give_a_homogeneous_medium() {
     let folder = tempfile::tempdir().expect("a folder");

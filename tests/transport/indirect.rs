@@ -82,7 +82,7 @@ fn diffuse_corner() {
     }
     assert!(compared >= 15, "only {compared} bins");
     assert!(rest.abs() < 5.0 * rest_sigma2.sqrt(), "faint bins are off by {rest}");
-    // Bins assign light to their centres. The expected moment does the same.
+    // Bins assign light to their centres. The expected moment therefore uses the centres of the bins.
     let binned: f64 =
         histogram.iter().enumerate().map(|(i, v)| v * ((i as f64 + 0.5) * BIN_PS - centre)).sum();
     assert!((binned / sum).abs() < BIN_PS / 2.0);

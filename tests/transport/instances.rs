@@ -131,9 +131,9 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Compares all elements of all pixels within five standard errors. Two renders use the same random numbers
-/// and mostly the same paths. The function therefore adds a comparison of the sum of differences, relative to
-/// the sum of values.
+/// Compares all elements of all pixels within five standard errors. The compared renders use the same random
+/// numbers and mostly the same paths. The function therefore adds a comparison of the sum of differences,
+/// relative to the sum of values.
 fn compare(a: &Rendered, b: &Rendered, equal: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));

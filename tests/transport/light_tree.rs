@@ -1,4 +1,4 @@
-//! Tests the selection among many lights. The tests compare probabilities exactly, irradiance with closed
+//! Tests the selection among many lights. The tests check exact probabilities, irradiance against closed
 //! forms, and the noise of lamps of unequal brightness.
 
 use crate::lights::{check, m00, quadrature, shining, text};

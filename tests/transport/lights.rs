@@ -379,8 +379,8 @@ fn spots_luminaires_directional_light_and_beams() {
     let theta = (height / to.length()).acos().to_degrees();
     let cos = height / to.length();
     let inverse = cos / to.length_squared();
-    // The luminaire is bilinear in the angles. A row covers 0..30, and rows follow the horizontal angle from
-    // x, mirrored into 0..90.
+    // The luminaire is bilinear in the angles. Each row covers the angles from 0° to 30°. The position
+    // between rows is the horizontal angle from x, mirrored into 0° to 90°.
     let phi = to.y.atan2(to.x).to_degrees().abs();
     let row = |edge: f64| 1.0 + (edge - 1.0) * theta / 30.0;
     let luminaire = row(0.8) + (row(0.4) - row(0.8)) * phi / 90.0;

@@ -210,7 +210,7 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
 }
 
 /// Checks Helmholtz reciprocity of Mueller matrices. With the same axes for a ray and its reverse, M(o→i) = Δ
-/// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1). The reason is that reversing a ray mirrors ±45° and keeps
+/// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1). The signs of Δ follow because reversing a ray mirrors ±45° and keeps
 /// handedness.
 ///
 /// `index` returns the refractive index on a direction's side. For radiance, the BSDF divided by the squared

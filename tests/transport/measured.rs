@@ -172,7 +172,7 @@ fn reciprocity_is_inherited() {
 }
 
 /// Tests that a table of realizable matrices gives realizable matrices, with or without holes at the horizon.
-/// The reason is that interpolation is a convex sum.
+/// Interpolation is a convex sum and therefore preserves realizability.
 #[test]
 fn realizability_is_inherited() {
     let bench = Bench::new();

@@ -79,7 +79,7 @@ fn gltf_and_obj_show_the_same_picture() {
     assert!(notes.is_empty(), "{notes:?}");
     assert_eq!(obj.data, gltf.data, "the same model in two formats");
     assert_eq!(obj.data, rectangle.data, "the same square of our own");
-    // Negative control: the image of the inverted square differs.
+    // Negative control: the image of the square upside down differs.
     let flipped = object("obj.file = \"square.obj\"")
         .replace("picture.png\"", "picture.png\", uv = [[1, 0, 0], [0, -1, 1]]");
     assert_ne!(obj.data, picture(folder.path(), &flipped).0.data);

@@ -1,5 +1,5 @@
-//! Tests rough metal, rough glass and plastic alone. The tests cover samplers, weights, reciprocity,
-//! realizability, energy, and limits with closed forms.
+//! Tests rough metal, rough glass and plastic without a scene. The tests cover samplers, weights,
+//! reciprocity, realizability, energy, and limits with closed forms.
 
 use crate::materials::{
     bsdf, elements, follow_density, is_reciprocal, pair_in_front, surface, table, toward, weights_agree,

@@ -1,5 +1,5 @@
-//! Tests orthographic cameras in closed form. The tests cover ray positions, intersections, travel times, and
-//! refusals.
+//! Compares orthographic cameras with closed forms. The tests cover ray positions, intersections, travel
+//! times, and refusals.
 
 use crate::optics::{C, assert_refused};
 use crate::support::{Rendered, render_text};
@@ -78,7 +78,8 @@ fn points_project_to_the_pixels_that_see_them() {
 /// distances to a parallel surface.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {
-    // Light travels from its plane, 3 m above z = 0, straight down, and then back along the camera's axis.
+    // Light travels straight down from the light's plane, 3 m above z = 0, and then back along the camera's
+    // axis.
     let emitter =
         "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [0, 0, 3] }\n";
     let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\ntime = { start_ps = 17000, bin_ps = 500, bins = 10 }\n";

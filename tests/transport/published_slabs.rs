@@ -177,7 +177,7 @@ fn doubling_keeps_its_invariants() {
     let back = d * slab.reflected(mu0, mu, -phi).transpose() * d * (mu0 / mu);
     assert_close(&slab.reflected(mu, mu0, phi), &back, 1e-6, "reciprocity of reflection");
     let back = d * slab.transmitted(mu0, mu, -phi).transpose() * d * (mu0 / mu);
-    // X changes the frames, because the slab is seen from below.
+    // The matrix X changes the frames, because the slab is seen from below.
     let x = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0));
     assert_close(&slab.transmitted(mu, mu0, phi), &(x * back * x), 1e-6, "reciprocity of transmission");
     let [up, down] = slab.shares(mu0);

@@ -254,8 +254,8 @@ fn a_mirror_under_a_normal_map() {
     let met = of(&camera, &ball, 1.0, Integrator::Path, 3_000_000);
     agree([met, found], 0.2);
     assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
-    // Light subpaths reach the same wall if it is seen directly. The mirror is tilted by 0.3 rad, so that the
-    // test would detect reflection about the untilted normal.
+    // Light subpaths contribute if the camera sees the wall directly. The mirror is tilted by 0.3 rad, so
+    // that the test would detect reflection about the untilted normal.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 500_000);

@@ -11,8 +11,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
 /// Returns the scene-file text of a white wall and of the object `front`. The wall is at distance `z` from
-/// the camera along the rotated z axis. `front` is at distance `gap` in front of the wall. Each has size
-/// `size`.
+/// the camera along the rotated z axis. `front` is at distance `gap` in front of the wall. The wall and the
+/// object have the size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera =
         Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
@@ -117,7 +117,7 @@ fn two_hundred_metres_are_exact() {
     ] {
         let to = lamp - target;
         // At the point of specular reflection, the first derivative of time with respect to the position on
-        // the wall is zero. The position has the single precision of the camera's directions.
+        // the wall is zero. The position on the wall has the single precision of the camera's directions.
         let origin = target + DVec3::new(-to.x, -to.y, to.z) * 1.25;
         let camera = Device::look_at(origin.to_array(), target, [1, 1], 9e8);
         let cos = to.z / to.length();

@@ -323,8 +323,8 @@ fn refractive_boundaries_are_those_of_glass() {
 }
 
 /// Tests that, in a furnace, a lossless medium is invisible behind any boundary, and that unpolarized light
-/// stays unpolarized. The condition holds in every sample if nothing polarizes and wavelengths do not share
-/// paths. If light is polarized or wavelengths share paths, the condition holds on average.
+/// stays unpolarized. If nothing polarizes light and wavelengths do not share paths, every sample must be
+/// exact. If something polarizes light or wavelengths share paths, the mean over samples must be correct.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);

@@ -81,8 +81,8 @@ fn a_polarizer_leaks() {
 }
 
 /// Tests quarter-wave and half-wave sheets over a polarizer at 0°. A quarter-wave sheet at 45° produces right
-/// circular light, and at -45° left circular light. A half-wave sheet mirrors the plane of polarization. From
-/// behind, angles denote the same lines in space.
+/// circular light, and at -45° left circular light. A half-wave sheet mirrors the plane of polarization. Seen
+/// from behind, angles of a sheet denote the same lines in space.
 #[test]
 fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";
@@ -99,8 +99,8 @@ fn retarders_have_the_pinned_signs() {
     let half = format!("{polarizer}q.retarder = {{ retardance_deg = 180, angle_deg = 30 }}\n");
     let (s, c) = 120_f64.to_radians().sin_cos();
     stokes(column(&half, &over), [0.5, 0.5 * c, 0.5 * s, 0.0], "half wave");
-    // If the sheet is rotated by 180° about its u axis, its line is at -45° for the camera. A world axis does
-    // not change.
+    // If the sheet is rotated by 180° about its u axis, its line is at -45° for the camera. An axis that is
+    // given in world space does not change.
     let behind = sheet(DVec3::Z * 1.3, DVec3::X, -DVec3::Y, "q") + &level(1.0, "p");
     stokes(column(&quarter("angle_deg = 45"), &behind), [0.5, 0.0, 0.0, -0.5], "behind");
     stokes(column(&world, &behind), [0.5, 0.0, 0.0, 0.5], "world axis behind");

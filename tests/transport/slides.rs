@@ -1,4 +1,5 @@
-//! Compares images that spots and projectors project onto a plane with closed forms, with each integrator.
+//! Tests images that spots and projectors project onto a plane. The references are closed forms. The tests
+//! use each integrator.
 
 use crate::lights::{check, m00, text};
 use crate::support::render_text;

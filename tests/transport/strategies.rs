@@ -84,8 +84,8 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
 /// Tests light that leaves a stone through its rough surface. Next-event estimation through the surface and
 /// random paths agree in every element, number of bounces, projector pixel and time bin.
 ///
-/// Their light equals that of bidirectional paths, and differs if the medium absorbs 50 % more. For equal
-/// numbers of samples, next-event estimation has at most a tenth of the variance.
+/// The light of the two methods equals that of bidirectional paths, and differs if the medium absorbs 50 %
+/// more. For equal numbers of samples, next-event estimation has at most a tenth of the variance.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn strategies_agree_on_light_that_leaves_rough_stones() {

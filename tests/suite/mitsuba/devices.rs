@@ -79,8 +79,8 @@ fn heterogeneous_media_keep_their_boxes() {
     assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
 }
 
-/// Tests that the image of an orthographic sensor is twice as wide as the scale of `to_world`. Tests that its
-/// rays begin at the near plane.
+/// Tests that the image of an orthographic sensor is twice as wide as the scale of `to_world`. Tests that the
+/// rays of an orthographic sensor begin at the near plane.
 #[test]
 fn orthographic_sensors_are_read() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Tests that the export refuses features that Mitsuba lacks by name, and does not change non-empty folders.
+//! Tests that the export refuses features that Mitsuba lacks, and names these features. Tests that the export
+//! does not change non-empty folders.
 
 use super::{ALL, exported, folder};
 use sunstone::scene::mitsuba::export::Export;

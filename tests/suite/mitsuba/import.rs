@@ -33,7 +33,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 fn a_handwritten_scene_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let (import, scene) = built(folder.path(), HAND);
-    // The vertical field of view is smaller than the horizontal one: 30° over 16 pixels.
+    // The vertical field of view is 30° over 16 pixels, and is smaller than the horizontal field of view.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
     assert!((scene.camera.axes.x_axis - Vec3A::X).length() < 1e-6, "image right is +x, seen along -z");
@@ -322,7 +322,7 @@ fn old_files_are_upgraded() {
 }
 
 /// Tests the search order if several folders contain a file. The last `<path>` has precedence over earlier
-/// ones, and the scene's own folder is searched last.
+/// `<path>` elements. The import searches the scene's own folder last.
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
