@@ -74,8 +74,8 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Damages finished runs at one position and corrects the checksums, as a faulty program could do. Tests that
-/// the program reads each run or refuses it with a message, without a panic or a long delay.
+/// Damages finished runs at one position and corrects the checksums, as a different program could do. Tests
+/// that the program reads each run or refuses it with a message, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn damaged_runs_are_read_or_refused() {

@@ -180,7 +180,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
     assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
-    // Draws all figures of a folder, as full figures and as previews.
+    // Draws all figures of a folder in full size.
     run(folder.path(), &["figure", "--all", ".", "--renders", "r", "-o", "all"], 0);
     assert!(read("all/f.png").len() > 1000);
 }

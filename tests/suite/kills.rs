@@ -80,8 +80,8 @@ fn duration(at: &Path, arguments: &[&str]) -> Duration {
 }
 
 /// Repeatedly kills and restarts a command that writes a store or a file. Asserts that the result equals the
-/// result `whole` of an undisturbed run, and that no temporary files remain. If `replaces` is set, every
-/// second trial replaces an existing output.
+/// result `whole` of an undisturbed run, and that no other files remain. If `replaces` is set, every second
+/// trial replaces an existing output.
 fn killed(
     at: &Path,
     command: impl Fn(&'static str) -> Vec<&'static str>,

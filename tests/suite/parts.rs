@@ -77,7 +77,7 @@ fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     cuts
 }
 
-/// Divides a scene at random `times` times, and merges the parts in random order. Asserts that the result
+/// Divides a scene at random `times` times, and merges the parts in reverse order. Asserts that the result
 /// equals the whole render.
 fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -225,7 +225,7 @@ fn a_part_is_not_a_finished_render() {
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
-    // Commands can read the finished pixels. Pixels of unfinished parts are NaN, not zero.
+    // Commands can read the finished pixels. Pixels of the remaining parts are NaN, not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
     let sum = partial.slice("sum").expect("a slice").read_all(Field::Mean).expect("values");
