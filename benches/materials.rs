@@ -10,7 +10,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::Lanes;
 
-/// Name in the report and definition in a scene file of each measured material.
+/// The measured materials, each with the name in the report and the definition in a scene file.
 const MATERIALS: &[(&str, &str)] = &[
     ("diffuse", "diffuse.albedo = 0.5"),
     ("conductor", "conductor = { n = 0.4, k = 2.4 }"),

@@ -1,4 +1,5 @@
-//! Measures products of Mueller matrices: plain 4×4 chains, the tracer's block chains, and Fresnel matrices.
+//! Measures products of Mueller matrices: chains of plain 4×4 matrices, block chains of the tracer, and
+//! Fresnel matrices.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
@@ -35,7 +36,8 @@ fn mueller(c: &mut Criterion) {
     });
 }
 
-/// Measures the decomposition in `sunstone decompose` for 2²⁰ similar, gold-like Mueller matrices.
+/// Measures the decomposition of `sunstone decompose` for 2²⁰ similar Mueller matrices of a gold-like
+/// material.
 fn decompose(c: &mut Criterion) {
     let base =
         [0.79, 0.10, 0.02, 0.01, 0.11, 0.75, 0.03, -0.02, 0.01, 0.02, -0.41, -0.55, 0.0, 0.03, 0.56, -0.40];

@@ -32,7 +32,7 @@ fn pbsdf(c: &mut Criterion) {
         })],
         ..Materials::default()
     };
-    // The table occupies 38 MB, more than the processor caches.
+    // The table occupies 38 MB, which exceeds the processor caches.
     let axes = Axes::even([91, 46, 46], vec![450, 550, 650]);
     tabulate(&path, &axes, &[(&metal, 0)]).expect("cannot write the table");
     let open = |nm: &[f64]| {

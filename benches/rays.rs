@@ -1,13 +1,17 @@
-//! Finds the nearest hits of rays from one file on a mesh from another file. `validation/rays.py` runs this
+//! Finds the nearest hits of rays from one file on a mesh from another file. `validation/rays.py` runs the
 //! program and times Embree on the same input.
 //!
 //!     rays MESH.ply RAYS.f32 HITS.f32
 //!
-//! RAYS.f32 holds six little-endian f32 values per ray: origin, then unit direction. Each line on standard
-//! input is a number of threads. For each line, the program prints the time in seconds to find the nearest
-//! hits of all rays. At the end of the input, the program writes the last hits to HITS.f32, four f32 values
-//! per hit: distance (infinite for a miss), barycentric coordinates of the second and the third vertex, and 0
-//! (the primitive index would only be meaningful in Sunstone's tree).
+//! RAYS.f32 holds six little-endian f32 values per ray: the origin, then the unit direction. Each line on
+//! standard input is a number of threads. For each line, the program prints the time in seconds to find the
+//! nearest hits of all rays.
+//!
+//! At the end of the input, the program writes the last hits to HITS.f32. Each hit has four f32 values:
+//! - the distance, which is infinite for a miss
+//! - the barycentric coordinate of the second vertex
+//! - the barycentric coordinate of the third vertex
+//! - 0 in place of the primitive index, which has no meaning outside Sunstone's tree
 
 use glam::Vec3A;
 use rayon::prelude::*;

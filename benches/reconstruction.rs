@@ -1,4 +1,5 @@
-//! Measures image reconstruction in memory, one pass over the same intensities, and a loss with gradient.
+//! Measures image reconstruction in memory, a single pass over the same intensities, and a loss function with
+//! its gradient.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use sunstone::polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
 const PIXELS: usize = 1224 * 1024;
 
-/// Returns the sum of `values`, computed with 32 partial sums, so that reading the values limits the speed.
+/// Returns the sum of `values`. The function keeps 32 partial sums, so that reading the values limits the
+/// speed.
 fn sum(values: &[f32]) -> f32 {
     let mut sums = [0.0; 32];
     for some in values.as_chunks::<32>().0 {
@@ -49,7 +51,7 @@ fn image(c: &mut Criterion) {
     });
 }
 
-/// Measures one evaluation of the reconstruction loss of 16 captures, with the gradient for 64 angles.
+/// Measures one evaluation of the reconstruction loss of 16 captures, including the gradient for 64 angles.
 fn loss(c: &mut Criterion) {
     let Ok(scheme) = Scheme::qrpr(16, false) else {
         return;

@@ -1,4 +1,5 @@
-//! Measures renders of the mirror room at 64×64 pixels, 16 spp: all slices, and the conventional slice alone.
+//! Measures renders of the mirror room at 64×64 pixels and 16 spp, with all slices and with the conventional
+//! slice alone.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use sunstone::render::{Target, Unwatched, render};

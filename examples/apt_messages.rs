@@ -1,8 +1,9 @@
 //! Prints the bytes of Thorlabs APT messages, or decodes bytes. `validation/instruments.py` compares the
 //! output with an independent package.
 //!
-//! - `cargo run --release --example apt_messages`: name and bytes of every message that the driver sends
-//! - `cargo run --release --example apt_messages HEX…`: content of each message to the host
+//! - `cargo run --release --example apt_messages` prints the name and the bytes of every message that the
+//!   driver sends.
+//! - `cargo run --release --example apt_messages HEX…` prints the content of each message to the host.
 
 use sunstone::rig::driver::apt::message::{CONTROLLER, HOST, Message, Parser};
 

@@ -1,4 +1,5 @@
-//! Tests a capture scheme on custom matrices: scheme, noisy capture, reconstruction, error against the truth.
+//! Tests a capture scheme on custom matrices: noisy capture, reconstruction, and comparison with the true
+//! matrices.
 //!
 //! `cargo run --release --example capture_chain`
 
@@ -8,7 +9,7 @@ use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction};
 use sunstone::{Ray, Scheme};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // 64 x 64 pixels of a partial depolarizer whose diattenuation increases from left to right.
+    // The truth is 64 x 64 pixels of a partial depolarizer whose diattenuation increases from left to right.
     let layout = Layout { height: 64, width: 64, times: 1, lanes: 1 };
     let truth: Vec<f64> = (0..layout.pixels())
         .flat_map(|p| {

@@ -1,4 +1,4 @@
-//! Defines a custom sink that stores no image, only the total light of each slice, tile by tile.
+//! Defines a custom sink that stores the total light of each slice, tile by tile, but no image.
 //!
 //! `cargo run --release --example custom_sink`
 
@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::sync::Mutex;
 use sunstone::{Field, Job, Piece, Render, SampleCounts, Sink, Summary, TileRecord, scene};
 
-/// Sums of all means, per slice.
+/// A sink that stores the sum of all means of each slice.
 #[derive(Default)]
 struct Light {
     names: Vec<String>,

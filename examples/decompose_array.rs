@@ -1,4 +1,4 @@
-//! Computes the Lu–Chipman decomposition of custom, noisy Mueller matrices: a quarter-wave plate in front
+//! Computes the Lu–Chipman decomposition of custom, noisy Mueller matrices of a quarter-wave plate in front
 //! of a depolarizer.
 //!
 //! `cargo run --release --example decompose_array`
@@ -8,8 +8,8 @@ use sunstone::polarimetry::decompose::lu_chipman::{DOUBLE, decompose};
 use sunstone::polarimetry::decompose::properties::Properties;
 
 fn main() {
-    // Mueller matrices, row by row: a quarter-wave plate with its fast axis at 30 degrees in front of a
-    // depolarizer of factor 0.5, in twelve noisy copies.
+    // The input is twelve noisy copies of a Mueller matrix, row by row. The matrix is that of a quarter-wave
+    // plate with its fast axis at 30 degrees in front of a depolarizer of factor 0.5.
     let (c, s) = (60.0_f64.to_radians().cos(), 60.0_f64.to_radians().sin());
     let plate = [[1.0, 0.0, 0.0, 0.0], [0.0, c * c, c * s, -s], [0.0, c * s, s * s, c], [0.0, s, -c, 0.0]];
     println!("retardance deg  axis deg  depolarization  realizable");

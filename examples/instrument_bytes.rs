@@ -1,9 +1,9 @@
 //! Prints output that `validation/dlpc350.py` and `validation/scpi.py` compare with independent packages.
 //!
-//! - `cargo run --release --example instrument_bytes dlpc350`: name and bytes of every message to the
-//!   controller
-//! - `… instrument_bytes scpi-emulator`: listens, prints its address, and exits at the end of standard input
-//! - `… instrument_bytes scpi-laser TABLE`: controls a laser as a session does, and prints the steps
+//! - `cargo run --release --example instrument_bytes dlpc350` prints the name and the bytes of every message
+//!   to the controller.
+//! - `… instrument_bytes scpi-emulator` listens, prints its address, and exits at the end of standard input.
+//! - `… instrument_bytes scpi-laser TABLE` controls a laser as a session does, and prints the steps.
 
 use std::io::Read;
 use std::net::TcpListener;
@@ -95,7 +95,7 @@ fn scpi_emulator() {
     drop(std::io::stdin().read_to_end(&mut rest));
 }
 
-/// Prints the steps of a session, each with its result.
+/// Prints the steps of a session, and the result of each step.
 fn scpi_laser(path: &str) {
     let text = std::fs::read_to_string(path).expect("a file");
     let table = LaserTable::parse(&text).expect("a table");

@@ -1,5 +1,5 @@
-//! Renders two slices of the mirror room into a store, then probes the store for the light of one projector
-//! column and for a Stokes image.
+//! Renders two slices of the mirror room into a store, and probes the store. The probes return the light of
+//! one projector column and a Stokes image.
 //!
 //! `cargo run --release --example probe_store`
 
@@ -23,14 +23,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{name}: {}", axes.join(" x "));
     }
 
-    // I = T P: one column of the projector is on.
+    // Computes I = T P for a pattern P in which one column of the projector is on.
     let mut drive = Pattern::uniform(256, 256, 0.0);
     drive.values.iter_mut().skip(100).step_by(256).for_each(|p| *p = 1.0);
     let stripe = Probe { pattern: Some(drive), ..Probe::default() };
     let lit = stripe.run(&store.slice("ss")?)?;
     println!("column 100 alone: shape {:?}", lit.mean.shape());
 
-    // The Stokes image under horizontally polarized light, and its standard error.
+    // Computes the Stokes image under horizontally polarized light, and its standard error.
     let horizontal = Probe { stokes: Some([1.0, 1.0, 0.0, 0.0]), ..Probe::default() };
     let stokes = horizontal.run(&store.slice("polarimetric")?)?;
     let truth = store.slice("polarimetric")?.read_all(Field::Mean)?;

@@ -1,5 +1,5 @@
-//! Builds a scene in code and renders it into arrays, without any file. The scene is a gold sphere in front
-//! of a wall, and a projector.
+//! Builds a scene in code and renders it into arrays, without any file. The scene contains a gold sphere in
+//! front of a wall, and a projector.
 //!
 //! `cargo run --release --example scene_in_code`
 
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{name}: {:?} over {}", mean.shape(), axes.join(", "));
     }
 
-    // The Mueller matrix of the gold sphere at its centre, with its standard error.
+    // Prints the Mueller matrix at the centre of the gold sphere, and the standard error of the matrix.
     let pixel = [(AxisKind::Y, 24), (AxisKind::X, 32), (AxisKind::Wavelength, 1)];
     let [mean, error] = [Field::Mean, Field::StdError].map(|f| arrays.get("mueller", f));
     let (mean, error) = (mean.ok_or("means")?, error.ok_or("errors")?);

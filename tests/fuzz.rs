@@ -1,5 +1,5 @@
-//! Tests that no input text makes the program panic, hang or request excessive memory, and that every scene
-//! that can be built renders to finite values.
+//! Tests that no input text makes the program panic, hang or request excessive memory. Tests that every valid
+//! scene renders to finite values.
 
 mod harness;
 #[path = "fuzz/pbsdf.rs"]
@@ -33,7 +33,7 @@ thread_local! {
 unsafe impl GlobalAlloc for Watched {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
-        // The cells of a thread that is ending no longer exist.
+        // The thread-local cells no longer exist while a thread is ending.
         let _ = LARGEST_OF_THREAD.try_with(|l| l.set(l.get().max(layout.size())));
         unsafe { System.alloc(layout) }
     }
@@ -45,14 +45,15 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Lock that runs the tests of this file one by one, so that measured memory and time belong to one test.
+/// Lock that serializes the tests of this file, so that measured memory and time belong to one test.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Largest allowed allocation in bytes: an epipolar table of 2^24 pixels, whose capacity doubles as it grows.
+/// Largest allowed allocation in bytes. The limit allows an epipolar table of 2^24 pixels, whose capacity
+/// doubles as it grows.
 const MEMORY: usize = 1 << 30;
 
 /// Time limit for all mutations together. A slow machine tests fewer mutations.
@@ -85,8 +86,8 @@ name = "photo"
 view.photo = { slice = "conventional" }
 "#;
 
-/// Returns the mirror room with `slices` at 8 × 8 pixels, with a lens and a lamp and without its
-/// meshes, which would be read thousands of times.
+/// Returns the text of the mirror room with `slices`, 8 × 8 pixels, a lens and a lamp. The text omits the
+/// meshes, because the tests would read the mesh files thousands of times.
 fn room() -> String {
     let whole = mirror_room(8, 8, 1, 8, SLICES);
     let mut parts: Vec<&str> = whole.split("[[objects]]").collect();
@@ -121,13 +122,13 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     made
 });
 
-/// Builds a scene from text within bounds of time and memory.
+/// Builds a scene from text and asserts the limits of time and memory.
 fn build(text: &str) -> Option<Scene> {
     within_bounds(text, sunstone::scene::from_text)
 }
 
-/// Parses a text with a reader within bounds of time and memory. The result is a scene, or a message with a
-/// fix and a location in the text.
+/// Parses a text with a reader and asserts the limits of time and memory. The result is a scene, or a message
+/// with a fix and a location in the text.
 fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, InputError>) -> Option<Scene> {
     let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
@@ -177,15 +178,15 @@ fn render_if_small(mut scene: Scene) -> bool {
     true
 }
 
-/// One change to a text. Positions are fractions of the number of numbers, lines, words or characters.
+/// One change to a text. A position is a fraction of the number of numbers, lines, words or characters.
 #[derive(Clone, Debug)]
 enum Change {
-    /// Replaces a number by a text.
+    /// Replaces a number with a text.
     Number(f64, &'static str),
-    /// Replaces a line or a word by another line or word.
+    /// Replaces a line or a word with another line or word.
     Line(f64, f64),
     Word(f64, f64),
-    /// Replaces several characters by one character, or deletes these characters.
+    /// Replaces several characters with one character, or deletes several characters.
     Cut(f64, usize, Option<char>),
 }
 
@@ -222,8 +223,8 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Returns the byte ranges of the longest runs of characters that satisfy `inside` and begin with
-/// a character that satisfies `first`.
+/// Returns the byte ranges of the longest runs of characters that satisfy `inside`. The first character of
+/// each run satisfies `first`.
 fn runs(text: &str, inside: impl Fn(char) -> bool, first: impl Fn(char) -> bool) -> Vec<Range<usize>> {
     let mut start = 0;
     let mut out = vec![];
@@ -282,7 +283,7 @@ fn fuzz<T: Debug>(cases: u32, inputs: impl Strategy<Value = T>, test: impl Fn(T)
     tested.unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Tests a property of damaged texts, within [`BUDGET`].
+/// Tests a property of damaged texts, within the time limit [`BUDGET`].
 fn damage(cases: u32, text: &str, test: impl Fn(&str, u64)) {
     let begun = Instant::now();
     fuzz(cases, (prop::collection::vec(change(), 1..4), any::<u64>()), |(changes, number)| {
@@ -308,8 +309,8 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 fn mutated_scenes_render_finite_values_or_give_an_error() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
-    // Milk takes three times as long as all other media: its droplets have hundreds of sizes. Spheres of many
-    // sizes around a hundred wavelengths take up to a minute.
+    // Milk takes three times as long as all other media, because its droplets have hundreds of sizes. Media
+    // with spheres of many sizes around a hundred wavelengths take up to a minute.
     let slow = ["milk.milk", "beads.polystyrene", "grains.particles"];
     let lines = EVERYTHING.lines().filter(|line| !slow.iter().any(|s| line.starts_with(s)));
     let base: String =
@@ -349,8 +350,8 @@ path = "camera.pose.look_at.origin.1"
 range = { min = 0.9, max = 1.1 }
 "#;
 
-/// Tests that after any mutation of `[vary]`, every variant is a scene or gives one message with a
-/// location, and that equal numbers give equal scenes.
+/// Tests that, after any mutation of `[vary]`, every variant is a scene or gives one message with a location.
+/// Tests that equal numbers give equal scenes.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mutated_templates_vary_or_give_an_error() {
@@ -392,8 +393,8 @@ fn mutated_figure_files_are_read_or_give_an_error() {
     });
 }
 
-/// Tests that sizes that are valid one by one do not together make the program request more memory than the
-/// machine has.
+/// Tests combinations of sizes. Each size is valid without the others. The program must not request more
+/// memory than the machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();
@@ -426,8 +427,8 @@ fn huge_sizes_are_bounded_or_refused() {
     assert!(LARGEST.load(Ordering::Relaxed) < 1 << 27);
 }
 
-/// Replaces every metadata value and every coordinate of a store, one by one. Tests that commands
-/// that read stores give a result or an error message.
+/// Replaces the metadata values and coordinates of a store, one at a time. Tests that commands that read
+/// stores give a result or an error message.
 #[test]
 fn commands_survive_edited_stores() {
     use serde_json::{Value, json};

@@ -1,8 +1,8 @@
-//! Tests interrupted sessions. Runs of the simulated rig are killed at random times or deliberately
-//! disturbed. After they are resumed, their stores are byte-identical to that of an undisturbed run.
+//! Tests interrupted sessions of the simulated rig. The tests kill or disturb runs and then resume the same
+//! runs. The resulting stores are byte-identical to the store of an undisturbed run.
 //!
-//! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24), `SUNSTONE_DAMAGE=10000` the number of damaged runs
-//! (CI: 400); `-- --nocapture` prints the table of faults.
+//! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24). `SUNSTONE_DAMAGE=10000` sets the number of damaged
+//! runs (CI: 400). `-- --nocapture` prints the table of faults.
 
 #[path = "rig/damage.rs"]
 mod damage;
@@ -69,7 +69,7 @@ fn tagged() -> String {
     SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
 }
 
-/// Files of a rig with its plans and faults.
+/// A folder with the files of a rig, its plans and its faults.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -103,7 +103,7 @@ impl Bench {
         self.command(plan, store, rest).output().expect("runs")
     }
 
-    /// Returns the content of a finished store: all files except the journal, which differs between runs.
+    /// Returns the content of a finished store, without the journal, which differs between runs.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
         let verified = program().arg("verify").arg(&root).output().expect("runs");
@@ -131,7 +131,7 @@ fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_sunstone"))
 }
 
-/// Checks that a command ended with an exit code and a message that contains `words`.
+/// Asserts that a command ended with exit code `code` and a message that contains `words`.
 fn refused(output: &Output, code: i32, words: &str) {
     let message = text(output);
     assert!(output.status.code() == Some(code) && message.contains(words), "{words}: {message}");
@@ -157,8 +157,7 @@ fn noted(store: &Path) -> Vec<u32> {
     frames.map(|e| e["frame"].as_u64().expect("a number") as u32).collect()
 }
 
-/// Kills a run at random times and resumes the run. Tests that no frame is lost and that no frame is stored
-/// twice.
+/// Kills a run at random times and resumes the run. Tests that the store contains each frame exactly once.
 #[test]
 fn killed_runs_lose_no_frames() {
     let kills: u32 = std::env::var("SUNSTONE_KILLS").map_or(24, |n| n.parse().expect("a number"));
@@ -174,7 +173,7 @@ fn killed_runs_lose_no_frames() {
         let mut here = 0;
         while here < kills.div_ceil(3) {
             let store = format!("{plan}{round}.zarr");
-            // Resumes until the run finishes.
+            // Resumes the run until the run finishes.
             let mut resumed = 0;
             loop {
                 round += 1;
@@ -186,7 +185,7 @@ fn killed_runs_lose_no_frames() {
                     .stderr(Stdio::null())
                     .spawn()
                     .expect("starts");
-                // Times within a run, spaced by the golden ratio.
+                // Spaces the times of the kills by the golden ratio within the duration of a run.
                 let share = (f64::from(round) * 0.618_034).fract();
                 std::thread::sleep(whole_takes.mul_f64(share * if resumed > 3 { 2.0 } else { 1.1 }));
                 let _ = child.kill();
@@ -205,7 +204,7 @@ fn killed_runs_lose_no_frames() {
                 };
                 left[state] += 1;
                 if state == 1 && !path.join("frames/raw").exists() {
-                    // The run had not begun, so there is nothing to resume.
+                    // The run had not begun before the kill, so there is nothing to resume.
                     let _ = std::fs::remove_dir_all(&path);
                 }
                 if state == 2 {
@@ -225,8 +224,8 @@ fn killed_runs_lose_no_frames() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// For each fault: its name, the instrument, the time of the fault, and a part of the message if the fault
-/// must end the session.
+/// For each fault, the plan, the name, the instrument, the time of the fault, and a part of the message if
+/// the fault must end the session.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -263,8 +262,8 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
-/// Tests that after every fault the session recovers, or ends with one error without data loss.
-/// Also tests that after a resume on an intact rig, the bytes are equal to those of an undisturbed run.
+/// Tests that after every fault the session recovers, or ends with one error without data loss. Tests that a
+/// resumed run on an intact rig has the same bytes as an undisturbed run.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn faults_lose_no_frames() {
@@ -292,7 +291,7 @@ fn faults_lose_no_frames() {
                 let event = ["retry", "suspend", "clock_jump"]
                     .into_iter()
                     .find(|e| journal.lines().any(|l| l.contains(&format!("\"event\":\"{e}\""))));
-                // The fault occurred.
+                // Checks that the fault occurred.
                 format!(
                     "recovered: {}",
                     event.unwrap_or_else(|| panic!("{kind} of {instrument} left no trace"))
@@ -317,8 +316,8 @@ fn faults_lose_no_frames() {
     }
 }
 
-/// Tests that histograms of time tags are bit-identical to those of a counter that computes
-/// histograms, and that `sunstone ptu` computes the same histograms from the stored files.
+/// Tests that histograms of time tags are bit-identical to the histograms of a counter. Tests that `sunstone
+/// ptu` computes the same histograms from the stored files.
 #[test]
 fn time_tags_give_the_same_histograms() {
     let bench = Bench::new("");
@@ -344,7 +343,7 @@ fn time_tags_give_the_same_histograms() {
         }
     }
     assert!(photons > 1000, "{photons} photons show nothing");
-    // A damaged row of tags is detected, as is a missing row.
+    // `verify` detects a damaged row of tags, and a missing row.
     output_of(&["verify"], &[&bench.path("tags.zarr")]);
     let file = bench.path("tags.zarr/time_tags/000003.ptu");
     let mut bytes = std::fs::read(&file).expect("reads");
@@ -359,7 +358,7 @@ fn time_tags_give_the_same_histograms() {
     verify("000003.ptu");
     std::fs::remove_file(&file).expect("removes");
     verify("000003.ptu");
-    // The requested number of bins exceeds the number that a record can express.
+    // The requested number of bins exceeds the maximum of a time-tag record.
     let long = tagged().replace("bins = 64", "bins = 40000");
     bench.write("long.toml", long);
     let output = bench.run("long.toml", "long.zarr", &[]);
@@ -380,8 +379,8 @@ fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, words.iter().map(|b| u32::from_le_bytes(*b)).collect())
 }
 
-/// Tests that two sessions on one path, a different plan, and a finished store are refused with a
-/// message, and that no file changes.
+/// Tests that the program refuses two sessions on one path, a different plan, and a finished store. Tests
+/// that each refusal has a message and changes no file.
 #[test]
 fn invalid_resumes_are_refused() {
     let bench = Bench::new("");
@@ -401,7 +400,7 @@ fn invalid_resumes_are_refused() {
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
 
-/// Tests that a missing or invalid laser table is reported with the location in the rig file.
+/// Tests that the program reports a missing or invalid laser table with the location in the rig file.
 #[test]
 fn a_laser_without_a_table_is_refused() {
     let bench = Bench::new("");
@@ -412,8 +411,8 @@ fn a_laser_without_a_table_is_refused() {
     assert!(!bench.path("s.zarr").exists());
 }
 
-/// Tests that mirrors behind an analog output card (16 bits over ±10 V, 0.8 V per degree) take the
-/// same frames as a simulated scanner, and that the session recovers from faults of the card.
+/// Tests that mirrors on an analog output card take the same frames as a simulated scanner. The card has 16
+/// bits over ±10 V, at 0.8 V per degree. Tests that the session recovers from faults of the card.
 #[test]
 fn an_analog_galvo_takes_the_same_frames() {
     let sound = Bench::new("");
@@ -433,7 +432,7 @@ fn an_analog_galvo_takes_the_same_frames() {
         let journal = std::fs::read_to_string(bench.path("s.zarr/.session.jsonl")).expect("a journal");
         assert_eq!(journal.contains("\"event\":\"retry\""), !fault.is_empty(), "{fault}");
     }
-    // A card of four bits sets other mirror angles, which the frames show.
+    // A card with four bits sets coarser mirror angles, so the frames differ.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
     let bench = Bench::new("");
     bench.write("rig.toml", coarse);
@@ -458,8 +457,8 @@ fn an_analog_galvo_takes_the_same_frames() {
     }
 }
 
-/// Tests that a counter with a missing library, and settings that no board supports, are reported
-/// before the first capture.
+/// Tests that the program reports a missing counter library and settings that no board supports before the
+/// first capture.
 #[test]
 fn a_counter_without_its_library_is_refused() {
     let bench = Bench::new("");
@@ -476,7 +475,7 @@ fn a_counter_without_its_library_is_refused() {
     }
 }
 
-/// Tests that the error for a camera without support in this build names the Cargo feature to enable.
+/// Tests that the error for a camera that this build does not support names the Cargo feature to enable.
 #[cfg(not(feature = "usb3_vision"))]
 #[test]
 fn a_camera_without_support_in_this_build_is_refused() {
@@ -504,12 +503,12 @@ fn stated(message: &str, name: &str) -> [f64; 2] {
     [words[0], words.get(1).copied().unwrap_or(f64::NAN)]
 }
 
-/// Tests that the scan of a plane with a simulated counter gives the counter's response and time
-/// zero within 5 sigma, and that rig files accept the result.
+/// Scans a plane with a simulated counter. Tests that the scan gives the counter's response and time zero
+/// within 5 sigma. Tests that rig files accept the result.
 #[test]
 fn a_scanned_plane_calibrates_the_counter() {
     let bench = Bench::new("");
-    // The light returns in the middle of a bin.
+    // The distance makes the light return in the middle of a bin.
     let metres = 266.5 * 25.0 * 299_792_458e-12 / 2.0;
     let scene = format!(
         "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 1\n\
@@ -545,9 +544,9 @@ fn a_scanned_plane_calibrates_the_counter() {
     let temporal: sunstone::rig::calibrate::temporal::zero::Temporal =
         found["temporal"].clone().try_into().expect("what the library writes");
     let z2: f64 = (0..16).map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2)).sum();
-    // Tolerance of the sum over 16 squares: five standard deviations.
+    // The tolerance of the sum over 16 squares is five standard deviations.
     assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
-    // For a plane that is 3 mm nearer, time zeros are 20 ps late. The test must detect this error.
+    // For a plane that is 3 mm nearer, time zeros are 20 ps late, and the test must detect this error.
     let wrong = format!("--distance={}", metres - 3e-3);
     let message =
         output_of(&["calibrate", "counter", &wrong], &[&store, Path::new("-o"), &bench.path("wrong.toml")]);
@@ -570,8 +569,8 @@ fn a_scanned_plane_calibrates_the_counter() {
     }
 }
 
-/// Tests that dark and lit frames of a simulated camera give the camera's gain, read noise, black level and
-/// dark current.
+/// Tests that dark and lit frames of a simulated camera give the gain, read noise, black level and dark
+/// current of the camera.
 #[test]
 fn still_frames_calibrate_the_sensor() {
     let bench = Bench::new("");
@@ -616,8 +615,8 @@ fn still_frames_calibrate_the_sensor() {
         let [value, sigma] = stated(&plain, name);
         assert!((value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth, "{name}: {value} ± {sigma}");
     }
-    // For 120 pixels, 32 frames and 16 exposures each, the standard error of the mean black level is
-    // 0.006 DN, and that of the dark current is 8 e/s.
+    // The standard errors are 0.006 DN for the mean black level and 8 e/s for the dark current, with 120
+    // pixels, 32 frames and 16 exposures each.
     assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
     assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
@@ -630,8 +629,8 @@ fn still_frames_calibrate_the_sensor() {
     one_file_for_all(&bench, &out);
 }
 
-/// Adds the calibration of the polarizing elements to the file with that of the sensor. Tests that all
-/// readers of calibrations accept this file.
+/// Adds the calibration of the polarizing elements to the file with the calibration of the sensor. Tests that
+/// all readers of calibrations accept the combined file.
 fn one_file_for_all(bench: &Bench, file: &Path) {
     let sensor = std::fs::read_to_string(file).expect("reads");
     let plan = CAMERA
@@ -651,7 +650,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert_eq!(all["radiometric"], before["radiometric"]);
     assert_eq!(all["detector"], before["detector"]);
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
-    // Schemes. A run without a sample has only saturated readings.
+    // Uses the calibration in schemes. All readings of a run without a sample are saturated.
     output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
@@ -660,7 +659,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     let words: Vec<&str> =
         example.iter().map(|w| if *w == "SCHEME" { file.to_str().expect("a name") } else { *w }).collect();
     output_of(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
-    // Plans and rigs; a rig accepts a single name or a list.
+    // Uses the calibration in plans and rigs. A rig accepts a single name or a list of names.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
     bench.write("again.toml", plan);
     bench.write("rig.toml", format!("calibration = \"sensor.toml\"\n{RIG}"));
@@ -668,7 +667,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
     let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
     assert_eq!(gain, before["detector"]["cmos"]["gain_e_per_dn"].as_float());
-    // A file that is not a calibration is not changed.
+    // The commands must not change a file that is not a calibration.
     let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
     let mut command = program();
     command.args(["rig", "calibrate"]).arg(&air).arg("-o").arg(bench.path("rig.toml"));

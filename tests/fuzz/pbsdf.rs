@@ -1,5 +1,5 @@
-//! Tests that files of measured materials follow the documented layout, that faults in them are reported, and
-//! that no bytes make the reader panic or request more memory than the file needs.
+//! Tests that files of measured materials follow the documented layout, and that faults in the files are
+//! reported. Tests that no input bytes make the reader panic or request more memory than the file needs.
 
 use crate::LARGEST_OF_THREAD;
 use crate::harness::folder;
@@ -17,10 +17,10 @@ use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// A field of a file: its name, type code, shape and data.
+/// A field of a file, with name, type code, shape and data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
-/// Writes the container from its description alone, independently of the crate. Returns the file and
+/// Writes the container according to the format description, without code of the crate. Returns the file and
 /// the byte offset of each field's data.
 fn container(fields: &[FieldOf]) -> (Vec<u8>, Vec<usize>) {
     let mut out = b"tensor_file\0\x01\x00".to_vec();
@@ -81,8 +81,8 @@ fn saved(folder: &Path, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Tests that the writer's file equals the described layout byte for byte, and that no other files are left
-/// in the folder.
+/// Tests that the writer's file equals the documented layout byte for byte, and that the folder contains no
+/// other files.
 #[test]
 fn the_writer_writes_the_documented_layout() {
     let folder = folder();
@@ -115,7 +115,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
     assert!(matches!(nowhere, Err(PbsdfError::Write(_))), "{nowhere:?}");
 }
 
-/// Tests that the order of fields, alignment and unknown fields have no effect.
+/// Tests that the order of fields, the alignment of fields and unknown fields have no effect.
 #[test]
 fn other_layouts_of_the_same_table_read_equally() {
     let folder = folder();
@@ -124,7 +124,7 @@ fn other_layouts_of_the_same_table_read_equally() {
     shuffled.insert(2, ("note", 1, vec![3], vec![1, 2, 3]));
     shuffled.push(("odd", 77, vec![u64::MAX, 2], vec![]));
     let (mut file, starts) = container(&shuffled);
-    // The field M again, at an odd offset.
+    // Writes the field M again, at an odd offset.
     let m = &fields()[4].3;
     let at = file.len() as u64 | 1;
     file.resize(at as usize, 0);
@@ -150,7 +150,7 @@ fn other_layouts_of_the_same_table_read_equally() {
     }
 }
 
-/// Tests that, after each change to the fields or the bytes of a valid file, the message names the fault.
+/// Tests that, after each change to the fields or bytes of a valid file, the error message names the fault.
 #[test]
 fn errors_name_the_fault_and_fix() {
     type Fields = Vec<FieldOf>;
@@ -245,8 +245,8 @@ fn errors_name_the_fault_and_fix() {
     assert!(Table::open(folder.path(), &Options::default()).is_err(), "a folder");
 }
 
-/// Tests that empty axes are evenly spaced if the caller requests this, and that results equal those for
-/// written axes.
+/// Tests that empty axes are evenly spaced if the caller requests even spacing. Tests that the results with
+/// empty axes equal the results with explicit axes.
 #[test]
 fn empty_axes_can_be_evenly_spaced() {
     let folder = folder();
@@ -263,9 +263,9 @@ fn empty_axes_can_be_evenly_spaced() {
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
 }
 
-/// Tests that errors of a table in a materials file have location, path, fault and fix, and that the hash
-/// depends on the data. A file that another program truncates while the file is open still gives the same
-/// values.
+/// Tests that errors of a table in a materials file state the location, the path, the fault and the fix.
+/// Tests that the hash depends on the data. If another program truncates a file while the file is open, the
+/// values must not change.
 #[test]
 fn a_small_table_is_independent_of_its_file() {
     let folder = folder();
@@ -283,7 +283,7 @@ fn a_small_table_is_independent_of_its_file() {
     assert_eq!(table.file_len(), file.len());
 }
 
-/// Tests that a large file is memory-mapped, and that a table after 65 MiB of zeros gives correct entries.
+/// Tests that a large file is memory-mapped, and that a table behind 65 MiB of zeros gives correct entries.
 #[test]
 fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -314,9 +314,9 @@ fn errors_name_the_position_and_the_file() {
     assert!(unknown.err().expect("an unknown key").message.contains("unknown field `path`"));
 }
 
-/// Tests that hashes of pieces distinguish tables, and that the scene hash depends on these hashes. The
-/// pieces of a large file are the header, the axes and 64 parts of the data. A change as long as the distance
-/// between parts is always detected.
+/// Tests that the hashes of a table's pieces distinguish tables. Tests that the scene hash depends on the
+/// hashes of the pieces. The pieces of a large file are the header, the axes and 64 parts of the data. The
+/// hash always detects a change that is as long as the distance between two parts.
 #[test]
 fn scene_hashes_depend_on_the_pieces_of_tables() {
     let folder = folder();
@@ -370,7 +370,7 @@ fn finite(s: &Scatter) -> bool {
     mueller.m.iter().flatten().all(|e| e.to_array().iter().all(|x| x.is_finite()))
 }
 
-/// Asserts that a few values and samples of a table are finite.
+/// Asserts that some values and samples of a table are finite.
 fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     let materials = Materials {
         list: vec![Material::Measured(Measured { table: 0 })],
@@ -396,8 +396,8 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     }
 }
 
-/// Tests that 10,000 mutated valid files load or give an error. Mutations are truncation, flipped bits,
-/// replaced header numbers and random bytes.
+/// Tests that each of 10,000 mutated valid files loads or gives an error. The mutations are truncation,
+/// flipped bits, replaced header numbers and random bytes.
 #[test]
 fn mutated_files_load_or_give_an_error() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];
@@ -432,7 +432,7 @@ fn mutated_files_load_or_give_an_error() {
                     }
                 }
                 _ => {
-                    // A whole element of the data, set to extreme values.
+                    // Sets all values of one matrix element to an extreme value.
                     let to = [f32::NAN, f32::INFINITY, f32::MAX, -1.0, f32::MIN_POSITIVE, 9e8][below(6)];
                     let at = below(n) & !3;
                     for (x, y) in file[at..].iter_mut().zip(to.to_le_bytes()) {
@@ -446,7 +446,7 @@ fn mutated_files_load_or_give_an_error() {
         LARGEST_OF_THREAD.set(0);
         let table = Table::open(&path, &options);
         let largest = LARGEST_OF_THREAD.get();
-        // The files are small, so the minimum size of messages and importance tables matters.
+        // The files are small, so messages and importance tables dominate the memory.
         let allowed = (2 * file.len()).max(8192);
         assert!(largest <= allowed, "case {case}: {largest} bytes for a file of {}", file.len());
         match table {

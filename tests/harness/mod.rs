@@ -1,5 +1,5 @@
-//! Shared code of the tests that render or run the program: small scenes as text, readers of results, and
-//! checks of messages about invalid files.
+//! Shared code of the tests that render or run the program. The code builds small scenes from text, reads
+//! results, and checks error messages.
 
 #![allow(dead_code)]
 
@@ -16,7 +16,7 @@ use sunstone::transport::scene::Scene;
 #[allow(unused_imports)]
 pub use support::{MIRROR_ROOM, edit, mirror_room, shipped};
 
-/// Returns a folder in memory if the system has such a folder, because many small files are slow on disks.
+/// Returns a folder in memory if the system has one, because disks are slow for many small files.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
@@ -38,7 +38,7 @@ pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
     store.slice(slice).expect("the slice").read_all(field).expect("its values")
 }
 
-/// Returns all files below `path`, by relative name.
+/// Returns the bytes of all files below `path`, by relative name.
 pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in std::fs::read_dir(at).expect("a folder") {
@@ -56,7 +56,7 @@ pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     out
 }
 
-/// Asserts that two stores have the same files with the same bytes, except for the render time.
+/// Asserts that two stores have the same files with the same bytes, apart from the render time.
 pub fn assert_same_store(a: &Path, b: &Path) {
     let (mut a, mut b) = (files(a), files(b));
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
@@ -67,7 +67,8 @@ pub fn assert_same_store(a: &Path, b: &Path) {
         let attributes = json["attributes"].as_object_mut().expect("attributes");
         attributes.remove("wall_time_s").expect("a wall time");
         *root = serde_json::to_vec(&json).expect("JSON");
-        // The manifest contains a checksum of that file, and a checksum of itself.
+        // The manifest contains a checksum of the file with the render time, and a checksum of the manifest
+        // itself.
         let manifest = files.get_mut(Path::new("manifest.txt")).expect("a manifest");
         let text = String::from_utf8(std::mem::take(manifest)).expect("a text");
         let same = text.lines().filter(|l| !l.ends_with(" zarr.json") && !l.ends_with(" lines above"));
@@ -78,7 +79,7 @@ pub fn assert_same_store(a: &Path, b: &Path) {
     }
 }
 
-/// Writes small valid files of most kinds that a scene can refer to, and white images of the given sizes.
+/// Writes small valid files of most kinds to which a scene can refer. Writes white images of the given sizes.
 pub fn scene_files(folder: &Path, images: &[(&str, u32)]) {
     let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     put(
@@ -138,8 +139,8 @@ pub fn stdout(out: &Output) -> String {
     String::from_utf8_lossy(&out.stdout).into_owned()
 }
 
-/// Runs commands and asserts that each is refused with a message that contains the given words, and
-/// writes no files.
+/// Runs commands and asserts that the program refuses each, prints a message that contains the given words,
+/// and writes no files.
 pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
     let before = files(folder);
     for (line, words) in cases {
@@ -149,11 +150,16 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
     }
 }
 
-/// An invalid file: name of the fault; passage and replacement; location of the fault (the first line with
-/// this text; with a leading `^` also its column); words that the message must contain.
+/// A fault in a valid file. The entries of the tuple are:
+/// - the name of the fault
+/// - the passage to replace
+/// - the replacement
+/// - the first line of the file with this text, where the fault is (a leading `^` adds the column)
+/// - the words that the message must contain
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-/// Returns the line and column of a fault, computed independently from the mark of a case.
+/// Returns the line and column of a fault. The function computes the position from `text` and the mark of a
+/// case, without the program's output.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
     let at = text.find(wanted.unwrap_or(mark)).unwrap_or_else(|| panic!("`{mark}` is not in the file"));
@@ -162,8 +168,8 @@ fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     (line, wanted.map(|_| column))
 }
 
-/// Applies a case to the valid file `text`, writes it as `name` into an empty folder, and runs the program,
-/// which must refuse it. Returns the fault in the program's message, if any.
+/// Applies a case to the valid file `text` and writes the result as `name` into an empty folder. Runs the
+/// program, which must refuse the file. Returns the fault in the program's message, if any.
 pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&str]) -> Option<String> {
     let &(what, from, to, mark, expected) = case;
     let text = edit(text, from, to);

@@ -1,4 +1,4 @@
-//! Runs hostile cases and collects the faults of the program's response.
+//! Runs hostile cases and collects the faults of the program's responses.
 
 use super::fixtures::Fixtures;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Maximum allowed duration of a call, on a machine that is also running other programs.
+/// Maximum allowed duration of a call on a machine that runs other programs at the same time.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Largest allowed message in bytes.
 const FLOOD: u64 = 64 << 10;
@@ -19,11 +19,11 @@ const FLOOD: u64 = 64 << 10;
 pub enum Put {
     Text(String),
     Bytes(Vec<u8>),
-    /// A copy of a file or folder of the fixtures.
+    /// A copy of a fixture file or folder.
     Copy(&'static str),
-    /// The first half of a file of the fixtures.
+    /// The first half of a fixture file.
     Half(&'static str),
-    /// No file. A file that an earlier entry created is removed.
+    /// No file. The case removes a file that an earlier entry created.
     Gone,
     Folder,
     Fifo,
@@ -36,15 +36,15 @@ pub enum Put {
 /// Required exit code of a case.
 #[derive(Clone, Copy, Debug)]
 pub enum Expect {
-    /// The input is valid: exit code 0.
+    /// Exit code 0, for valid input.
     Accepted,
-    /// The system failed: exit code 1.
+    /// Exit code 1, for a failure of the system.
     Failed,
-    /// The input is invalid: exit code 2.
+    /// Exit code 2, for invalid input.
     Refused,
 }
 
-/// A call of the program. In arguments and texts, `{f}` is the folder of the fixtures.
+/// A call of the program. In arguments and texts, `{f}` is the folder of fixtures.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub name: String,
@@ -53,18 +53,19 @@ pub struct Case {
     pub expect: Expect,
     /// Words that the message must contain.
     pub says: &'static str,
-    /// Largest file that the child process can write, in blocks of 512 bytes, to simulate a full disk.
+    /// Size of the largest file that the child process can write, in blocks of 512 bytes. The limit simulates
+    /// a full disk.
     pub limit: Option<u32>,
-    /// Store that must not be reported as finished after the call.
+    /// Store that the program must not report as finished after the call.
     pub verify: Option<&'static str>,
-    /// Permission mode of the created files. If the user is root, the user `nobody` runs the program.
+    /// Permission mode of the created files. If root runs the tests, the user `nobody` runs the program.
     pub mode: Option<u32>,
-    /// Outputs that can exist after a failure, because they were finished before the failure.
+    /// Outputs that can exist after a failure, because the program finished them before the failure.
     pub may_leave: &'static [&'static str],
 }
 
 impl Case {
-    /// Returns a case for a call that must be refused; blanks separate the words of `line`.
+    /// Returns a case for a call that the program must refuse. Blanks separate the arguments in `line`.
     pub fn new(name: impl Into<String>, line: &str) -> Self {
         Self {
             name: name.into(),
@@ -119,7 +120,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Option<String> {
     let arguments: Vec<String> = case.arguments.iter().map(|a| a.replace("{f}", &root)).collect();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     if let Some(blocks) = case.limit {
-        // The shell ignores the signal of a write beyond the limit, so that the write fails as on a full
+        // The shell ignores the signal for writes beyond the limit, so that such a write fails as on a full
         // disk.
         command = Command::new("sh");
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
@@ -229,8 +230,8 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Returns everything below a folder: the bytes of files (only the lengths of large files), and the kinds of
-/// all other entries.
+/// Returns the contents of a folder. The map contains the bytes of small files, the lengths of large files,
+/// and the kinds of all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in fs::read_dir(at).expect("a folder") {

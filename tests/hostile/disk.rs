@@ -1,10 +1,11 @@
-//! Tests that on a full disk the program exits with code 1, prints the file and the reason, and leaves no
-//! output that can be read as finished.
+//! Tests that, on a full disk, the program exits with code 1 and prints the file and the reason. Tests that
+//! the program leaves no output that can be read as finished.
 
 use super::case::{Case, Expect, Put};
 use super::fixtures::SMALL;
 
-/// Commands whose output is larger than the smallest limit, and the store that each writes, if any.
+/// Commands whose output is larger than the smallest limit, each with the store that the command writes, if
+/// any.
 #[rustfmt::skip]
 const WRITERS: &[(&str, Option<&str>)] = &[
     ("render scene.toml -o out.zarr --no-figures", Some("out.zarr")),
@@ -49,7 +50,7 @@ pub fn cases() -> Vec<Case> {
             }
             if let Some(store) = store {
                 case.verify = Some(store);
-                // An unfinished render remains, so that it can be resumed.
+                // The program keeps an unfinished render, so that the user can resume the render.
                 case.may_leave = &["out.zarr", ".out.zarr"];
             }
             cases.push(case);

@@ -1,12 +1,12 @@
-//! Tests documents other than scenes (schemes, detectors, priors, media, materials, calibrations) with every
-//! key, and arrays. Every value is replaced by invalid values, one at a time, and the program must refuse the
-//! result.
+//! Tests arrays and documents. Each document has every key. The documents are schemes, detectors, priors,
+//! media, materials and calibrations. The tests replace every value with invalid values, one at a time. The
+//! program must refuse the result.
 
 use super::case::{Case, Expect, Put};
 use super::scenes::spoil;
 use std::collections::BTreeSet;
 
-/// Replacements that are valid: one `document: key = value` per line.
+/// Valid replacements, with one `document: key = value` per line.
 const ACCEPTED: &str = include_str!("accepted_documents.txt");
 
 const SCHEME: &str = r#"name = "x"
@@ -198,7 +198,7 @@ enum Format {
     Json,
 }
 
-/// Name, text, file name, format and command of each document.
+/// The name, text, file name, format and command of each document.
 #[rustfmt::skip]
 const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("scheme", SCHEME, "x.toml", Format::Toml, "scheme show x.toml"),
@@ -214,7 +214,7 @@ const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("kalibr", KALIBR, "x.json", Format::Json, "import x.json -o out.toml"),
 ];
 
-/// Returns a `.npy` file with this header and `bytes` bytes after it.
+/// Returns a `.npy` file that consists of `header` and `bytes` bytes of data.
 fn npy(header: &str, bytes: usize) -> Vec<u8> {
     let header = format!("{header}\n");
     let mut all = b"\x93NUMPY\x01\x00".to_vec();
@@ -234,7 +234,7 @@ const OF_ARRAYS: &[&str] = &[
     "trial x.npy --scheme {f}/drr36.toml -o out.csv",
 ];
 
-/// Name, header and number of bytes of invalid arrays.
+/// The name, header and number of data bytes of each invalid array.
 #[rustfmt::skip]
 const ARRAYS: &[(&str, &str, usize)] = &[
     ("of no shape", "{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4),

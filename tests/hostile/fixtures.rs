@@ -1,4 +1,4 @@
-//! Creates valid files with the program, once for all cases. Each case damages one file.
+//! Creates valid files with the program once for all cases. Each case damages one file.
 
 use super::case::{contents, copy};
 use crate::harness;
@@ -8,7 +8,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use sunstone::store::numpy;
 
-/// A small valid scene, with all files that a scene can refer to.
+/// A small valid scene with all files to which a scene can refer.
 pub const SMALL: &str = r#"name = "small"
 wavelengths_nm = [450, 550, 660]
 render = { spp = 2, tile = 4, max_depth = 3 }
@@ -55,10 +55,10 @@ view.photo = { slice = "mueller" }
 caption = "{pixels} pixels"
 "#;
 
-/// Number of matrices in the arrays: too many for the nearly full disk of the tests.
+/// Number of matrices in the arrays. The arrays exceed the nearly full disk of the tests.
 const PIXELS: usize = 60;
 
-/// A calibration of a camera by OpenCV.
+/// A camera calibration in OpenCV's format.
 const CALIBRATION: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [60, 0, 32, 0, 60, 24, 0, 0, 1]\n\
 distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, 0, 0, 0, 0]\n";
 
@@ -99,7 +99,7 @@ impl Fixtures {
         let matrices: Vec<f32> = (0..PIXELS * 16).map(|i| if i % 16 == 0 { 2.0 } else { 0.1 }).collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
-        // The projector is dimmed so that the simulated camera does not saturate.
+        // The projector is dim, so that the simulated camera does not saturate.
         let dim: Vec<f32> = matrices.iter().map(|m| 0.02 * m).collect();
         numpy::save(&at.join("dim.npy"), &shape, &dim).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
@@ -146,7 +146,7 @@ impl Fixtures {
 /// Returns a folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     let made = harness::folder();
-    // Another user runs some of the cases, so that user must be able to read the files.
+    // Another user runs some of the cases and must be able to read the files.
     fs::set_permissions(made.path(), fs::Permissions::from_mode(0o755)).expect("its owner");
     made
 }

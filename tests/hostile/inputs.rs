@@ -1,11 +1,11 @@
-//! Replaces every file that a command or a scene reads by a missing, empty, endless, truncated or
-//! different file, a folder or a pipe.
+//! Replaces every file that a command or scene reads. Each replacement is a missing, empty, endless,
+//! truncated or different file, a folder, or a pipe.
 
 use super::case::{Case, Expect, Put};
 use super::fixtures::SMALL;
 
-/// For each reader: the command with `{x}` in place of the damaged file, the name of this file, and the valid
-/// file of the fixtures.
+/// For each reader, the command with `{x}` in place of the damaged file, the name of the damaged file, and
+/// the valid fixture file.
 #[rustfmt::skip]
 pub const READERS: &[(&str, &str, &str)] = &[
     ("render {x} -o out.zarr", "x.toml", "scene.toml"),
@@ -75,8 +75,8 @@ pub const READERS: &[(&str, &str, &str)] = &[
     ("phase eval {x}", "x.toml", "media.toml"),
 ];
 
-/// Files that a scene refers to: a key, a value that replaces the value of `materials.white` or of the
-/// shape, the file name, and the valid file.
+/// Files to which a scene refers. Each entry has a key, a value that replaces the value of `materials.white`
+/// or the shape, the file name, and the valid file.
 #[rustfmt::skip]
 const NAMED: &[(&str, &str, &str, &str)] = &[
     ("[0.7, 0.7, 0.7]", "{ image = \"x.png\" }", "x.png", "image.png"),
@@ -99,7 +99,7 @@ const ACCEPTED: &[&str] = &[
     "a scene's { image = \"x.jpg\" } is a picture",
 ];
 
-/// Returns replacements of the fixtures' valid file `right`, with their names.
+/// Returns named replacements of the valid fixture file `right`.
 fn damaged(right: &'static str) -> Vec<(&'static str, Put)> {
     vec![
         ("missing", Put::Gone),

@@ -1,8 +1,9 @@
-//! Tests hostile cases: for any input, the program ends quickly with a short message and the
-//! correct exit code, and leaves no files.
+//! Tests that, for any input, the program ends quickly with a short message and the correct exit code, and
+//! leaves no files.
 //!
-//! Every case runs the built program as a child process. `cargo test` runs a fixed subset of the cases;
-//! `SUNSTONE_HOSTILE=all cargo test --release --test suite hostile -- --ignored --nocapture` runs all.
+//! Every case runs the built program as a child process. `cargo test` runs a fixed subset of the cases.
+//!
+//! `SUNSTONE_HOSTILE=all cargo test --release --test suite hostile -- --ignored --nocapture` runs all cases.
 
 mod case;
 mod disk;
@@ -19,7 +20,7 @@ use case::{Case, run_all};
 use fixtures::Fixtures;
 use std::time::Instant;
 
-/// By default, one of this number of cases runs.
+/// Divisor of the number of cases. By default, one case in `PART` runs.
 const PART: usize = 16;
 
 #[test]

@@ -20,8 +20,8 @@ const VALUES: [&str; 14] = [
     "0x10",
 ];
 
-/// Commands with `{v}` in place of an option's value, and the values of [`VALUES`] that are valid for the
-/// option.
+/// Commands with `{v}` in place of an option's value, each with the values of [`VALUES`] that are valid for
+/// the option.
 #[rustfmt::skip]
 const OPTIONS: &[(&str, &[&str])] = &[
     ("render {f}/scene.toml -o out.zarr --spp {v}", &[]),
@@ -208,7 +208,7 @@ pub fn cases() -> Vec<Case> {
     for (line, right) in OPTIONS {
         for value in VALUES {
             let mut case = Case::new(format!("{line}: {value:?}"), line);
-            // A value with a leading sign would be parsed as a separate option.
+            // The parser treats a separate word with a leading sign as an option.
             let joined = value.starts_with('-');
             let mut arguments: Vec<String> = vec![];
             for word in &case.arguments {

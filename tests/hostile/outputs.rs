@@ -1,10 +1,12 @@
-//! Replaces every output by an input, a folder, a device, a pipe, an address, a wrong name, or an
-//! impossible path.
+//! Replaces every output with an input, a folder, a device, a pipe, a URL, a wrong name, or an impossible
+//! path.
 
 use super::case::{Case, Expect, Put};
 
-/// For each writer: the command with `{o}` in place of the output; the output's extension, `/` for a folder
-/// or `zarr` for a store; and the argument that names an input which could be overwritten.
+/// The outputs of the commands. Each entry has:
+/// - the command with `{o}` in place of the output
+/// - the output's extension, `/` for a folder or `zarr` for a store
+/// - the argument that names an input that the command could overwrite
 #[rustfmt::skip]
 pub const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
@@ -75,7 +77,7 @@ const TWICE: &[&str] = &[
     "learn -k 9 --data {f}/tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o out.toml --save-prior ./out.toml",
 ];
 
-/// Extensions that few commands or no commands write.
+/// Extensions that few or no commands write.
 const EXTENSIONS: [&str; 8] = ["tif", "jpg", "h5", "hdr", "gif", "npy", "csv", "toml"];
 
 pub fn named(extension: &str) -> String {
@@ -92,7 +94,8 @@ pub fn cases() -> Vec<Case> {
         let make = |what: &str, output: &str| {
             let name_of_case = format!("{line}: .{extension} is {what}");
             let mut case = Case::new(name_of_case, &line.replace("{i}", name));
-            // A name may be empty. An empty name is not a word of the command line.
+            // An empty name is not a word of a command line, so the output is inserted after the line is
+            // split.
             case.arguments.iter_mut().for_each(|a| *a = a.replace("{o}", output));
             if input.is_empty() { case } else { case.put(name, Put::Copy(input)) }
         };
@@ -106,7 +109,7 @@ pub fn cases() -> Vec<Case> {
             let fix = "--features object-stores";
             (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
-            // These commands write to addresses, but not to addresses of this kind.
+            // The commands `render` and `merge` write to URLs, but not to URLs with the scheme `nowhere`.
             (make("an address", &format!("nowhere://bucket/{out}")).says("s3://"), "read only")
         } else {
             (make("an address", &format!("s3://bucket/{out}")).says("address"), "address")
@@ -120,7 +123,7 @@ pub fn cases() -> Vec<Case> {
         cases.push(make("a pipe", &out).put(out.clone(), Put::Fifo));
         cases.push(make("below a file", &format!("f/{out}")).put("f", Put::Text("x".into())));
         let mut nowhere = make("in /proc", &format!("/proc/{out}")).expect(Expect::Failed);
-        // Outputs written before the failure are valid.
+        // Outputs that the program wrote before the failure are valid.
         nowhere.may_leave = &["out.", "renders"];
         cases.push(nowhere);
         if folder {
@@ -137,7 +140,7 @@ pub fn cases() -> Vec<Case> {
                 make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())),
             );
         }
-        // The name determines the format.
+        // The file name determines the format.
         let by_name = line.starts_with("probe") || line.starts_with("pbrdf slice");
         let known = |e: &str| e == *extension || by_name && ["npy", "csv"].contains(&e);
         for other in EXTENSIONS.iter().filter(|e| !known(e)) {
@@ -173,7 +176,7 @@ pub fn cases() -> Vec<Case> {
         own("its scenes", "figure {f}/figure.toml --preview --scenes scenes --renders scenes -o a.png")
             .put("scenes", Put::Folder),
     );
-    // All faults are reported before the first render.
+    // The command reports all faults before the first render.
     let apply = "apply metamerism --preview --seeds 1 --scenes scenes";
     for (renders, output) in [
         ("renders", "scenes"),

@@ -1,5 +1,5 @@
-//! Tests that files and folders without read or write permission are reported. If the user is root, the user
-//! `nobody` runs the program, if possible.
+//! Tests that the program reports files and folders without read or write permission. If root runs the tests,
+//! the user `nobody` runs the program, if possible.
 
 use super::case::{Case, Expect, Put, is_root};
 use super::inputs::READERS;
@@ -25,7 +25,7 @@ pub fn cases() -> Vec<Case> {
         return vec![];
     }
     let mut cases = vec![];
-    // These commands first look for another file.
+    // The listed commands open another file before the file without permission.
     let others = [
         "rig status",
         "rig flash",

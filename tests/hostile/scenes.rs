@@ -1,4 +1,5 @@
-//! Tests that invalid values are reported: each value of a scene with every key is replaced, one at a time.
+//! Tests that the program reports invalid values. The tests replace each value of a scene with every key, one
+//! at a time.
 
 use super::case::{Case, Expect, Put};
 use std::collections::BTreeSet;
@@ -6,7 +7,7 @@ use toml::{Table, Value};
 
 /// A scene with every key of the syntax.
 const SCENE: &str = include_str!("scene.toml");
-/// Replacements that are valid: one `key = value` per line.
+/// Valid replacements, with one `key = value` per line.
 const ACCEPTED: &str = include_str!("accepted.txt");
 
 /// Returns the value at a key or index.
@@ -18,7 +19,8 @@ fn child<'a>(value: &'a mut Value, step: &str) -> &'a mut Value {
     }
 }
 
-/// Collects all paths of a document. For a list of plain values, only the first entry's path is collected.
+/// Collects all paths of a document. For a list of plain values, the function collects only the path of the
+/// first entry.
 fn places(value: &Value, at: &[String], out: &mut Vec<Vec<String>>) {
     let children: Vec<(String, &Value)> = match value {
         Value::Table(table) => table.iter().map(|(key, child)| (key.clone(), child)).collect(),
@@ -41,7 +43,7 @@ fn is_vector(value: &Value) -> bool {
     value.as_array().is_some_and(|l| l.len() == 3 && l.iter().all(number))
 }
 
-/// Sets the value at a path, or removes it.
+/// Sets the value at a path, or removes the value.
 fn set(document: &mut Value, path: &[String], new: Option<Value>) {
     let (last, way) = path.split_last().expect("a place");
     let parent = way.iter().fold(document, |value, step| child(value, step));
@@ -53,7 +55,7 @@ fn set(document: &mut Value, path: &[String], new: Option<Value>) {
     }
 }
 
-/// Returns replacement values with their names.
+/// Returns named replacement values.
 fn damaged() -> Vec<(&'static str, Option<Value>)> {
     vec![
         ("nan", Some(Value::Float(f64::NAN))),
@@ -70,7 +72,8 @@ fn damaged() -> Vec<(&'static str, Option<Value>)> {
     ]
 }
 
-/// Returns one document for every path and every replacement value, each named `path = value`.
+/// Returns one document for every path and every replacement value. The name of each document is `path =
+/// value`.
 pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
     places(document, &[], &mut all);
@@ -78,7 +81,7 @@ pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     for place in all {
         for (name, value) in damaged() {
             let mut text = document.clone();
-            // A zero direction only replaces directions.
+            // The replacement `zeros` applies to vectors only.
             let old = place.iter().fold(&mut text, |value, step| child(value, step));
             if name == "zeros" && !is_vector(old) {
                 continue;
@@ -100,7 +103,7 @@ pub fn cases() -> Vec<Case> {
     for (key, value) in spoil(&Value::Table(SCENE.parse().expect("TOML"))) {
         let expect = if accepted.contains(key.as_str()) { Expect::Accepted } else { Expect::Refused };
         let text = toml::to_string(&value).expect("TOML");
-        // The command that draws figures parses them.
+        // The command that draws the figures parses the figure keys.
         let command =
             if key.starts_with("figures") { "render scene.toml -o s.zarr" } else { "info scene.toml" };
         let case = Case::new(format!("scene {key}"), command);

@@ -1,8 +1,9 @@
-//! Tests that no command returns a result with missing data if one file of a store is damaged.
+//! Tests that no command returns a result with missing data if a file of a store is damaged.
 
 use super::case::{Case, Expect, Put};
 
-/// Commands that read the complete store `s.zarr`. `info` is not listed because it reads only metadata.
+/// Commands that read the complete store `s.zarr`. The list excludes `info`, because `info` reads only
+/// metadata.
 #[rustfmt::skip]
 const READERS: &[&str] = &[
     "verify s.zarr",
@@ -42,7 +43,7 @@ pub fn cases() -> Vec<Case> {
                 let case =
                     Case::new(format!("{line}: {file} is {what}"), line).put("s.zarr", Put::Copy("s.zarr"));
                 let case = case.put(*file, Put::Gone).put(*file, put);
-                // For a finished store, verify reports the damage, with a separate exit code.
+                // For a finished store, `verify` reports the damage with a separate exit code.
                 let damaged = line.starts_with("verify") && *file != "s.zarr/manifest.txt";
                 cases.push(if damaged { case.expect(Expect::Failed) } else { case });
             }

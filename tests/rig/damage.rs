@@ -1,8 +1,9 @@
-//! Tests that damaged runs with correct checksums are refused with a message, or read.
+//! Tests damaged runs with correct checksums. The program must read each run, or refuse the run with a
+//! message.
 
 use super::*;
 
-/// A deterministic pseudorandom sequence of numbers.
+/// A deterministic pseudorandom number sequence.
 struct Draw(u64);
 
 impl Draw {
@@ -26,7 +27,7 @@ fn places(value: &Value, here: String, out: &mut Vec<String>) {
     }
 }
 
-/// Returns a document with a change at one path.
+/// Returns a copy of a document with one path changed.
 fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     let mut document: Value = serde_json::from_slice(bytes).expect("a description");
     let mut all = vec![];
@@ -62,7 +63,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
             };
         }
         Value::String(s) if s.len() > 8 && draw.below(2) == 0 => {
-            // The scheme's text with one byte deleted or changed.
+            // Deletes or changes one byte of the scheme's text.
             let at = draw.below(s.len());
             if s.is_char_boundary(at) && s.is_char_boundary(at + 1) {
                 s.replace_range(at..=at, ["", "9", "-", "x"][draw.below(4)]);
@@ -73,8 +74,8 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Damages finished runs at one position and corrects the checksums, as another program could. Tests
-/// that each run is either read or refused with a message, without a panic or a long delay.
+/// Damages finished runs at one position and corrects the checksums, as a different program could do. Tests
+/// that the program reads each run or refuses it with a message, without a panic or a long delay.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn damaged_runs_are_read_or_refused() {
@@ -82,7 +83,7 @@ fn damaged_runs_are_read_or_refused() {
     let bench = Bench::new("");
     let mut draw = Draw(18);
     let (mut read, mut refused) = (0, 0);
-    // As many captures as the matrices require.
+    // Takes as many captures as the matrices require.
     let more =
         |text: &str| text.replace("captures = 6", "captures = 16").replace("captures = 4", "captures = 16");
     bench.write("camera.toml", more(CAMERA));
@@ -93,7 +94,8 @@ fn damaged_runs_are_read_or_refused() {
         let content = bench.content(&store);
         let root = bench.path(&store);
         for case in 0..wanted / 2 {
-            // Most metadata are at the root, whereas there are many frames.
+            // Selects the root in half of the cases, because most metadata are at the root but most files are
+            // frames.
             let root_is = ["zarr.json", "frames/raw/zarr.json"][draw.below(2)];
             let at_root = content.iter().find(|(p, _)| draw.0 >> 63 == 0 && p == Path::new(root_is));
             let (path, bytes) = at_root.unwrap_or(&content[draw.below(content.len())]);

@@ -6,8 +6,12 @@ use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{self, Share};
 
-/// Slices for these tests: tiles that do not divide the image, binned cameras with a smaller last
-/// bin, light outside the time bins, matrices, listed rows.
+/// Slices for these tests. The slices have:
+/// - tiles that do not divide the image
+/// - binned cameras with a smaller last bin
+/// - light outside the time bins
+/// - matrices
+/// - listed rows
 const SLICES: &str = r#"
 [[slices]]
 name = "mueller"
@@ -55,7 +59,7 @@ fn arrays_and_stores_agree_in_every_field() {
     assert_eq!(fields, 4 * 3 + 2 * 2);
 }
 
-/// Tests that the total of a pixel and its standard error do not depend on the axes that a slice resolves.
+/// Tests that the total of a pixel, and its standard error, do not depend on the axes that a slice resolves.
 #[test]
 fn errors_of_totals_do_not_depend_on_the_resolved_axes() {
     let slices = r#"
@@ -87,12 +91,13 @@ camera = { binned = 3 }
             assert!((a - b).abs() <= 1e-5 * a, "{slice}: {b}, not {a}");
         }
     }
-    // The standard error of a mean over wavelengths is at most the mean of the wavelengths' standard errors.
+    // The standard error of a mean over wavelengths is at most the mean of the standard errors of the
+    // wavelengths.
     for (total, each) in errors.iter().zip(get("photo", Field::StdError).chunks_exact(3)) {
         let bound = each.iter().sum::<f32>() / 3.0;
         assert!(*total <= 1.00001 * bound && *total >= 0.3 * bound, "{total}, {each:?}");
     }
-    // Errors of pixels are independent; a bin has 9 pixels.
+    // Errors of different pixels are independent, and a bin has 9 pixels.
     let coarse = get("coarse", Field::TotalStdError);
     for (i, binned) in coarse.iter().enumerate() {
         let box_of = (0..9).map(|k| (i / 6 * 3 + k / 3) * 18 + i % 6 * 3 + k % 3);

@@ -1,4 +1,5 @@
-//! Tests that `sunstone calibrate` calibrates devices from images, writes scene tables, and refuses faults.
+//! Tests that `sunstone calibrate` calibrates devices from images, writes scene tables, and refuses invalid
+//! input.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -38,8 +39,8 @@ fn board() -> Board {
     Board::new(7, 6, 0.025).expect("a board")
 }
 
-/// For each sample point of each camera pixel, the brightness of the board at this point, and the projector
-/// pixel that illuminates the point.
+/// Returns two values for each sample point of each camera pixel. The values are the brightness of the board
+/// at the point, and the projector pixel that illuminates the point.
 fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     let [camera, projector] = devices();
     let (board, back) = (board(), pose.inverse());
@@ -74,7 +75,7 @@ fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32
 
 const TARGET: [&str; 6] = ["--columns", "7", "--rows", "6", "--square", "25mm"];
 
-/// A scene with the devices of a calibration.
+/// Returns a scene with the devices of a calibration.
 fn scene_of(at: &Path, name: &str, projector: bool) {
     let device = |kind: &str| format!("[{kind}]\ncalibration = \"{name}\"\n");
     let mut text = device("camera");
@@ -105,7 +106,7 @@ fn a_camera_and_a_projector_are_calibrated_from_images() {
         }
         views.push(view);
     }
-    // The camera alone, from the white images.
+    // Calibrates the camera without the projector, from the white images.
     let whites: Vec<String> = views.iter().map(|v| format!("{v}/000.png")).collect();
     let mut arguments = vec!["calibrate", "board", "-o", "camera.toml", "--fix-k3"];
     arguments.extend(TARGET);
@@ -120,7 +121,7 @@ fn a_camera_and_a_projector_are_calibrated_from_images() {
     };
     near(&found.camera.device().expect("a camera"), &camera, 1.0);
     scene_of(at, "camera.toml", false);
-    // Camera and projector.
+    // Calibrates camera and projector.
     for output in ["pair.toml", "pair.json"] {
         let mut arguments = vec!["calibrate", "projector", "--projector", "128x96", "--fix-k3", "-o", output];
         arguments.extend(TARGET);

@@ -1,5 +1,5 @@
-//! Tests `sunstone capture` and `sunstone trial`: captures of stores and arrays, their reconstruction, and
-//! comparisons.
+//! Tests `sunstone capture` and `sunstone trial`. The tests capture stores and arrays, reconstruct the
+//! captures, and compare the results.
 
 use crate::commands::{rendered, run};
 use crate::decompose::{save, values};
@@ -15,7 +15,7 @@ fn read(path: &Path) -> (Vec<usize>, Vec<f64>) {
     (array.shape.clone(), values(&array))
 }
 
-/// Returns the matrices of 6 x 8 pixels and 3 wavelengths.
+/// Returns the Mueller matrices of 6 x 8 pixels and 3 wavelengths.
 fn matrices(folder: &Path) -> Vec<f64> {
     let of = |i: usize| match i % 16 {
         0 => 2.0,
@@ -26,7 +26,7 @@ fn matrices(folder: &Path) -> Vec<f64> {
     all
 }
 
-/// Runs a command given as one line.
+/// Runs a command, given as one line.
 fn sunstone(folder: &Path, line: &str) -> String {
     run(folder, &line.split_whitespace().collect::<Vec<_>>())
 }
@@ -35,7 +35,7 @@ fn schemes(folder: &Path) {
     sunstone(folder, "scheme drr -k 36 -o drr36.toml");
     sunstone(folder, "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml");
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
-    // These plates are exact only at 550 nm.
+    // The retardances of the scheme's plates are exact at 550 nm and at no other wavelength.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
     let text = text.replace(
         "retardance_deg = 90.0",
@@ -68,7 +68,7 @@ fn captures_are_reconstructed() {
         assert_eq!(shape, [6, 8, 3, 4, 4]);
         assert!(worst(&truth, &back) < 1e-5, "{scheme}: {}", worst(&truth, &back));
     }
-    // A camera that reports variances; some pixels saturate.
+    // The camera reports variances, and some pixels saturate.
     let camera = "[cmos]\nphotons_per_unit = 1.2e6\n";
     std::fs::write(d.join("camera.toml"), camera).expect("space");
     sunstone(
@@ -85,7 +85,7 @@ fn captures_are_reconstructed() {
     let (_, back) = read(&d.join("back.npy"));
     let off = back.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / truth.len() as f64;
     assert!(off.sqrt() > 1e-4 && off.sqrt() < 0.2, "{}", off.sqrt());
-    // Superpixels halve the image.
+    // Superpixels halve the width and height of the image.
     std::fs::write(d.join("mosaic.toml"), format!("demosaic = \"superpixel\"\n{camera}")).expect("space");
     sunstone(
         d,
@@ -94,8 +94,8 @@ fn captures_are_reconstructed() {
     assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
-/// Tests that captures of a slice use the slice's wavelengths and time bins, and that a photon counter counts
-/// in these bins.
+/// Tests that captures of a slice have the wavelengths and time bins of the slice. Tests that a photon
+/// counter counts in the time bins of the slice.
 #[test]
 fn slices_are_captured_along_their_axes() {
     let folder = rendered();
@@ -114,7 +114,7 @@ fn slices_are_captured_along_their_axes() {
         let found = back[(((y * 16 + x) * 3 + w) * 4 + i) * 4 + j];
         assert!((found - f64::from(want)).abs() < 1e-5 * f64::from(most), "{found} {want}");
     }
-    // A single selected wavelength is known.
+    // With a single selected wavelength, the command does not need `--wavelengths`.
     sunstone(d, "capture out/room.zarr image -k wavelength=450 --scheme plates.toml -o I.npy");
     assert_eq!(read(&d.join("I.npy")).0, [36, 12, 16]);
     sunstone(d, "reconstruct I.npy --scheme plates.toml --wavelengths 450 -o one.npy");
@@ -133,8 +133,8 @@ fn slices_are_captured_along_their_axes() {
     assert!(counts.iter().all(|v| v.is_finite()));
 }
 
-/// Tests that each row of the table has the error of the closed form for the given noise, and that more
-/// captures give smaller errors, also with a camera model.
+/// Tests that the error in each row of the table equals the closed form for the given noise. Tests that more
+/// captures give smaller errors, with and without a camera model.
 #[test]
 fn trials_match_closed_forms() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -157,11 +157,11 @@ fn trials_match_closed_forms() {
     for (r, row) in rows.iter().enumerate().take(2) {
         assert_eq!((row[2], row[4]), ("16", "least squares"));
         let (predicted, rmse, error) = (number(r, 5), number(r, 6), number(r, 7));
-        // The standard error of 8 trials is itself uncertain. Each mean square is over 18,432 numbers.
+        // The standard error of 8 trials is itself uncertain. Each mean square covers 18,432 numbers.
         assert!((rmse / predicted - 1.0).abs() < 0.06, "{rmse} {predicted}");
         assert!(error < 0.03 * rmse && number(r, 9) == 0.0);
     }
-    // Variance of dual rotating retarders: 196 σ² over 36 captures.
+    // The variance is 196 σ² for dual rotating retarders with 36 captures.
     assert!((number(0, 5) - 1e-3 * (196.0_f64 / 16.0).sqrt()).abs() < 1e-5);
     assert_eq!((rows[2][2], rows[2][5]), ("10", ""));
     assert!(number(2, 6) > 5.0 * number(0, 6));

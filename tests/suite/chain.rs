@@ -1,5 +1,5 @@
-//! Tests the capture chain of applications: the rig of a seed, the calibration of this rig from known
-//! samples, and refusals.
+//! Tests the capture chain of applications. The chain creates a rig from a seed, and calibrates the rig with
+//! known samples. Tests that invalid input is refused.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -19,8 +19,8 @@ fn chain(more: &str) -> Chain {
     from_toml(Path::new("chain.toml"), &text).expect("a chain")
 }
 
-/// Tests that axes, retardances and extinctions of 8 rigs are calibrated from noisy captures of air, a mirror
-/// and a polarizer, with errors that are far smaller than the imperfections.
+/// Calibrates axes, retardances and extinctions of 8 rigs from noisy captures of air, a mirror and a
+/// polarizer. Tests that the errors are far smaller than the imperfections.
 #[test]
 fn rigs_are_calibrated_by_known_samples() {
     let chain = chain("[cmos]\nbracket = [1, 0.1]\n");
@@ -42,7 +42,8 @@ fn rigs_are_calibrated_by_known_samples() {
         }
     }
     assert!(left < 1e-3 * planted, "{left} of {planted}");
-    // Two samples leave one rotation undetermined or provide too few captures: the third sample is necessary.
+    // Two samples leave one rotation undetermined or provide too few captures, so the third sample is
+    // necessary.
     let real = chain.laboratory.optics.of(&plan, 1);
     let air = calibrated(&plan, &real, &samples[..1], &noise, &[550.0], 1).expect("a calibration");
     let off = |s: &Scheme| (s.generator()[0].axis_offset - real.generator()[0].axis_offset).abs();

@@ -1,4 +1,4 @@
-//! Tests the command line: render, info, probe, figure, export, merge and schema on a small scene.
+//! Tests the commands render, info, probe, figure, export, merge and schema on a small scene.
 
 use crate::harness::{self, refusals};
 use std::path::Path;
@@ -52,7 +52,7 @@ pub fn run(dir: &Path, arguments: &[&str]) -> String {
     harness::stdout(&harness::run(dir, arguments, 0))
 }
 
-/// Runs a command that must refuse its input, and returns the error message.
+/// Runs a command that must refuse its input. Returns the error message.
 pub fn refused(dir: &Path, arguments: &[&str]) -> String {
     harness::stderr(&harness::run(dir, arguments, 2))
 }
@@ -77,7 +77,8 @@ fn a_chain_of_commands() {
     let info = run(d, &["info", "out/room.zarr"]);
     assert!(info.contains("samples_per_pixel  8") && info.contains("overflow"), "{info}");
 
-    // For a scene, info prints the content and no warnings, also about the mirror in the projector's light.
+    // For a scene, `info` prints the content. `info` prints no warnings, although a mirror is in the
+    // projector's light.
     let about = run(d, &["info", "room/scene.toml"]);
     assert!(about.contains("integrator         path") && about.contains("1 quadrics"), "{about}");
     assert!(!about.contains("warning"), "{about}");
@@ -98,7 +99,7 @@ fn a_chain_of_commands() {
     let about = run(d, &["info", "walks.toml"]);
     assert!(about.contains("is not found") && about.contains("manifold = true"), "{about}");
 
-    // The T_p that the program prints is the sum over the image.
+    // The printed T_p is the sum over the image.
     let printed =
         run(d, &["probe", "out/room.zarr", "image", "--preset", "polarimetric", "-k", "wavelength=550"]);
     let m00: f64 = printed
@@ -116,7 +117,7 @@ fn a_chain_of_commands() {
         .sum(AxisKind::Y);
     assert!((m00 / f64::from(sum.data[0]) - 1.0).abs() < 1e-5);
 
-    // A pattern of ones gives the image of full drive; half drive gives half of this image.
+    // A pattern of ones gives the image of full drive. Half drive gives half of the image of full drive.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
         image::GrayImage::from_pixel(8, 6, image::Luma([drive])).save(&file).unwrap();
@@ -145,7 +146,7 @@ fn a_chain_of_commands() {
         &["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o", "p.png"],
     );
     assert!(d.join("p.png").exists());
-    // The extension or the option for the scene's figures determines the format.
+    // The file extension, or the option for the scene's figures, determines the format.
     let view = ["figure", "out/room.zarr", "--view", "profile", "--slice", "xt", "--pixel", "8,6", "-o"];
     for (name, head) in [("p.svg", "<svg "), ("p.pdf", "%PDF-")] {
         run(d, &[&view[..], &[name]].concat());

@@ -44,8 +44,8 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
     }
 }
 
-/// Tests that an array of 3 × 1 matrices (a quarter-wave retarder, an ideal depolarizer and an unphysical
-/// matrix) is decomposed to arrays of the same shape.
+/// Tests the decomposition of an array of 3 × 1 matrices to arrays of the same shape. The matrices are a
+/// quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
 #[test]
 fn arrays_are_decomposed_to_arrays() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -79,19 +79,20 @@ fn arrays_are_decomposed_to_arrays() {
     assert_eq!(retardance[1], 0.0);
     assert!(retardance[2].is_nan());
     assert_eq!(values(&found["depolarization"])[..2], [0.0, 1.0]);
-    // Errors, and selected arrays.
+    // Decomposes with errors, and selects arrays.
     save(d, "e", &[3, 1, 4, 4], &[0.01; 48]);
     let only = ["decompose", "m.npy", "--errors", "e.npy", "--only", "retardance,entropy", "-o", "q.npz"];
     run(d, &only);
     let found = arrays(&d.join("q.npz"));
     assert_eq!(found.len(), 3);
-    // The standard error of the retardance follows from the four elements that contain its sine and cosine.
+    // The standard error of the retardance follows from the four elements that contain the sine and cosine of
+    // the retardance.
     let error = values(&found["retardance_error"])[0];
     assert!(error > 0.005 && error < 0.01, "{error}");
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// Tests that a stored image and its matrices, decomposed one by one, have the same results and errors.
+/// Tests that a stored image has the same results and errors as its matrices, decomposed one by one.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();
@@ -133,13 +134,14 @@ fn slices_of_stores() {
     assert!(lit > 200, "{lit}");
     let errors = values(&found["polarizance_error"]);
     assert!(errors.iter().filter(|e| **e > 0.0).count() > 20);
-    // A selected range of an axis.
+    // Decomposes a selected range of an axis.
     run(d, &["decompose", "out/room.zarr", "xt", "-k", "t=9000:9500", "--only", "retardance", "-o", "t.npz"]);
     let found = arrays(&d.join("t.npz"));
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
 
-/// Tests that input that is not an array of matrices is refused with a fix, and nothing is written.
+/// Tests that the command refuses input other than arrays of matrices. The error message must contain a fix,
+/// and the command must write nothing.
 #[test]
 fn invalid_inputs_are_refused() {
     let folder = rendered();

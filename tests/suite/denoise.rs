@@ -1,5 +1,5 @@
-//! Tests denoised stores: they are closer to the converged render than their input, have correct
-//! errors and physical matrices, and are refused as a reference.
+//! Tests that denoised stores are closer to the converged render than their input, and have correct errors
+//! and physical matrices. Tests that commands refuse a denoised store as a reference.
 
 use crate::harness::{assert_same_store, mirror_room, read, refusals, run, stderr, stdout, sunstone};
 use std::path::Path;
@@ -23,13 +23,13 @@ time = { start_ps = 13000, bin_ps = 200, bins = 80 }
 "#;
 
 const SIZE: usize = 64;
-/// Number of values per pixel: elements times wavelengths.
+/// Number of values per pixel, which is the number of elements times the number of wavelengths.
 const NUMBERS: usize = 48;
-/// Number of samples of the converged render, divided by that of the other renders.
+/// Number of samples of the converged render, divided by the number of samples of each noisy render.
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    // Independent samples, so that standard errors also describe the noise of renders with fewer samples.
+    // The samples are independent. Standard errors are therefore valid for renders with fewer samples.
     let options = ["--seed", seed, "--spp", spp, "--replicates", spp, "--no-figures", "-o", store];
     run(at, &[&["render", "scene.toml"], &options[..]].concat(), 0);
 }
@@ -43,21 +43,21 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
 /// Comparison of a denoised slice with the converged slice.
 #[derive(Debug)]
 struct Judged {
-    /// Mean squared error before denoising divided by that after denoising, over all values. The noise of the
-    /// converged render is subtracted.
+    /// Mean squared error before denoising, divided by the mean squared error after denoising, over all
+    /// values. The noise of the converged render is subtracted from each error.
     gain: f64,
-    /// The ratio `gain`, excluding the 5 % of the pixels with the largest errors in the converged render.
+    /// The ratio `gain` without the 5 % of the pixels with the largest errors in the converged render.
     quiet: f64,
     half: f64,
     /// Root mean square, over all values, of the deviation divided by the stated error.
     z: f64,
     z00: f64,
-    /// Relative deviation of Σ M00 from that of the converged render.
+    /// Relative deviation of Σ M00 from Σ M00 of the converged render.
     bias: f64,
-    /// Relative deviation of Σ M00 of the input from that of the converged render.
+    /// Relative deviation of the input's Σ M00 from Σ M00 of the converged render.
     before: f64,
-    /// Fraction of the height of steps between adjacent pixels that denoising preserves, for steps that are
-    /// visible with 16 samples.
+    /// Fraction of a step between adjacent pixels that remains after denoising. Only steps that are visible
+    /// with 16 samples count.
     step: f64,
     edges: usize,
     /// Smallest eigenvalue of the coherency matrix divided by M00.
@@ -71,7 +71,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     let raw: Vec<f64> =
         (0..truth.len()).map(|i| all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64).collect();
     let square = |a: &[f64], i: usize| (a[i] - truth[i]).powi(2);
-    // Pixels are sorted by the error of the converged render; the largest error is last.
+    // Sorts the pixels by the error of the converged render, with the largest error last.
     let doubt = |p: usize| unsure[p * NUMBERS..(p + 1) * NUMBERS].iter().map(|e| e * e).sum::<f64>();
     let mut pixels: Vec<usize> = (0..SIZE * SIZE).collect();
     pixels.sort_by(|a, b| doubt(*a).total_cmp(&doubt(*b)));
@@ -88,7 +88,8 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
         (sum / n).sqrt()
     };
     let light = |a: &[f64]| a.chunks(NUMBERS).map(|m| m[1]).sum::<f64>();
-    // Pairs of neighbours in a row, at 550 nm, whose step exceeds three times the noise of 16 samples.
+    // Selects pairs of adjacent pixels in a row, at 550 nm, whose step exceeds three times the noise of 16
+    // samples.
     let step = |a: &[f64], p: usize| a[(p + 1) * NUMBERS + 1] - a[p * NUMBERS + 1];
     let noise = |p: usize| unsure[p * NUMBERS + 1].hypot(unsure[(p + 1) * NUMBERS + 1]) * CONVERGED.sqrt();
     let pairs: Vec<usize> = (0..SIZE * SIZE - 1)
@@ -116,8 +117,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
 }
 
 /// Compares renders of 64 × 64 pixels with 16 samples and with 1024 samples per pixel. A few tens of pixels
-/// on the glossy knot have most of the squared error and no similar pixels for averaging. The reduction of
-/// the mean squared error over all pixels is therefore far smaller than that without the noisiest 5 %.
+/// on the glossy knot have most of the squared error, and no similar pixels for averaging. Denoising
+/// therefore reduces the mean squared error over all pixels far less than the error without the noisiest 5 %
+/// of the pixels.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn denoising_reduces_the_error_and_states_it_correctly() {
@@ -134,7 +136,7 @@ fn denoising_reduces_the_error_and_states_it_correctly() {
         for slice in ["mueller", "nonepipolar"] {
             let judged = judge(at, made, renders, slice);
             println!("{made} {slice}: {judged:.4?}");
-            // Two renders are compared with their mean, which has half of the error variance.
+            // For two renders, the result is compared with their mean, which has half of the error variance.
             let least_gain = 4.0 - renders.len() as f64;
             assert!(judged.gain > 1.1 && judged.quiet > least_gain && judged.half > least_gain);
             assert!((0.7..1.4).contains(&judged.z) && (0.7..1.4).contains(&judged.z00));
@@ -143,7 +145,7 @@ fn denoising_reduces_the_error_and_states_it_correctly() {
             assert!(judged.least > -1e-5);
         }
     }
-    // Slices of light in flight have few samples per bin: the gain is smaller, but no value gets worse.
+    // Slices of light in flight have few samples per bin. The gain is smaller, but no value becomes worse.
     for (made, renders) in [("one.zarr", &["a.zarr"][..]), ("two.zarr", &["a.zarr", "b.zarr"])] {
         let [truth, unsure] = fields(at, "converged.zarr", "flight");
         let [mean, error] = fields(at, made, "flight");
@@ -163,7 +165,7 @@ fn denoising_reduces_the_error_and_states_it_correctly() {
         println!("{made} flight: gain {:.3}, z {z:.3}", before / after);
         assert!(before > after && (0.7..1.4).contains(&z));
     }
-    // Negative control: weights that ignore the similarity of pixels fail.
+    // Negative control: weights that ignore the similarity of pixels fail the test.
     let mut flat = fields(at, "a.zarr", "mueller")[0].clone();
     let [truth, _] = fields(at, "converged.zarr", "mueller");
     let old = flat.clone();
@@ -212,7 +214,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
         assert!(done.expect("the program runs").success());
     }
     assert_same_store(&at.join("one.zarr"), &at.join("three.zarr"));
-    // The smallest possible bands, of 16 rows.
+    // Uses the smallest possible bands, of 16 rows.
     let inputs = ["a.zarr", "b.zarr"].map(|name| at.join(name));
     denoise_in_bands(&inputs, &at.join("bands.zarr"), false, 1).expect("a store");
     let [whole, bands] = ["one.zarr", "bands.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
@@ -222,7 +224,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
             assert_eq!(read(&whole, name, field).data, read(&bands, name, field).data, "{name} {field:?}");
         }
     }
-    // Rows that are not adjacent are not mixed: row 6 alone gives the same result as with other rows.
+    // Rows that are not adjacent are not mixed. Row 6 alone gives the same result as row 6 with other rows.
     let rows = read(&whole, "rows", Field::Mean);
     let lone = SMALL.replace("rows = [1, 2, 6]", "rows = [6]");
     std::fs::write(at.join("scene.toml"), mirror_room(40, 16, 8, 8, &lone)).expect("a scene");
@@ -247,14 +249,14 @@ fn denoised_stores_are_marked_and_refused_as_references() {
         info.contains("denoised") && info.contains("non-local means") && info.contains("a.zarr"),
         "{info}"
     );
-    // Commands that display or analyze the store accept it.
+    // Commands that display or analyze stores accept the denoised store.
     run(at, &["verify", "d.zarr"], 0);
     run(at, &["figure", "d.zarr", "--format", "svg"], 0);
     let text = std::fs::read_to_string(at.join("d.figures/photo.svg")).expect("a figure");
     assert!(text.contains("denoised"), "the title does not say it");
     run(at, &["decompose", "d.zarr", "mueller", "-o", "d.npz"], 0);
     run(at, &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"], 0);
-    // Commands that would use the store as a reference refuse the store.
+    // Commands that would use the denoised store as a reference refuse the store.
     run(at, &["scheme", "drr", "-k", "36", "-o", "drr.toml"], 0);
     let refused: [&[&str]; 7] = [
         &["merge", "d.zarr", "a.zarr", "-o", "m.zarr"],
@@ -271,13 +273,13 @@ fn denoised_stores_are_marked_and_refused_as_references() {
         assert!(!at.join("m.zarr").exists(), "{arguments:?}");
     }
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "m.zarr"], 0);
-    // A slice without an image is copied. A slice without standard errors stays unchanged.
+    // Denoising copies a slice without an image, and does not change a slice without standard errors.
     run(at, &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"], 0);
     let done = run(at, &["denoise", "profile.zarr", "-o", "copy.zarr"], 0);
     assert!(stdout(&done).contains("copied"));
     let [from, to] = ["profile.zarr", "copy.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
     assert_eq!(read(&from, "mueller", Field::Mean).data, read(&to, "mueller", Field::Mean).data);
-    // Sample counts are the sum of both.
+    // The sample counts of the denoised store are the sums of the sample counts of the two inputs.
     let made = TensorStore::open(&at.join("d.zarr")).expect("a store");
     assert!(made.read_samples([0, 0], [16, 16]).expect("counts").iter().all(|n| *n == 8));
     assert_eq!(made.attributes()["seeds"], serde_json::json!([1, 2]));

@@ -14,7 +14,7 @@ fn truth(p: usize) -> [f64; 16] {
     std::array::from_fn(|e| if e == 0 { 1.0 } else { ((p * 16 + e) as f64).sin() * 0.3 })
 }
 
-/// Simulates captures of pixels with a scheme in the folder, and saves the intensities as NumPy does.
+/// Simulates captures of pixels with a scheme in the folder, and saves the intensities in NumPy's format.
 fn captured(d: &Path, scheme: &str, shape: &[usize], pixels: usize) {
     let scheme = load(&d.join(scheme)).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
@@ -31,8 +31,8 @@ fn matrices(d: &Path) -> NumpyArray {
     NumpyArray::read(&d.join("m.npy")).expect("matrices")
 }
 
-/// Tests that captures of an intensity sensor and of a polarizer array are reconstructed to the original
-/// matrices, for any shape of the pixel array.
+/// Reconstructs captures of an intensity sensor and of a polarizer array. Tests that the result equals the
+/// original matrices, for any shape of the pixel array.
 #[test]
 fn captures_are_reconstructed_to_matrices() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -60,12 +60,13 @@ fn captures_are_reconstructed_to_matrices() {
         assert!(off.fold(0.0, f64::max) < 1e-9);
         let errors = NumpyArray::read(&d.join("e.npy")).expect("errors");
         assert_eq!(errors.shape, found.shape);
-        // Without noise there are no residuals.
+        // Without noise, the residuals are zero.
         assert!(values(&errors).iter().all(|e| *e < 1e-9));
     }
 }
 
-/// Tests that the learned scheme reaches the lower bound of the error, and that a seed determines the scheme.
+/// Tests that the learned scheme reaches the lower bound of the error. Tests that a seed determines the
+/// scheme.
 #[test]
 fn learned_schemes_reach_the_bound() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -87,8 +88,8 @@ fn learned_schemes_reach_the_bound() {
     run(d, &["scheme", "plot", "a.toml", "-o", "p.png"]);
 }
 
-/// Tests that six captures with a polarizer array give a good estimate with a prior learned from
-/// the same materials.
+/// Tests that six captures with a polarizer array give an accurate estimate with a prior for the same
+/// materials.
 #[test]
 fn learned_priors_are_used_in_reconstruction() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -96,7 +97,8 @@ fn learned_priors_are_used_in_reconstruction() {
     let few = ["--starts", "2", "--iterations", "60", "--adam-steps", "50", "--resolution", "5x7x9"];
     let what = ["learn", "-k", "4", "--sensor", "polarizer-array", "--estimator", "prior", "-o", "s.toml"];
     run(d, &[&what[..], &few[..], &["--save-prior", "prior.toml", "--folds", "5"]].concat());
-    // An ideal depolarizer at two brightnesses is one of the materials that the prior was learned from.
+    // The captured material is an ideal depolarizer at two brightnesses. The materials of the prior include
+    // an ideal depolarizer.
     let scheme = load(&d.join("s.toml")).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
     let mut seen = vec![0.0; 16 * 2];
@@ -115,7 +117,7 @@ fn learned_priors_are_used_in_reconstruction() {
     }
 }
 
-/// Tests that invalid requests give a message with a fix and exit code 2, and write nothing.
+/// Tests that each invalid request gives a message with a fix and exit code 2, and writes nothing.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,8 +1,8 @@
-//! Tests that invalid input gives exit code 2, a message with location and fix, and no output.
+//! Tests that each invalid input gives exit code 2, a message with location and fix, and no output.
 
 use crate::harness::{Case, edit, fault, files, mirror_room, refusals, run, shipped, stderr};
 
-/// A valid scene. Every test below makes one item invalid.
+/// A valid scene. Each test makes one item of the scene invalid.
 const SCENE: &str = r#"name = "box"
 wavelengths_nm = [450, 550, 660]
 
@@ -199,7 +199,7 @@ fn outputs_are_not_overwritten_by_mistake() {
     run(at, &["render", "s.toml", "-o", "a.zarr", "--seed", "9", "--force"], 0);
     assert!(files(&at.join("a.zarr")) != before);
 
-    // A folder that is not a store is never replaced, and a file is not a folder.
+    // The program never replaces a folder that is not a store, and does not accept a file as a folder.
     std::fs::create_dir(at.join("photos")).expect("a folder");
     std::fs::write(at.join("photos/cat.jpg"), "cat").expect("a file");
     first(&["render", "s.toml", "-o", "photos", "--force"], 2);
@@ -249,7 +249,7 @@ fn the_schema_is_json_and_lists_all_keys() {
     for key in scene.keys() {
         assert!(known.contains(&key), "the schema lacks `{key}`");
     }
-    // serde lists all accepted keys when it meets an unknown one.
+    // serde lists all accepted keys if it finds an unknown key.
     std::fs::write(folder.path().join("s.toml"), edit(SCENE, "name = \"box\"", "zzz = 1")).expect("a scene");
     let shown = stderr(&run(folder.path(), &["render", "s.toml"], 2));
     let expected = shown.split("expected one of").nth(1).expect("a list").lines().next().expect("a line");

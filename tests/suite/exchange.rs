@@ -1,4 +1,4 @@
-//! Tests the output of `export --mitsuba` and `import`, and that refused commands write nothing.
+//! Tests the output of `export --mitsuba` and `import`. Tests that refused commands write nothing.
 
 use crate::harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
 
@@ -14,7 +14,7 @@ fn a_scene_round_trips_through_mitsuba() {
     );
     let written = files(&at.join("out"));
     assert_eq!(written.len(), 5, "four meshes and the scene: {:?}", written.keys());
-    // Existing files are kept unless the user requests their replacement.
+    // The command keeps existing files unless the user requests their replacement.
     let out = run(at, &["export", MIRROR_ROOM, "--mitsuba", "out", "--wavelength", "550"], 2);
     assert!(stderr(&out).contains("--force"), "{}", stderr(&out));
     assert_eq!(files(&at.join("out")), written);
@@ -23,7 +23,7 @@ fn a_scene_round_trips_through_mitsuba() {
     assert!(xml.contains("name=\"wavelengths_nm\" value=\"550\""), "{xml}");
     run(at, &["import", "out/scene.xml"], 0);
     run(at, &["import", "out/scene.xml"], 2);
-    // A scene file in another folder contains file paths relative to that folder.
+    // A scene file in another folder contains file paths relative to the folder of the scene file.
     run(at, &["import", "out/scene.xml", "-o", "room.toml"], 0);
     let toml = std::fs::read_to_string(at.join("room.toml")).expect("the scene file");
     assert!(toml.contains("file = \"out/mesh_007.ply\""), "{toml}");

@@ -1,5 +1,5 @@
-//! Tests that faults of figure files are reported with their location, that equal files give equal bytes, and
-//! that existing renders are reused.
+//! Tests figure files. Faults are reported with their location, equal files give equal bytes, and existing
+//! renders are used again.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;
@@ -46,7 +46,7 @@ view.decomposition = { slice = "mueller", quantity = "retardance" }
 caption = "{{retardance}}"
 "#;
 
-/// Returns a scene in a folder, and the text of a figure that shows the scene.
+/// Returns a folder with a scene, and the text of a figure that shows the scene.
 fn sound() -> (tempfile::TempDir, String) {
     let scenes = tempfile::tempdir().expect("a folder");
     let path = scenes.path().join("scene.toml");
@@ -91,7 +91,7 @@ fn errors_name_their_position() {
         }
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = ["figure", "f.toml", "--preview", "-o", "out.png"];
-        // Depth and caption values are known only for a rendered scene, so renders may remain.
+        // The command checks depths and caption values after rendering, so renders may remain after a fault.
         let elsewhere = tempfile::tempdir().expect("a folder");
         let renders = elsewhere.path().join("renders");
         let renders = ["--renders", renders.to_str().expect("UTF-8")];
@@ -101,7 +101,7 @@ fn errors_name_their_position() {
     assert!(found.is_empty(), "{} faults:\n{}", found.len(), found.join("\n"));
 }
 
-/// Tests that unknown methods and variants of an application are reported before any render.
+/// Tests that the command reports unknown methods and variants of an application before any render.
 #[test]
 fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
@@ -117,7 +117,7 @@ fn applications_are_checked_before_they_are_run() {
     }
 }
 
-/// Tests that faults of curves are reported before any render.
+/// Tests that the command reports faults of curves before any render.
 #[test]
 fn curves_are_checked_before_they_are_run() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
@@ -175,17 +175,17 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
         make(&format!("b.{format}"), "r");
         assert_eq!(read(&format!("a.{format}")), read(&format!("b.{format}")), "{format}");
     }
-    // A changed scene is rendered again and looks different.
+    // The command renders a changed scene again, and the figure differs.
     let scene = scenes.path().join("scene.toml");
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
     assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
-    // All figures of a folder, in both sizes.
+    // Draws all figures of a folder in full size.
     run(folder.path(), &["figure", "--all", ".", "--renders", "r", "-o", "all"], 0);
     assert!(read("all/f.png").len() > 1000);
 }
 
-/// Tests that the caption of a black image states that no value is positive, instead of a white value.
+/// Tests that the caption of a black image reports that no value is positive, instead of a white value.
 #[test]
 fn captions_state_that_no_value_is_positive() {
     let (_scenes, text) = sound();
@@ -197,7 +197,7 @@ fn captions_state_that_no_value_is_positive() {
         run(folder.path(), &["figure", "f.toml", "--preview", "--renders", "r", "-o", "f.svg"], 0);
         std::fs::read_to_string(folder.path().join("f.svg")).expect("a picture")
     };
-    // Lines break between words.
+    // The SVG breaks lines between words.
     let states_it = |svg: &str| svg.contains("White –") && svg.contains("values)");
     assert!(states_it(&draw("-(0,0)")));
     assert!(!states_it(&draw("(0,0)")));
@@ -218,7 +218,7 @@ fn inputs_are_not_overwritten() {
         assert_eq!(files(folder.path()), before, "{out}");
     }
     assert_eq!(std::fs::read_to_string(&scene).expect("the scene"), SCENE);
-    // Options for figure files are refused for stores, and vice versa.
+    // The command refuses options for figure files if the input is a store, and vice versa.
     run(folder.path(), &["figure", "store.zarr", "--preview"], 2);
     run(folder.path(), &["figure", "f.toml", "--view", "photo", "--slice", "photo"], 2);
     let out = sunstone(folder.path(), &["figure"]).output().expect("runs");
@@ -265,8 +265,9 @@ fn an_interrupted_render_resumes() {
     assert_eq!(draw(&cut).rendered, 0);
 }
 
-/// Tests that processes with a common folder of renders give equal results, also if another process checks
-/// whether renders are finished. A path that has a render's name but is not a render is reported with a fix.
+/// Tests that processes with a common folder of renders give equal results, while another process checks
+/// whether renders are finished. Tests that the program reports a path that has the name of a render but is
+/// not a render, with a fix.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn renders_are_shared_and_damage_is_reported() {

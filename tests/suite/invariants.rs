@@ -1,4 +1,4 @@
-//! Tests that the slices of one render agree with each other, and that every Mueller matrix is realizable.
+//! Tests that the slices of one render agree, and that every Mueller matrix is realizable.
 //!
 //! The same samples fill all slices of a render, so sums over the slices' axes agree up to rounding.
 
@@ -13,10 +13,10 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 
-/// Number of camera pixels, and of projector pixels, along an image edge.
+/// Number of camera pixels along an image edge, and number of projector pixels along an image edge.
 const N: usize = 32;
 
-/// Tolerance relative to M00, for f32 sums of thousands of bins.
+/// Tolerance relative to M00 for f32 sums of thousands of bins.
 const AGREE: f64 = 1e-5;
 
 const SLICES: &str = r#"
@@ -124,7 +124,8 @@ struct Render {
     store: TensorStore,
 }
 
-/// Returns the drive of a projector pixel, 0..255. Some pixels are dark, and some have full brightness.
+/// Returns the drive of a projector pixel, from 0 to 255. Some pixels are dark, and some have full
+/// brightness.
 fn drive(u: u32, v: u32) -> u8 {
     [0, 255, 51, 200, 127, 9][((u * 7 + v * 5) % 6) as usize]
 }
@@ -161,7 +162,8 @@ fn m00(t: &Tensor, i: usize) -> f64 {
     f64::from(t.data[i / stride * stride + i % w])
 }
 
-/// Asserts `got` = `want` to within [`AGREE`] times M00 of `want`. At least `least` values must be nonzero.
+/// Asserts that `got` equals `want` to within [`AGREE`] times M00 of `want`. At least `least` values must be
+/// nonzero.
 fn assert_agree(what: &str, got: &Tensor, want: &Tensor, least: usize) {
     assert_eq!(got.shape(), want.shape(), "{what}");
     let mut worst = 0.0_f64;
@@ -272,8 +274,9 @@ fn projector_parts_equal_parts_of_the_full_slice() {
     of("projector_block", &all(20)[9..], &all(25)[5..]);
 }
 
-/// Returns the distance of projector pixel (u, v)'s centre from the projection of camera pixel (x, y)'s
-/// ray into the projector image. Two points of the ray determine its projection.
+/// Returns the distance, in the projector image, of the centre of projector pixel (u, v) from the epipolar
+/// line of camera pixel (x, y). The epipolar line is the projection of the camera pixel's ray. Two points of
+/// the ray determine the line.
 fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     let projector = &scene.projector.as_ref().expect("a projector").pinhole;
     let d = scene.camera.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
@@ -288,8 +291,8 @@ fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     (b - a).normalize().perp_dot(DVec2::new(u as f64 + 0.5, v as f64 + 0.5) - a).abs()
 }
 
-/// Tests that the slices of an epipolar band contain exactly the projector pixels that a direct
-/// computation finds in the band.
+/// Tests that the slices of an epipolar band contain exactly the projector pixels that a direct computation
+/// finds.
 #[test]
 fn an_epipolar_band_is_resolved_along_its_line() {
     let scene = scene(&mirror_room(N as u32, N as u32, 64, 16, ""));
@@ -316,7 +319,8 @@ fn an_epipolar_band_is_resolved_along_its_line() {
             }
         }
     }
-    // Computed distances are accurate to about 1e-5 pixels: none may be closer to the edge of the band.
+    // Computed distances are accurate to about 1e-5 pixels, so no distance may be closer to the edge of the
+    // band.
     assert!(nearest > 1e-5, "{nearest}");
     assert!(inside > 50_000, "{inside} pairs");
     assert_agree("along u", &by_u, &want_u, 2000);
@@ -326,14 +330,14 @@ fn an_epipolar_band_is_resolved_along_its_line() {
 }
 
 /// Tests that direct coaxial light is the diagonal of the full slice. A statistical test compares indirect
-/// light, which is rendered with separate paths (`tests/transport/selected.rs`).
+/// light, because coaxial slices use separate paths for indirect light (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_the_full_slice() {
     for (got, whole) in [(mean("coaxial"), mean("all_split")), (error("coaxial"), error("all_split"))] {
         let got = got.select(AxisKind::Component, 0);
         let mut want = got.clone();
         want.data.clear();
-        // Direct and indirect light of each s', three wavelengths each.
+        // For each s', the full slice has direct and indirect light, at three wavelengths each.
         for (pixel, values) in whole.data.chunks_exact(N * N * 6).enumerate() {
             want.data.extend(&values[pixel * 6..pixel * 6 + 3]);
         }
@@ -380,7 +384,8 @@ fn camera_parts_equal_pixels_of_the_full_image() {
     }
     let coarse = boxes(&mean("mueller"), 4, |v| v);
     assert_agree("camera boxes", &mean("coarse"), &coarse, 500);
-    // Pixels are independent: the variance of their mean is the mean of their variances over their number.
+    // Pixels are independent. The variance of the mean over pixels is therefore the mean of the pixels'
+    // variances, divided by the number of pixels.
     let mut want = boxes(&error("mueller"), 4, |e| e * e / 16.0);
     want.data.iter_mut().for_each(|v| *v = v.sqrt());
     let got = error("coarse");
@@ -410,9 +415,10 @@ fn a_finished_render_has_no_discarded_samples() {
 /// Tests that every stored Mueller matrix is realizable. A stored matrix is a mean of the realizable matrices
 /// of paths, so only f32 rounding can make an eigenvalue of Cloude's H negative.
 ///
-/// The looser statistical bound is also checked: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗
-/// σ_j*, and eigenvalues by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij² (Weyl; the products of Pauli matrices are
-/// orthogonal with norm 2). Therefore, five standard errors of an eigenvalue are at most 2.5 √Σ std_error².
+/// The test also checks the looser statistical bound. Errors e_ij of the elements change H by E = ¼ Σ e_ij
+/// σ_i ⊗ σ_j*. By Weyl's inequality, eigenvalues change by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij², because the
+/// products of Pauli matrices are orthogonal with norm 2. Therefore, five standard errors of an eigenvalue
+/// are at most 2.5 √Σ std_error².
 #[test]
 fn every_mueller_matrix_is_realizable() {
     let mut checked = 0;

@@ -1,8 +1,8 @@
-//! Kills one to three processes that write one store at random times. Tests that an unfinished store is never
-//! reported as finished, and that the final bytes equal those of an undisturbed run.
+//! Kills one to three processes that write the same store, at random times. Tests that an unfinished store is
+//! never reported as finished. Tests that the final bytes equal the bytes of an undisturbed run.
 //!
-//! By default there are few trials; `SUNSTONE_KILLS=200 cargo test --release --test suite kills --
-//! --nocapture` sets the number of each kind.
+//! By default, the tests run few trials. `SUNSTONE_KILLS=200 cargo test --release --test suite kills --
+//! --nocapture` sets the number of trials of each kind.
 
 use crate::harness::{assert_same_store, files, mirror_room, run, stderr, sunstone};
 use std::path::Path;
@@ -35,7 +35,7 @@ struct Outcomes {
     finished: u32,
 }
 
-/// Starts some processes in parallel, and kills each of them at a random time of at most `longest`.
+/// Starts processes in parallel, and kills each process at a random time of at most `longest`.
 fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Duration) {
     let mut children: Vec<Child> = commands
         .iter()
@@ -55,8 +55,8 @@ fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Dura
     }
 }
 
-/// Checks that a store that is reported as finished has the written content, and that an unfinished store
-/// cannot be read as finished.
+/// Asserts that a store that is reported as finished has the written content. Asserts that an unfinished
+/// store cannot be read as finished.
 fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     let path = at.join(store);
     if !path.exists() {
@@ -79,9 +79,9 @@ fn duration(at: &Path, arguments: &[&str]) -> Duration {
     begun.elapsed().mul_f64(1.6)
 }
 
-/// Repeatedly kills and restarts a command that writes a store or a file. Checks that the result
-/// equals that of an undisturbed run, `whole`, and that no other files are left. If `replaces`,
-/// every second trial replaces an existing output.
+/// Repeatedly kills and restarts a command that writes a store or a file. Asserts that the result equals the
+/// result `whole` of an undisturbed run, and that no other files remain. If `replaces` is set, every second
+/// trial replaces an existing output.
 fn killed(
     at: &Path,
     command: impl Fn(&'static str) -> Vec<&'static str>,
@@ -107,7 +107,7 @@ fn killed(
             assert!(bytes == before[Path::new(whole)], "half a file");
         }
         assert!(trial % 2 == 0 || !replaces || at.join(output).exists(), "the old output is lost");
-        // The load on the machine varies, and so does the duration of a command.
+        // The duration of a command varies with the load of the machine.
         if outcomes.finished > earlier.1 {
             longest = longest.mul_f64(0.8);
         } else if outcomes.nothing > earlier.0 {
@@ -139,7 +139,7 @@ fn killed_renders_resume() {
     assert!(outcomes.unfinished > 0, "{outcomes:?}");
 }
 
-/// Tests that the outputs of the commands are either complete or absent.
+/// Tests that the output of a command is either complete or absent.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn killed_merges_exports_and_shards_leave_no_partial_output() {
@@ -157,8 +157,8 @@ fn killed_merges_exports_and_shards_leave_no_partial_output() {
     assert_eq!(killed(at, shard, ["s.zarr", "sharded.zarr"], true).unfinished, 0);
 }
 
-/// Tests that only one of several processes writes to a path, and that the messages of the other processes
-/// name the writing process.
+/// Starts several processes that write to one path. Tests that one process writes, and that the error
+/// messages of the remaining processes name the writing process.
 #[test]
 fn only_one_process_writes() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Tests `sunstone layers`: the content of the output, and which existing files remain unchanged.
+//! Tests the output of `sunstone layers`, and tests which existing files remain unchanged.
 
 use crate::commands::{refused, run};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn member(zip: &Path, name: &str) -> Vec<u8> {
     bytes
 }
 
-/// Returns the header and data of the bytes of a `.npy` file.
+/// Returns the header and the data of a `.npy` file, given as bytes.
 fn parted(bytes: &[u8]) -> (String, Vec<u8>) {
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
     let n = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -74,7 +74,7 @@ fn layers_are_written_as_arrays_and_as_a_store() {
     assert_eq!(letters, "Wand, weißobjects[1]");
     let (header, _) = read("truth.npz", "albedo.npy");
     assert!(header.contains("'<f4'") && header.contains("(8, 12, 3,"), "{header}");
-    // The store has the metadata that xarray needs and passes verify.
+    // The store has the metadata that xarray needs, and `verify` accepts the store.
     run(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
     let group = json(&at.join("truth.zarr/zarr.json"));
     assert_eq!(group["attributes"]["layers"].as_array().map(Vec::len), Some(10));

@@ -1,5 +1,5 @@
-//! Tests that commands print the number of items that they omit, and that they exit with code 2 and
-//! write nothing if no items remain.
+//! Tests that commands print the number of items that they omit. If no items remain, commands exit with code
+//! 2 and write nothing.
 
 use crate::commands::refused;
 use crate::decompose::save;
@@ -11,7 +11,7 @@ use sunstone::rig::ptu::tag::{Tag, Value};
 use sunstone::rig::ptu::writer::{self, Description};
 use sunstone::store::numpy::{NumpyArray, Values};
 
-/// A record to write: a photon as (time, dtime, channel) or a marker as (time, bits).
+/// A record to write. A record is a photon (time, dtime, channel) or a marker (time, bits).
 enum Put {
     Photon(u64, u16, u8),
     Marker(u64, u8),
@@ -42,7 +42,7 @@ fn counts(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (header.shape, counts)
 }
 
-/// Tests that photons at the end of the laser period and after its end are counted. With a resolution of 97
+/// Tests that photons at the end of the laser period, and after its end, are counted. With a resolution of 97
 /// ps and a period of 100 ns, the period ends inside bin 1030.
 #[test]
 fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
@@ -94,12 +94,14 @@ fn backward_lines_are_reversed() {
             assert_eq!(image[3 * y..3 * y + 3], want as [u32; 3], "row {y}, backwards {back}");
         }
     }
-    // An image with another size than in the header has other pixels.
+    // The command refuses an image size that differs from the size in the header, because the pixels would
+    // differ.
     let message = refused(d, &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"]);
     assert!(message.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(), "{message}");
 }
 
-/// Tests that missing markers, sync pulses or photons, and wrong channels each give a separate message.
+/// Tests that missing markers, missing sync pulses, missing photons and wrong channels each give a separate
+/// message.
 #[test]
 fn files_without_countable_photons_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -125,7 +127,7 @@ fn files_without_countable_photons_are_refused() {
     }
 }
 
-/// Writes an array of two diagonal matrices; the diagonal of the second one contains `bad`.
+/// Writes an array of two diagonal matrices. The diagonal of the second matrix contains `bad`.
 fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
     let of =
         |bad: f64| (0..16).map(move |e| if bad.is_nan() { bad } else { f64::from(u8::from(e % 5 == 0)) });
@@ -145,8 +147,8 @@ fn arrays_without_valid_values_are_refused() {
     assert!(message.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(), "{message}");
     let message = stderr(&run(d, &capture("one.npy"), 0));
     assert!(message.contains("36 of 72 intensities"), "{message}");
-    // The captures of the second pixel are unknown. With saturation at 1e-9, the captures of the first pixel
-    // are excluded as well.
+    // The captures of the second pixel are unknown. With saturation at 1e-9, the command excludes the
+    // captures of the first pixel.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let message = stderr(&run(d, &back, 0));
     assert!(message.contains("1 of 2 pixels are NaN"), "{message}");
@@ -169,7 +171,7 @@ fn arrays_without_valid_values_are_refused() {
     }
 }
 
-/// Tests that large lengths require a unit: a number without a unit is in metres, but a board of many metres
+/// Tests that large lengths require a unit. A number without a unit is in metres, but a board of many metres
 /// is probably a mistake.
 #[test]
 fn large_lengths_need_a_unit() {
@@ -187,7 +189,8 @@ fn large_lengths_need_a_unit() {
         let message = refused(d, &board(square));
         assert!(message.contains(why), "{square}: {message}");
     }
-    // With a unit, or if small, the length is accepted: then the error is the missing image.
+    // The command accepts a length with a unit, or a small length. If the length is accepted, the only error
+    // is the missing image.
     for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
         let message = refused(d, &board(square));
         assert!(message.contains("missing.png"), "{square}: {message}");
@@ -197,7 +200,7 @@ fn large_lengths_need_a_unit() {
     assert!(message.contains("--distance 1500") && message.contains("write 1500mm or 1500m"), "{message}");
     let message = refused(d, &["calibrate", "counter", "run.zarr", "--distance", "1500mm", "-o", "c.toml"]);
     assert!(message.contains("run.zarr"), "{message}");
-    // A calibration without a unit, with a baseline of 120.5.
+    // The calibration has no unit, and a baseline of 120.5.
     let calibration = r#"{"K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D": [0, 0, 0, 0],
         "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "T": [120.5, 0, 0]}"#;
     std::fs::write(d.join("k.json"), calibration).expect("space");

@@ -1,6 +1,6 @@
 //! Tests the program, its files and complete renders.
 //!
-//! All tests form a single program, because a program per file would link the library again. Tests
+//! All tests form a single program, because the build would link the library again for each program. Tests
 //! that measure the memory of their process are separate programs.
 
 mod arrays;

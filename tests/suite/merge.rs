@@ -1,4 +1,4 @@
-//! Tests that stores of two seeds merge to the result of all samples together.
+//! Tests that merged stores of two seeds equal the result of all samples together.
 
 use crate::harness::{mirror_room, read, refusals, run, stderr};
 use std::path::Path;
@@ -58,8 +58,9 @@ fn two_seeds_pool_exactly() {
                 "{slice}: {} not {want}",
                 m[i]
             );
-            // Σ(x - m)² over all groups is the sum of each half's squared deviations from its mean and of the
-            // squared deviations of both means from the common mean.
+            // Σ(x - m)² over all groups is the sum of two parts. The first part is each half's squared
+            // deviations from the mean of the half. The second part is the squared deviations of the halves'
+            // means from the common mean.
             let squares = (ea * ea + eb * eb) * GROUPS * (GROUPS - 1.0)
                 + GROUPS * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {
@@ -103,14 +104,15 @@ fn incompatible_stores_are_refused() {
             ("merge a.zarr d.zarr -o out.zarr", "differ in slice"),
             ("merge a.zarr missing.zarr -o out.zarr", "does not exist"),
             ("merge a.zarr -o out.zarr", "at least two"),
-            // A merged store keeps its seeds.
+            // A merged store records the seeds of its inputs.
             ("merge ab.zarr b.zarr -o out.zarr", "seed 2"),
             ("merge a.zarr b.zarr -o ab.zarr", "ab.zarr"),
         ],
     );
 }
 
-/// Tests that renders of different integrators are neither merged nor resumed as one another.
+/// Tests that renders of different integrators cannot be merged, and that a render cannot be resumed with
+/// another integrator.
 #[test]
 fn different_integrators_are_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");

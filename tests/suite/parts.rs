@@ -11,8 +11,8 @@ use sunstone::store::zarr::{TensorStore, verify};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 
-/// Slices for these tests: time bins, an epipolar band, labels, camera bins, and a block that does
-/// not begin with a tile: its chunks cover four tiles.
+/// Slices for these tests. The slices have time bins, an epipolar band, labels, camera bins, and a block. The
+/// block does not begin with a tile, so its chunks cover four tiles.
 const SLICES: &str = r#"
 [[slices]]
 name = "sum"
@@ -60,7 +60,7 @@ fn whole(scene: &Scene, path: &Path) {
     assert!(render(scene, &target, &Unwatched).expect("a render").complete);
 }
 
-/// Divides all tiles into `of` parts, either as equal shares or as random ranges, and returns the parts.
+/// Divides all tiles into `of` parts, either into equal shares or into random ranges. Returns the parts.
 fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     let mut upto = |n: u32| (stream.uniform() * n as f32) as u32;
     if upto(2) == 0 {
@@ -77,8 +77,8 @@ fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     cuts
 }
 
-/// Divides a scene at random `times` times, merges the parts in another order, and compares the result with
-/// the whole render.
+/// Divides a scene at random `times` times, and merges the parts in reverse order. Asserts that the result
+/// equals the whole render.
 fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -100,7 +100,7 @@ fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     }
 }
 
-/// Tests merged parts with each integrator, and with shipped scenes of media, crystals and a lens of a
+/// Tests merged parts with each integrator, and with shipped scenes of media, crystals and a lens with a
 /// hundred mirrors.
 #[test]
 #[ignore = "slow: tools/check --all"]
@@ -113,16 +113,16 @@ fn merged_parts_equal_the_whole() {
     }
 }
 
-/// Returns the checksums of all files of a part, except for the metadata of the store's root, which contain
-/// the render time.
+/// Returns the checksums of all files of a part except the metadata of the store's root, which contain the
+/// render time.
 fn values(part: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
     let lines = text.lines().filter(|line| !line.ends_with(" zarr.json") && !line.ends_with(" lines above"));
     lines.map(str::to_owned).collect()
 }
 
-/// Tests that parts that share light subpaths, in parallel or one after the other, give identical
-/// bytes, and that each subpath is traced once.
+/// Tests parts that share light subpaths, in parallel or one after another. The bytes must be identical, and
+/// each subpath must be traced once.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn shared_light_subpaths_give_the_same_bytes() {
@@ -153,8 +153,8 @@ fn shared_light_subpaths_give_the_same_bytes() {
         assert_eq!(made.len(), of as usize, "{made:?}");
         let share_of = |n: u32| made.iter().find(|name| name.ends_with(&format!("-{n}of{of}.light")));
         let file = |n: u32| light.join(share_of(n).expect("a share"));
-        // Negative control: a share with another seed changes the result. The light is therefore read and
-        // not traced again.
+        // Negative control: a share with another seed changes the result. The program therefore reads the
+        // light of the share and does not trace this light again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));
         other.change_settings(|s| s.seed += 1);
@@ -167,7 +167,7 @@ fn shared_light_subpaths_give_the_same_bytes() {
         let planted = name("planted");
         one(2, &planted);
         assert_ne!(values(&planted), values(&paths[1]));
-        // A missing share is traced again, and a damaged share is not used.
+        // The program traces a missing share again, and does not use a damaged share.
         std::fs::remove_file(file(1)).expect("a share");
         let again = name("again");
         one(2, &again);
@@ -186,8 +186,8 @@ fn shared_light_subpaths_give_the_same_bytes() {
     }
 }
 
-/// Returns a shipped scene of 20 × 20 pixels in tiles of 4 × 4 pixels, with two samples per pixel and the
-/// slices of these tests.
+/// Returns a shipped scene with 20 × 20 pixels, in tiles of 4 × 4 pixels. The scene has two samples per pixel
+/// and the slices of these tests.
 fn small(name: &str) -> Scene {
     let path =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
@@ -201,7 +201,7 @@ fn small(name: &str) -> Scene {
     sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// Tests that a part is recorded as a part, and that no command accepts a part as a finished render.
+/// Tests that a part is recorded as a part. Tests that no command accepts a part as a finished render.
 #[test]
 fn a_part_is_not_a_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -225,13 +225,13 @@ fn a_part_is_not_a_finished_render() {
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
-    // The finished pixels can be read. Pixels of other parts are NaN, not zero.
+    // Commands can read the finished pixels. Pixels of the remaining parts are NaN, not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
     let sum = partial.slice("sum").expect("a slice").read_all(Field::Mean).expect("values");
     let missing = sum.data.iter().filter(|v| v.is_nan()).count();
     assert_eq!(missing, sum.data.len() / 3 * 2);
-    // A part that lacks a byte is not merged.
+    // A merge refuses a part that lacks a byte.
     for number in [1, 3] {
         let option = format!("{number}/3");
         run(at, &["render", "scene.toml", "--part", &option, "-o", &format!("p{number}")], 0);
@@ -280,13 +280,13 @@ fn wrong_sets_are_refused() {
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
     refused(&["p1", "p2", "p3", "first"], &["both contain tile", "pass only one of the two parts"]);
     refused(&["p1", "half"], &["both contain tile 0"]);
-    // Negative controls: one part has another seed, or other samples.
+    // Negative control: one part has a different seed or a different number of samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
     refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is a whole render"]);
     refused(&["other", "p1"], &["is a whole render"]);
-    // The same part twice counts once if both are equal.
+    // Two equal copies of a part count once.
     scene.change_settings(|s| s.spp = 4);
     part(&scene, SHARES[1], &at("twin"));
     merge(&["p1", "twin", "p2", "p3"].map(at), &at("joined"), Options::default()).expect("all parts");
@@ -294,20 +294,20 @@ fn wrong_sets_are_refused() {
     let partial = Options { partial: true, ..Options::default() };
     let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
     assert!(text.expect_err("refused").contains("--partial"));
-    // Negative control: a copy in which one number differs.
+    // Negative control: one number differs between two copies of a part.
     std::fs::remove_dir_all(at("joined")).expect("a folder");
     let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
     let sum = twin.slice("sum").expect("a slice");
     sum.write(Field::Mean, &[0, 5, 1], &[1, 1, 1], &[7.0]).expect("a number");
     twin.finish().expect("a part");
     refused(&["p1", "twin", "p2", "p3"], &["both part 2 of 3", "sum/mean/c.0.1.0"]);
-    // Negative control: a number in a tile of another part.
+    // Negative control: a part contains a number in a tile of another part.
     sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0]).expect("a number");
     twin.finish().expect("a part");
     refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
-/// Tests that more parts than tiles merge to the whole render. Some of these parts are empty but valid.
+/// Tests that more parts than tiles merge to the whole render. Some of the parts are empty but valid.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn more_parts_than_tiles_merge_to_the_whole() {
@@ -323,7 +323,7 @@ fn more_parts_than_tiles_merge_to_the_whole() {
     assert_same_store(&at("whole"), &at("joined"));
 }
 
-/// Tests that the render of a killed part can be resumed, but not as another part.
+/// Tests that a killed part can be resumed as the same part, but not as another part.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_killed_part_resumes_to_the_same_bytes() {

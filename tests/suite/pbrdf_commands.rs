@@ -47,7 +47,7 @@ fn handbook_values_are_printed() {
         all.extend(arguments.split_whitespace());
         json(folder.path(), &all)
     };
-    // Gold at 60°: the pinned numbers of the conventions.
+    // Tests gold at 60° against the fixed numbers of the conventions.
     let gold = eval("--name gold --in 60,20 --mirror");
     for (i, j, want) in
         [(0, 0, 0.792_257), (0, 1, 0.102_981), (2, 2, -0.406_951), (3, 2, 0.671_906), (0, 3, 0.0)]
@@ -56,8 +56,8 @@ fn handbook_values_are_printed() {
     }
     assert_eq!(gold["out"]["phi_deg"], 200.0);
     assert_eq!(gold["kind"], "mirror");
-    // Power transmitted into glass at 45°: 1 minus Fresnel's reflectance for index 1.5. Each wavelength has
-    // its own angle of refraction.
+    // The power transmitted into glass at 45° is 1 minus Fresnel's reflectance for index 1.5. Each wavelength
+    // has a separate angle of refraction.
     let glass = eval("--name glass --in 45,0 --refract");
     assert!((element(&glass, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
     let theta = |lane: usize| glass["out"][lane]["theta_deg"].as_f64().expect("an angle");
@@ -65,20 +65,21 @@ fn handbook_values_are_printed() {
         let want = 180.0 - (45.0_f64.to_radians().sin() / n).asin().to_degrees();
         assert!((theta(lane) - want).abs() < 1e-4);
     }
-    // The same transmitted power in the opposite direction, and no power beyond the critical angle.
+    // In the opposite direction, the transmitted power is the same. Beyond the critical angle, no power is
+    // transmitted.
     let back = 180.0 - theta(2);
     let out = eval(&format!("--name glass --in {},0 --refract", 180.0 - back));
     assert!((element(&out, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
     let total = eval("--name glass --in 130,0 --refract");
     assert!(total["out"][0].is_null() && element(&total, 0, 0, 0) == 0.0);
-    // Lambert: ρ/π from the table of albedos, density cos/π.
+    // A Lambertian material has the value ρ/π, from the table of albedos, and the density cos/π.
     let white = eval("--name white --in 60,10 --out 20,100");
     for (lane, albedo) in [(0, 0.4), (1, 0.65), (2, 0.75)] {
         assert!((element(&white, lane, 0, 0) - albedo / std::f64::consts::PI).abs() < 1e-6);
     }
     let pdf = white["pdf"].as_f64().expect("a density");
     assert!((pdf - 0.5 / std::f64::consts::PI).abs() < 1e-6);
-    // Many directions in one call give the same results as one by one.
+    // Many directions in one call give the same results as separate calls.
     std::fs::write(folder.path().join("d.csv"), "60, 10, 20, 100\n\n0,0,30,0\n").expect("a file");
     let many = eval("--name white --directions d.csv");
     assert_eq!(many.as_array().map(Vec::len), Some(2));
@@ -95,19 +96,19 @@ fn tables_are_made_and_read() {
     };
     let resolution = ["--resolution", "19x10x19"];
     ok(&[&["pbrdf", "synth", "m.toml", "-o", "t"], &resolution[..]].concat());
-    // Mirrors and glass cannot be tabulated and are left out.
+    // The command omits mirrors and glass, because they cannot be tabulated.
     let made: Vec<_> = files(&at.join("t")).into_keys().collect();
     assert_eq!(made, ["materials.toml", "rough.pbsdf", "white.pbsdf"].map(std::path::PathBuf::from));
     let info = ok(&["pbrdf", "info", "t/white.pbsdf"]);
     assert!(info.contains("phi_d      19 entries, -180.0° to 180.0°"), "{info}");
     assert!(info.contains("450, 500, 550, 600, 650"), "{info}");
-    // White is constant: 0.65/π at 550 nm, unpolarized.
+    // The white material is constant and unpolarized. At 550 nm, the value of the white material is 0.65/π.
     let band = info.lines().find(|l| l.trim_start().starts_with("550")).expect("a band");
     let numbers: Vec<f64> = band.split_whitespace().filter_map(|w| w.parse().ok()).collect();
     let want = 0.65 / std::f64::consts::PI;
     assert!((numbers[2] - want).abs() < 1e-4 && (numbers[3] - want).abs() < 1e-4, "{band}");
     assert_eq!(numbers[4], 0.0);
-    // A slice of the table in both formats.
+    // Writes a slice of the table in each of two formats.
     let cut = ["pbrdf", "slice", "t/rough.pbsdf", "--phi-d", "100", "--theta-d", "40", "-w", "550", "-o"];
     ok(&[&cut[..], &["cut.csv"]].concat());
     ok(&[&cut[..], &["cut.npy"]].concat());
@@ -125,16 +126,18 @@ fn tables_are_made_and_read() {
     let (shape, values) = array(&mut std::fs::File::open(at.join("cut.npy")).expect("a file"));
     assert_eq!(shape, [19, 4, 4]);
     assert!((values[0] - row[4]).abs() < 1e-6 * row[4]);
-    // At θh = 0, light and viewer are mirrored about the normal: the table's material gives the same value.
+    // At θh = 0, the directions of light and view are mirror images about the normal. The material of the
+    // table gives the same value.
     let source = json(at, &["pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180"]);
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
-    // 660 nm is outside the table: its last band is used, and this is reported once.
+    // A wavelength of 660 nm is outside the table. The command uses the last band of the table, and reports
+    // once that the table does not include 660 nm.
     std::fs::write(at.join("red.toml"), "[materials]\nm.measured.file = 't/white.pbsdf'\n").expect("a file");
     let red = run(at, &["pbrdf", "eval", "red.toml", "--in", "30,0", "--out", "10,90"], 0);
     assert_eq!(stderr(&red).matches("660 nm uses the band at 650 nm").count(), 1, "{}", stderr(&red));
     let red: Value = serde_json::from_slice(&red.stdout).expect("JSON");
     assert!((element(&red, 2, 0, 0) - 0.75 / std::f64::consts::PI).abs() < 1e-5);
-    // The drawn images, and the tables as materials.
+    // Draws images, and renders the tables as materials.
     ok(&["pbrdf", "plot", "t/rough.pbsdf", "-o", "p/plot.png"]);
     ok(&["pbrdf", "sheet", "t/materials.toml", "-o", "p/sheet.png", "--size", "8", "--spp", "1"]);
     for picture in ["p/plot.png", "p/sheet.png"] {
@@ -143,8 +146,8 @@ fn tables_are_made_and_read() {
     }
 }
 
-/// Tests the principal components of tables and of the stand-ins: variance fractions decrease and
-/// sum to 1, and the arrays equal the numbers in the image.
+/// Tests the principal components of the tables and of the stand-ins. Variance fractions decrease and sum to
+/// 1, and the arrays equal the numbers in the image.
 #[test]
 fn principal_components_are_found() {
     let folder = folder();
@@ -192,7 +195,7 @@ fn principal_components_are_found() {
     }
 }
 
-/// Tests that invalid requests are refused with a message that contains a given word, and write nothing.
+/// Tests that each invalid request is refused with a message that contains a given word, and writes nothing.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = folder();

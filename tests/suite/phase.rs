@@ -1,8 +1,8 @@
-//! Tests `sunstone phase`, and that invalid files of media are refused.
+//! Tests `sunstone phase`, and tests that invalid files of media are refused.
 
 use crate::harness::{Case, fault, refusals, run};
 
-/// A valid file of media. Each test below makes one item invalid.
+/// A valid file of media. Each test makes one item of the file invalid.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
 
 [media.air.homogeneous]
@@ -71,7 +71,7 @@ fn errors_of_broken_files_have_position_and_fix() {
     let folder = tempfile::tempdir().expect("a folder");
     let message = |case: &Case| {
         let from = case.1;
-        // The medium with the fault is that of the last heading before the fault.
+        // The last heading before the fault names the faulty medium.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
         let name =
             above.rfind("[media.").map_or("drink", |at| MEDIA[at + 7..].split('.').next().expect("a name"));
@@ -103,7 +103,7 @@ fn bad_arguments_are_refused() {
     );
 }
 
-/// Returns the numbers in the comment lines, and the numbers in the rows.
+/// Returns the numbers in the comment lines and the numbers in the rows.
 fn numbers(text: &str) -> [Vec<Vec<f64>>; 2] {
     let parse = |l: &str| -> Vec<f64> { l.split(',').map(|n| n.trim().parse().expect("a number")).collect() };
     let head = text.lines().filter_map(|l| l.strip_prefix("# ")).skip(1);
@@ -126,19 +126,21 @@ fn matrices_are_printed_as_csv() {
     let [head, rows] = numbers(&text);
     assert_eq!((head.len(), rows.len()), (3, 9));
     assert_eq!(head[1][..4], [550.0, 1.0, 1e-5, 0.0]);
-    // Forward: 3Δ/8π + (1 - Δ)/4π with Δ = 0.972/1.014; at 90° parallel over perpendicular is 0.028.
+    // In the forward direction, the value is 3Δ/8π + (1 - Δ)/4π with Δ = 0.972/1.014. At 90°, the ratio of
+    // parallel to perpendicular light is 0.028.
     let delta = 0.972 / 1.014;
     let pi = std::f64::consts::PI;
     assert!((rows[0][2] - (0.375 * delta / pi + 0.25 * (1.0 - delta) / pi)).abs() < 1e-7);
     let [s11, s12] = [rows[1][2], rows[1][3]];
     assert!(((s11 - s12) / (s11 + s12) - 0.028).abs() < 1e-6 && s12 > 0.0);
-    // Lists are interpolated; any number and order of wavelengths is allowed.
+    // The program interpolates lists. Any number and order of wavelengths is valid.
     let [head, rows] = numbers(&eval("haze --wavelengths 605,450,500,550,660 --angles 3"));
     assert_eq!((head.len(), rows.len()), (5, 15));
     assert_eq!(head[0][..2], [605.0, 1.0003]);
     assert!((head[0][4] - 0.65).abs() < 1e-12);
     assert_eq!(rows.iter().take(3).map(|r| r[0]).collect::<Vec<_>>(), [0.0, 90.0, 180.0]);
-    // Coefficients of particles are printed with their cross sections; those of `phase.mie` stay as given.
+    // The command prints coefficients of particles with the cross sections of the particles. Coefficients of
+    // `phase.mie` are printed as given.
     let [head, _] = numbers(&eval("dust --angles 2"));
     assert!(head.iter().all(|h| h[2] > 0.0 && h[3] > 0.0 && h[5] > 0.0 && h[6] > 0.0));
     let [head, rows] = numbers(&eval("cloud --angles 1801"));
@@ -149,7 +151,7 @@ fn matrices_are_printed_as_csv() {
     for name in ["beads", "drink", "stone", "hand"] {
         assert_eq!(numbers(&eval(&format!("{name} --angles 2")))[1].len(), 6);
     }
-    // To a file, with the same content as the printed output.
+    // The command writes the same content to a file as to standard output.
     let message = eval("air --angles 5 -o air.csv");
     assert_eq!(message.trim(), "air.csv");
     let written = std::fs::read_to_string(folder.path().join("air.csv")).expect("a file");

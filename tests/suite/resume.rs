@@ -1,4 +1,4 @@
-//! Tests that the bytes of a render depend neither on threads nor on interruptions.
+//! Tests that neither interruptions nor the number of threads change the bytes of a render.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
@@ -27,15 +27,15 @@ bounces = true
 split_first_bounce = true
 "#;
 
-/// 256 tiles of 4 × 4 pixels.
+/// Number of tiles. Each tile has 4 × 4 pixels.
 const TILES: usize = 256;
 
 fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// Tests that the number of threads changes no byte of a bidirectional render, in which light can reach any
-/// tile. (`bytes.rs` compares other integrators.)
+/// Tests that the number of threads changes no byte of a bidirectional render. In a bidirectional render,
+/// light can reach any tile. (`bytes.rs` compares the remaining integrators.)
 #[test]
 fn threads_do_not_change_the_output() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -71,7 +71,7 @@ impl Watch for Impatient {
     }
 }
 
-/// Tests that work of an earlier run is not repeated, and that no light is lost or counted twice.
+/// Tests that a resumed render repeats no work of an earlier run, loses no light, and counts no light twice.
 #[test]
 fn light_subpaths_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -115,7 +115,8 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     let done = lines(&store);
     assert!((5..TILES).contains(&done), "{done} tiles were finished");
 
-    // The render is neither restarted by mistake nor mixed with other slices or settings.
+    // The program must not restart the render by mistake, and must not mix the render with different slices
+    // or settings.
     let refused = |more: &[&str]| {
         let arguments = [&["render", "scene.toml", "-o", "killed.zarr"], more].concat();
         stderr(&run(at, &arguments, 2))
@@ -167,7 +168,7 @@ fn an_interrupted_render_prints_how_to_resume() {
     let command =
         message.lines().find_map(|l| l.strip_prefix("  sunstone ")).expect("a command to resume with");
 
-    // The command as a user would paste it into a shell.
+    // Runs the command as a user would paste the command into a shell.
     let shell = std::process::Command::new("sh")
         .args(["-c", &format!("'{}' {command}", env!("CARGO_BIN_EXE_sunstone"))])
         .current_dir(at)

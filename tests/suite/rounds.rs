@@ -1,5 +1,5 @@
-//! Tests renders to a target error: byte-identical results for any division of the work, correct error
-//! estimates, and unbiased means.
+//! Tests renders to a target error. The results are byte-identical for any division of the work, error
+//! estimates are correct, and means are unbiased.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr, stdout};
 use crate::resume::Impatient;
@@ -44,8 +44,8 @@ fn target(path: &Path, resume: bool) -> Target {
     Target { path: path.to_owned(), resume, replace: false }
 }
 
-/// Tests that a tile with any number of samples is bit-identical to that of a plain render with
-/// this number, also with light subpaths.
+/// Tests that a tile with any number of samples is bit-identical to the tile of a plain render with the same
+/// number of samples. The test includes light subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_tile_equals_that_of_a_plain_render_with_its_samples() {
@@ -77,8 +77,8 @@ fn a_tile_equals_that_of_a_plain_render_with_its_samples() {
     assert!(few.is_err_and(|e| e.to_string().contains("36")));
 }
 
-/// Tests that a render has the same bytes if it is made without interruption, stopped repeatedly, or merged
-/// from parts, with one or two threads.
+/// Tests that an uninterrupted render, a repeatedly stopped render and a merge of parts have the same bytes,
+/// with one or two threads.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stopped_and_merged_renders_have_the_same_bytes() {
@@ -99,7 +99,8 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         assert!((mean - number("mean_samples_per_pixel")).abs() < 0.1, "{mean} {message}");
         assert!(counts.iter().max() > counts.iter().min());
 
-        // The result merges with a plain render of another seed; the merge does not record the target error.
+        // The result of a render to a target error merges with a plain render of another seed. The merged
+        // store does not record the target error.
         scene.change_settings(|s| s.seed = 77);
         Render::new(&scene).to_store(&at("plain")).expect("a render");
         scene.change_settings(|s| s.seed = 0);
@@ -127,7 +128,8 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
         }
         assert!(stops >= 3, "{stops}");
         assert_same_store(&at("whole"), &at("stopped"));
-        // A finished store is not rendered again. A render with another target error is another render.
+        // The program does not render a finished store again. A render with another target error is a
+        // different render.
         let again = whole.render(&mut scene, &target(&at("stopped"), true)).expect("a store");
         assert!(again.complete && again.samples == 0);
         let other = to_error(goal(0.2, 0.7), &Unwatched).render(&mut scene, &target(&at("stopped"), true));
@@ -157,7 +159,7 @@ fn stopped_and_merged_renders_have_the_same_bytes() {
     }
 }
 
-/// The total of each pixel and the standard error of the total.
+/// The total of each pixel, and the standard error of each total.
 #[derive(Clone)]
 struct Image {
     means: Vec<f64>,
@@ -188,10 +190,11 @@ impl Image {
     }
 }
 
-/// Comparison of many renders with the ground truth.
+/// Results of a comparison of many renders with the ground truth.
 #[derive(Debug)]
 struct Verdict {
-    /// Mean deviation of lit pixels from the ground truth, divided by the standard error of this mean.
+    /// Mean deviation of lit pixels from the ground truth, divided by the standard error of this mean
+    /// deviation.
     bias: f64,
     /// Mean square of the deviation divided by the stated error.
     z2: f64,
@@ -202,7 +205,7 @@ impl Verdict {
         let all = Image::pooled(truth, &vec![1.0; truth.len()]);
         let bright = all.means.iter().fold(0.0, |a: f64, b| a.max(*b));
         let lit: Vec<usize> = (0..all.means.len()).filter(|p| all.means[*p] > 0.01 * bright).collect();
-        // Pixels with small errors get the largest weights.
+        // Pixels with small errors have the largest weights.
         let off = |i: &Image| lit.iter().map(|p| (i.means[*p] - all.means[*p]) / all.errors[*p]).sum::<f64>();
         let moments = |images: &[Image]| {
             let n = images.len() as f64;
@@ -227,10 +230,11 @@ impl Verdict {
     }
 }
 
-/// Tests, over 32 seeds, that means equal those of plain renders with other seeds (5 sigma), and deviations
-/// agree with the stated errors. Negative controls: if single pixels stop by their own errors, means are
-/// biased; if weights ignore the numbers of samples, errors are wrong. The same comparison must detect both
-/// faults.
+/// Tests, over 32 seeds, that means equal those of plain renders with other seeds (5 sigma). Tests that
+/// deviations agree with the stated errors.
+///
+/// The same comparison must detect two negative controls. If single pixels stop by their own errors, means
+/// are biased. If weights ignore the numbers of samples, errors are wrong.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {
@@ -252,14 +256,14 @@ fn stated_errors_match_actual_errors() {
             let message = &store.attributes()["target"];
             mean += message["mean_samples_per_pixel"].as_f64().unwrap_or(0.0) / SEEDS as f64;
             rounds += message["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
-            // The totals of the first pixel of each tile.
+            // Collects the number of samples of the first pixel of each tile.
             let samples = store.read_samples([0, 0], [32, 32]).expect("counts");
             counts.push((0..16).map(|tile| samples[tile / 4 * 8 * 32 + tile % 4 * 8]).collect());
             let [mean, error] = [Field::Mean, Field::TotalStdError].map(|f| read(&store, "sum", f).data);
             Image::of(&mean, &error)
         })
         .collect();
-    // Plain renders: the truth, and the input of the negative controls below.
+    // Plain renders are the truth and the input of the negative controls.
     let image = |arrays: &Arrays| {
         let [mean, error] =
             [Field::Mean, Field::TotalStdError].map(|f| arrays.get("sum", f).expect("it").data);
@@ -277,7 +281,7 @@ fn stated_errors_match_actual_errors() {
     assert!(verdict.is_honest() && rounds > 2.0, "{verdict:?}");
 
     let sets = plain.chunks(ROUNDS as usize);
-    // The same numbers of samples in the same tiles, from another seed.
+    // Renders the same numbers of samples in the same tiles, with another seed.
     let same: Vec<Image> = counts
         .iter()
         .zip(50_000..)
@@ -349,7 +353,7 @@ fn the_command_reports_the_reached_error_and_invalid_options() {
     }
 }
 
-/// Tests that files other than rounds at the path of the rounds are never removed, and that rounds that
+/// Tests that files at the path of the rounds that are not rounds are never removed. Tests that rounds that
 /// another process is writing are not removed.
 #[test]
 fn other_files_are_kept_and_only_one_process_renders() {
@@ -363,7 +367,7 @@ fn other_files_are_kept_and_only_one_process_renders() {
     let message = stderr(&with(&["s", "--force"], 2));
     assert!(message.contains("thesis.tex") && message.contains("another name"), "{message}");
     assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
-    // While another process writes the rounds, --force removes nothing.
+    // While another process writes the rounds, `--force` removes nothing.
     std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");
     let held = sunstone::base::lock::Lock::take(&at("t.rounds")).expect("nobody is there");
     let message = stderr(&with(&["t", "--force"], 2));

@@ -1,5 +1,8 @@
-//! Tests the shipped scenes. They load. Meshes, and shapes that refract or contain a medium, are closed. Both
-//! devices see the main objects. Each twin differs from its scene only in materials and media.
+//! Tests the shipped scenes:
+//! - The scenes load.
+//! - Meshes are closed, and so are shapes that refract or contain a medium.
+//! - Camera and projector see the main objects.
+//! - Only materials and media differ between a scene and its twin.
 
 use glam::{DVec2, Vec3, Vec3A};
 use std::collections::HashMap;
@@ -12,7 +15,7 @@ use sunstone::transport::material::Material;
 use sunstone::transport::scene::Scene;
 use toml::{Table, Value};
 
-/// A scene, the twin of the scene, and spheres (centre, radius in metres) around objects that both devices
+/// A scene, its twin, and spheres (centre, radius in metres) around the objects that camera and projector
 /// must see.
 struct Shipped {
     folder: &'static str,
@@ -25,7 +28,7 @@ const SHIPPED: &[Shipped] = &[
     Shipped {
         folder: "coins_mirror",
         twin: "diffuse.toml",
-        // The coins, and the centre of the mirror.
+        // The spheres enclose the coins and the centre of the mirror.
         seen: &[
             ([-0.055, 0.001, -0.015], 0.021),
             ([-0.02, 0.001, 0.03], 0.021),
@@ -36,7 +39,7 @@ const SHIPPED: &[Shipped] = &[
     Shipped {
         folder: "milky_tank",
         twin: "no_medium.toml",
-        // The doll, and both ends of the ruler.
+        // The spheres enclose the doll and each end of the ruler.
         seen: &[
             ([-0.052, 0.058, -0.008], 0.053),
             ([0.015, 0.047, 0.034], 0.015),
@@ -98,8 +101,9 @@ fn every_scene_folder_is_listed() {
     sunstone::scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Checks that the sphere is in the device's image, at least `pixels` wide, and visible: the first opaque
-/// surface on the way to the sphere's centre, or the first surface of the object itself, is in the sphere.
+/// Checks that a sphere is in the device's image, at least `pixels` wide, and visible. The sphere is visible
+/// if it contains the first opaque surface on the way to its centre. The sphere is also visible if it
+/// contains the first surface of the object itself.
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();
@@ -154,7 +158,7 @@ fn scenes_and_twins_load_and_show_their_objects() {
     }
 }
 
-/// Returns the part that a scene and its twin share.
+/// Returns the part that is common to a scene and its twin.
 fn without_materials(mut scene: Table) -> Table {
     for key in ["name", "materials", "media"] {
         scene.remove(key);
@@ -186,8 +190,8 @@ fn twins_differ_only_in_materials_and_media() {
     }
 }
 
-/// Returns the volume of a mesh in cubic metres, or an error if an edge does not join exactly two
-/// triangles that traverse it in opposite directions. Vertices at equal positions count as one.
+/// Returns the volume of a mesh in cubic metres. Returns an error unless each edge joins exactly two
+/// triangles that traverse the edge in opposite directions. Vertices at equal positions count as one vertex.
 fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
     let mut welded = HashMap::new();
     let ids: Vec<usize> = mesh
@@ -195,7 +199,7 @@ fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
         .iter()
         .map(|p| {
             let next = welded.len();
-            // Adding zero makes -0 and 0 equal.
+            // Adding zero makes -0 equal to 0.
             *welded.entry((p + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert(next)
         })
         .collect();
@@ -220,7 +224,8 @@ fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
     Ok(volume)
 }
 
-/// Returns the smallest cosine between a triangle's geometric normal and its corners' shading normals.
+/// Returns the smallest cosine between the geometric normal of a triangle and the shading normals at its
+/// corners.
 fn worst_normal(mesh: &Mesh) -> f32 {
     let cosines = mesh.indices.iter().flat_map(|corners| {
         let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);

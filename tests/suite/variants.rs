@@ -1,4 +1,5 @@
-//! Tests variants of scene files (rendered, distinguished, refused if mixed), and applications.
+//! Tests applications, and variants of scene files. Variants are rendered, distinguished, and refused if
+//! mixed.
 
 use crate::harness::{assert_same_store, read, run, stderr, stdout};
 use serde_json::json;
@@ -57,14 +58,14 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
     let render = |scene: &str, more: &[&str], code| {
         run(at, &[&["render", scene, "--no-figures"], more].concat(), code)
     };
-    // Without a selected variant the scene is the same with and without [vary]: its hash and its numbers.
+    // Without a selected variant, the scene has the same hash and the same numbers with and without `[vary]`.
     render("plain.toml", &["-o", "plain.zarr"], 0);
     render("varied.toml", &[], 0);
     let attributes = |store: &str| TensorStore::open(&at.join(store)).expect("a store").attributes();
     assert_eq!(attributes("plain.zarr")["scene_sha256"], attributes("out/s.zarr")["scene_sha256"]);
     assert!(!attributes("out/s.zarr").contains_key("variant"));
     assert_eq!(mean(&at.join("plain.zarr")), mean(&at.join("out/s.zarr")));
-    // Light of one bounce is proportional to the albedo.
+    // Light after a single bounce is proportional to the albedo.
     for (k, albedo) in [("0", 0.25), ("1", 0.75)] {
         render("varied.toml", &["--variant", k], 0);
         let store = format!("out/s_variant{k}.zarr");
@@ -75,16 +76,17 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
         assert_eq!(attributes(&store)["variant"], expected);
         assert_ne!(attributes(&store)["scene_sha256"], attributes("plain.zarr")["scene_sha256"]);
     }
-    // The same variant twice gives the same store.
+    // Two renders of the same variant give the same store.
     render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
-    // Another variant neither resumes it nor merges with it.
+    // A store of one variant cannot be resumed as another variant, or merged with another variant.
     let message = stderr(&render("varied.toml", &["--variant", "0", "--resume", "-o", "again.zarr"], 2));
     assert!(message.contains("differ in variant"), "{message}");
     render("varied.toml", &["--variant", "0", "--seed", "5", "-o", "other.zarr"], 0);
     let message = stderr(&run(at, &["merge", "again.zarr", "other.zarr", "-o", "both.zarr"], 2));
     assert!(message.contains("different scenes"), "{message}");
-    // Faults of a variant are reported with their location in [vary]; there are at most four variants.
+    // The program reports faults of a variant with their location in `[vary]`. There are at most four
+    // variants.
     let message = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
     let line =
         format!("name = \"s\"\n{SCENE}{VARY}").lines().position(|l| l.contains("1.5")).expect("there") + 1;
@@ -100,7 +102,8 @@ fn variants_are_rendered_distinguished_and_not_mixed() {
     assert!(stdout(&message).contains("\"number\":1"));
 }
 
-/// Tests that every scene of an application has what the application requires, for every variant used.
+/// Tests that every scene of an application meets the requirements of the application, for every used
+/// variant.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn scenes_of_applications_have_their_variants() {
@@ -149,7 +152,8 @@ fn applications_are_listed_run_resumed_and_refused() {
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
         assert!(report.join(name).is_file(), "{name}");
     }
-    // The bound exceeds the scores of all methods. Colour gives little information: the fruits are metamers.
+    // The bound exceeds the scores of all methods. Colour provides little information, because the fruits are
+    // metamers.
     let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
     let area = |method: &str| -> f64 {
         let line = table.lines().find(|l| l.contains(&format!("\"{method}\""))).expect("a row");
@@ -160,10 +164,10 @@ fn applications_are_listed_run_resumed_and_refused() {
     };
     assert!(area("all epipolar elements") > 0.98 && area("RGB") < 0.7, "{table}");
     assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
-    // In a repeated run nothing is rendered, and the result is the same.
+    // A repeated run renders nothing and gives the same result.
     let again = stdout(&run(at, &arguments, 0));
     assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
-    // A deleted render is repeated, with the same numbers.
+    // The command repeats a deleted render, with the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders).expect("renders").next().expect("one").expect("one").path();
     std::fs::remove_dir_all(one).expect("removes");
@@ -172,7 +176,8 @@ fn applications_are_listed_run_resumed_and_refused() {
     figures_keep_the_fit(at, scenes);
 }
 
-/// Tests that methods are fitted again only if a render changed or the stored fit is damaged.
+/// Tests that a method is fitted again if a render changed or the stored fit is damaged, and is not fitted
+/// again otherwise.
 fn figures_keep_the_fit(at: &Path, scenes: &str) {
     let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
     let figure =
@@ -187,14 +192,15 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     };
     let first = draw();
     assert_eq!(draw(), first);
-    // A damaged fit is computed again.
+    // The command recomputes a damaged fit.
     let mut damaged = first.2.clone();
     let last = damaged.len() - 1;
     damaged[last] ^= 1;
     std::fs::write(&fit, &damaged).expect("writes");
     let fixed = draw();
     assert_eq!((&fixed.0, &fixed.2), (&first.0, &first.2));
-    // Another render with a different render time: the same light, and so the same numbers with another key.
+    // A second render of the same light has a different render time. The key of the fit therefore differs,
+    // but the numbers are the same.
     let renders = std::fs::read_dir(at.join("out/apply/renders")).expect("renders");
     let mut stores = renders.map(|e| e.expect("one").path()).filter(|p| p.is_dir());
     std::fs::remove_dir_all(stores.next().expect("a store")).expect("removes");
@@ -203,9 +209,11 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     assert_ne!(anew.2, first.2);
 }
 
-/// Tests that the light of each variant is rendered once if seeds affect only a detector. From scene file to
-/// table, errors equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with a polarizer array,
-/// and 0.5e-3 √(196/16) for 36 captures of dual rotating retarders.
+/// Tests that the light of each variant is rendered once if seeds affect a detector only.
+///
+/// From scene file to table, errors equal two closed forms. The first closed form is 0.5e-3 √(440/15/16), for
+/// fifteen learned captures with a polarizer array. The second closed form is 0.5e-3 √(196/16), for 36
+/// captures of dual rotating retarders.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
@@ -224,15 +232,15 @@ fn ellipsometry_renders_only_light_and_errors_match_closed_forms() {
         let rest = line.split_once("\",").expect("a source").1;
         rest.split(',').next().and_then(|v| v.parse().ok()).expect("a number")
     };
-    // Ten variants of 48 x 36 x 3 matrices: a relative spread of at most 1e-3, where few directions carry
-    // most of the error.
+    // Ten variants of 48 x 36 x 3 matrices give a relative spread of at most 1e-3. Few directions have most
+    // of the error.
     let near = |found: f64, variance: f64| (found / (0.5 * (variance / 16.0).sqrt()) - 1.0).abs() < 5e-3;
     assert!(near(mean("error, 15 captures", "L-QRPR-P"), 440.0 / 15.0), "{table}");
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
-/// Tests coverage, object numbers and texture coordinates against closed forms, for a wall behind a pane of
-/// glass with a sphere between pane and wall.
+/// Tests coverage, object numbers and texture coordinates against closed forms. The scene is a wall behind a
+/// pane of glass, with a sphere between pane and wall.
 #[test]
 fn truth_maps_see_through_glass() {
     let text = r#"
@@ -264,16 +272,16 @@ material = "ball"
     built.keep_texture_coordinates();
     let object = truth::object(&built);
     assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
-    // The sphere fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels. Each pixel has
-    // nine rays.
+    // The sphere fills a cone whose half angle has the sine 0.05 / 0.5, which is a disk of radius f
+    // tan(asin(0.1)) pixels. Each pixel has nine rays.
     let focal = 32.0 / 20.0_f64.to_radians().tan();
     let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
     let ball: f64 = truth::material(&built, &["ball"]).data.iter().sum();
     assert!((ball / area - 1.0).abs() < 0.02, "{ball} {area}");
     let wall = truth::material(&built, &["wall", "ball"]);
     assert!(wall.data.iter().all(|v| *v == 1.0), "all rays end at one of the two");
-    // In the pane a ray at θ continues at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer
-    // to the axis.
+    // A ray at angle θ has the angle θ' with sin θ' = sin θ / 1.5 in the pane. The ray meets the wall 0.3
+    // (tan θ - tan θ') nearer to the axis.
     let texture = truth::texture(&built);
     for x in [4, 50, 63] {
         let across = (x as f64 + 0.5 - 32.0) / focal;
@@ -286,7 +294,8 @@ material = "ball"
             assert!((found - expected).abs() < 1e-5, "{found} {expected}");
         }
     }
-    // Layers: the sphere's nearest point is 0.45 m away, at the position computed from the calibration.
+    // In the layers, the sphere's nearest point is 0.45 m away, at the position computed from the
+    // calibration.
     let set = layers(&built, Options { side: 4, through: true });
     let depth = truth::layer(&set, "depth").expect("a layer");
     assert!((depth.at(32, 32)[0] - 0.45).abs() < 1e-3, "{}", depth.at(32, 32)[0]);
@@ -298,8 +307,7 @@ material = "ball"
     assert!(truth::layer(&set, "colour").is_none());
 }
 
-/// A corner of two walls, whose interreflected light is noisy with few samples. The variants are nearly
-/// equal.
+/// A corner of two walls. The interreflected light is noisy with few samples. The variants are nearly equal.
 const CORNER: &str = r#"
 name = "corner"
 camera = { resolution = [32, 32], fov_x_deg = 30, pose.look_at = { origin = [0, 1, 3], target = [0, 0, 0], up = [0, 1, 0] } }
@@ -314,8 +322,8 @@ slices = [{ name = "photo" }]
 vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
 "#;
 
-/// Tests that the noise of two variants is independent, so that training data and test data have
-/// different noise. A single seed for all variants would give equal noise.
+/// Tests that the noise of two variants is independent, so that training data and test data have different
+/// noise. With a single seed for all variants, the noise would be equal.
 #[test]
 fn variants_of_one_seed_have_independent_noise() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -338,7 +346,7 @@ fn variants_of_one_seed_have_independent_noise() {
     let own = [noise(0, Some(0)), noise(1, Some(1))];
     let shared = [noise(0, None), noise(1, None)];
     assert!(correlation(&shared[0], &shared[1]) > 0.9);
-    // The sum of independent products has the standard deviation that follows from the products themselves.
+    // The standard deviation of a sum of independent products follows from the products themselves.
     let products: Vec<f64> = own[0].iter().zip(&own[1]).map(|(a, b)| a * b).collect();
     let sum = products.iter().sum::<f64>();
     let deviation = products.iter().map(|p| p * p).sum::<f64>().sqrt();

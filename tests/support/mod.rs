@@ -1,4 +1,5 @@
-//! Shared code of tests that render: scenes as text, and stores in temporary folders.
+//! Shared code of tests that render. The code builds scenes from text, and writes stores to temporary
+//! folders.
 
 use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};
@@ -11,7 +12,7 @@ use tempfile::TempDir;
 /// The shipped scene of mirrors, metal and glass.
 pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/scene.toml");
 
-/// Replaces one passage of `text`, which must exist.
+/// Replaces one passage of `text`. Panics if the passage does not exist.
 pub fn edit(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "the scene has no `{from}` to edit");
     text.replacen(from, to, 1)
@@ -22,8 +23,8 @@ pub fn shipped() -> String {
     std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
 }
 
-/// Returns the mirror room with square images of `camera` and `projector` pixels, and other slices
-/// and figures. Its meshes have absolute paths, so that the text works in any folder.
+/// Returns the mirror room with square images of `camera` and `projector` pixels, and with other slices and
+/// figures. The mesh paths are absolute, so that the text works in any folder.
 pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
     let all = shipped();
     let mut text = all[..all.find("[[slices]]").expect("slices")].to_owned();
@@ -64,12 +65,12 @@ impl Rendered {
     }
 }
 
-/// Renders a scene from text; panics with the text if the scene is refused.
+/// Renders a scene from text. Panics with the text if the scene is refused.
 pub fn render_text(text: &str) -> Rendered {
     render_scene(&scene_of(text))
 }
 
-/// Parses a scene; panics with the text if the scene is refused.
+/// Parses a scene. Panics with the text if the scene is refused.
 pub fn scene_of(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text)
         .unwrap_or_else(|e| panic!("{e}\nin the scene\n{text}"))

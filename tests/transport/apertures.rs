@@ -1,6 +1,6 @@
 //! Compares emitters of finite size with a point light in a tank of cloudy water behind glass. Camera paths
-//! hit the emitter at random. As the emitter shrinks, its light approaches that of the point light, to which
-//! manifold connections and bidirectional paths connect.
+//! hit the emitter at random. As the emitter shrinks, its light approaches that of the point light. Manifold
+//! connections and bidirectional paths connect to the point light.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -15,8 +15,8 @@ use sunstone::transport::scene::Integrator;
 
 const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
 
-/// Returns the scene-file text of the tank, seen through one wide pixel, with a Lambertian plate in the
-/// water.
+/// Returns the scene-file text of the tank with a Lambertian plate in the water. The camera has one wide
+/// pixel.
 fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     let spp = spp * samples_factor();
     format!(
@@ -34,7 +34,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Returns intensity and linear Stokes elements under unpolarized illumination, with standard errors.
+/// Returns the intensity and the linear Stokes elements under unpolarized illumination, with standard errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -43,7 +43,7 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
         render(&scene, &[], Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
     println!("{integrator:?}: {:.1} s", summary.wall_s);
     let [mean, error] = [Field::Mean, Field::StdError].map(|f| arrays.get("m", f).expect("the field").data);
-    // The mean over the four pixels.
+    // Averages over the four pixels.
     [0, 4, 8].map(|i| {
         let of = |data: &[f32]| -> Vec<f64> {
             data.iter().skip(i).step_by(16).map(|v| f64::from(*v) / 4.0).collect()
@@ -53,8 +53,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     })
 }
 
-/// Tests that a sphere of radius r and constant radiance acts at a distance as a point light of intensity
-/// π r² times the radiance. The difference decreases with r².
+/// Tests that a distant sphere of radius r and constant radiance acts as a point light of intensity π r²
+/// times the radiance. The difference decreases with r².
 #[test]
 fn shrinking_lights_become_points() {
     let at = format!("{:?}", LAMP.to_array());
@@ -67,14 +67,14 @@ fn shrinking_lights_become_points() {
         stokes(&tank(spp, seed, "", &ball), Integrator::Path)
     };
     let (large, small) = (ball(0.2, 30_000, 1), ball(0.1, 100_000, 2));
-    // The emitter illuminates only the tank, uniformly.
+    // The emitter illuminates the tank uniformly, and illuminates nothing else.
     let point = format!(
         "[[emitters]]\nspot = {{ position = {at}, direction = [-0.09, -0.33, -0.45], intensity = 1.0, cutoff_deg = 25, beam_deg = 24 }}\n"
     );
     let connected = stokes(&tank(8000, 3, &point, ""), Integrator::Bidirectional);
     for i in 0..3 {
         let [[a, x], [b, y], [c, z]] = [large[i], small[i], connected[i]];
-        // The result is extrapolated to radius zero.
+        // Extrapolates the result to radius zero.
         let (want, error) = ((4.0 * b - a) / 3.0, (16.0 * y * y + x * x).sqrt() / 3.0);
         println!(
             "S{i}: radius 0.2 {a:.5} ± {x:.5}, 0.1 {b:.5} ± {y:.5}, none {want:.5} ± {error:.5}; connected {c:.5} ± {z:.5}"

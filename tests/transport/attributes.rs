@@ -1,13 +1,13 @@
-//! Tests attributes of PLY meshes as albedos, in closed form: under uniform white light, a surface's
-//! radiance equals its albedo.
+//! Tests attributes of PLY meshes that are used as albedos. The references are closed forms. Under uniform
+//! white light, the radiance of a surface equals its albedo.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::Path;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, Wavelength, X, Y};
 
-/// Returns the scene-file text of two triangles of the unit square; `more` has the remaining keys of the
-/// object and the material.
+/// Returns the scene-file text of two triangles of the unit square. `more` contains the remaining keys of the
+/// object and of the material.
 fn scene(folder: &Path, material: &str, more: &str) -> String {
     let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
         property float color_0\nproperty float color_1\nproperty float color_2\nproperty float weight_0\n\
@@ -27,13 +27,13 @@ fn scene(folder: &Path, material: &str, more: &str) -> String {
     )
 }
 
-/// Returns the red, green and blue of pixel (i, j), averaged over the pixel.
+/// Returns the red, green and blue values of pixel (i, j), averaged over the pixel.
 fn seen(text: &str, [i, j]: [usize; 2]) -> [f32; 3] {
     let image = render_text(text).mean("image");
     [2, 1, 0].map(|l| image.at(&[(Y, j), (X, i), (Wavelength, l), (StokesOut, 0), (StokesIn, 0)]))
 }
 
-/// Tests that colours of vertices vary linearly over a triangle, so that the mean over a pixel is the value
+/// Tests that colours of vertices vary linearly over a triangle. The mean over a pixel is therefore the value
 /// at the pixel's centre.
 #[test]
 fn colours_of_vertices_are_mixed() {
@@ -46,7 +46,7 @@ fn colours_of_vertices_are_mixed() {
             scene(folder.path(), "m.diffuse.albedo = { attribute = \"vertex_color\", scale = 0.5 }", more)
                 .replace("spp = 4", "spp = 4096");
         for pixel in [[6, 6], [5, 7], [7, 3]] {
-            // Below the diagonal: (0, 0) + x ((1, 0) - (0, 0)) + y ((1, 1) - (1, 0)).
+            // Below the diagonal, the value is (0, 0) + x ((1, 0) - (0, 0)) + y ((1, 1) - (1, 0)).
             let [x, y] = [(pixel[0] as f32 + 0.5) / 8.0, (7.5 - pixel[1] as f32) / 8.0];
             let corner = [[0.1, 0.8, 0.0], [0.9, 0.0, 0.4], [0.5, 0.4, 0.8]];
             let want = [0, 1, 2].map(|c| {
@@ -60,7 +60,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Tests that each face has one colour, and that a scalar attribute can be a weight.
+/// Tests that each face has one colour. Tests that a scalar attribute can be a weight.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

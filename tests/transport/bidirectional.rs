@@ -1,5 +1,5 @@
-//! Compares bidirectional paths with camera paths in scenes in which camera paths sample all light, and
-//! tests each strategy alone.
+//! Compares bidirectional paths with camera paths in scenes in which camera paths sample all light. Tests
+//! each sampling strategy separately.
 
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -10,8 +10,8 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Returns the scene-file text of the camera and projector of 16 x 16 pixels in front of a box of 2
-/// m, and slices that resolve everything a path carries.
+/// Returns the scene-file text of a camera and a projector, each of 16 x 16 pixels, in front of a box of 2 m.
+/// The slices resolve everything that a path carries.
 pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
@@ -26,7 +26,7 @@ pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     )
 }
 
-/// Scene text of three walls, a floor and a ceiling of a box open toward the camera.
+/// Scene-file text of three walls, a floor and a ceiling, which form a box open toward the camera.
 pub const WALLS: &str = "
     [[objects]]\nmaterial = \"wall\"\nshape.rectangle = { corner = [-1, -1, -1], u = [2, 0, 0], v = [0, 2, 0] }
     [[objects]]\nmaterial = \"red\"\nshape.rectangle = { corner = [-1, -1, -1], u = [0, 2, 0], v = [0, 0, 2] }
@@ -36,7 +36,7 @@ pub const WALLS: &str = "
 
 pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
     let mut scene: Scene = scene_of(text);
-    // Manifold connections only for tests that request them.
+    // Enables manifold connections for tests that request them.
     let manifold = scene.settings.manifold && text.contains("manifold = true");
     scene.set_integrator(integrator);
     let manifold = manifold || integrator == Integrator::Caustics;
@@ -44,8 +44,9 @@ pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> R
     render_scene(&scene)
 }
 
-/// Asserts that two renders agree in every element of every slice within five standard errors, and that at
-/// least `least` elements are significant: their errors are below `share` of the largest value.
+/// Asserts that two renders agree in every element of every slice within five standard errors. At least
+/// `least` elements must be significant, which means that their errors are below `share` of the largest
+/// value.
 pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) {
     for slice in ["m", "t", "p"] {
         let (x, y): (Tensor, Tensor) = (a.mean(slice), b.mean(slice));
@@ -55,8 +56,8 @@ pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) {
         for i in 0..x.data.len() {
             let sigma = dx.data[i].hypot(dy.data[i]);
             let diff = (x.data[i] - y.data[i]).abs();
-            // Skips elements that both renders find to be zero, and rounding errors. The error of small
-            // elements with few samples is unreliable.
+            // Skips elements that are zero in each render, and rounding errors. The error of small elements
+            // with few samples is unreliable.
             let known = |value: f32, error: f32| error < 0.05 * value.abs();
             let sampled = known(x.data[i], dx.data[i]) && known(y.data[i], dy.data[i]);
             if diff > 1e-6 * top && (sampled || diff > 3e-3 * top) {
@@ -87,7 +88,8 @@ fn compare(text: &str, share: f32, least: usize) {
 pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
-/// Tests that each strategy alone gives the light of the paths with the strategy's number of interactions.
+/// Tests each sampling strategy separately. A strategy must give the light of the paths with its number of
+/// interactions.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_strategy_alone_gives_the_light_of_its_paths() {
@@ -118,8 +120,8 @@ fn each_strategy_alone_gives_the_light_of_its_paths() {
     }
 }
 
-/// Compares both kinds of paths in a scene with metal, plastic, rough glass, polarizing sheets, a
-/// smooth-shaded mesh and a point emitter.
+/// Compares camera paths and bidirectional paths in a scene with metal, plastic, rough glass, polarizing
+/// sheets, a smooth-shaded mesh and a point emitter.
 #[test]
 fn surfaces_of_all_kinds() {
     let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/knot.glb");
@@ -137,8 +139,8 @@ fn surfaces_of_all_kinds() {
     compare(&text, 0.05, 40);
 }
 
-/// Compares both kinds of paths for light that rough glass transmits, from both sides. The radiance includes
-/// the squared refractive indices.
+/// Compares camera paths and bidirectional paths for light that rough glass transmits, from each side. The
+/// radiance includes the squared refractive indices.
 #[test]
 fn rough_glass() {
     let text = devices(256, 4, 4)
@@ -153,14 +155,15 @@ fn rough_glass() {
 pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
-/// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees, as if the light
-/// came from the projector's mirror image. Camera paths cannot sample this light.
+/// Tests that a flat mirror reflects the projector's light onto a wall that the camera sees, as if the
+/// projector's mirror image emitted the light. Camera paths cannot sample the light of the mirror.
 #[test]
 fn mirror_reflects_light_onto_a_wall() {
     reflected_onto_a_wall(60.0, 120_000, "");
 }
 
-/// Tests the light of the mirror in a pixel that is so narrow that no light subpath hits the visible surface.
+/// Tests the light of the mirror in a pixel that is so narrow that no light subpath hits the surface visible
+/// in the pixel.
 #[test]
 fn mirror_reflects_light_into_a_narrow_pixel() {
     for focal_px in [60.0, 600.0, 6000.0] {
@@ -168,11 +171,11 @@ fn mirror_reflects_light_into_a_narrow_pixel() {
     }
 }
 
-/// Compares the light that a mirror reflects onto a wall with quadrature, in one pixel of a camera with this
-/// focal length.
+/// Compares the light that a mirror reflects onto a wall with quadrature, in one pixel of a camera with the
+/// given focal length.
 fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
-    // The projector's image behind the mirror in the plane x = 0.
+    // Computes the projector's image behind the mirror in the plane x = 0.
     let flip = |v: DVec3| DVec3::new(-v.x, v.y, v.z);
     let image = Device {
         origin: flip(lamp.origin),
@@ -181,7 +184,7 @@ fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
         down: flip(lamp.down),
         ..lamp.clone()
     };
-    // The point where its axis meets the wall x = 1.5.
+    // Computes the point where the axis of the projector's image meets the wall x = 1.5.
     let point = image.origin + image.forward * ((1.5 - image.origin.x) / image.forward.x);
     let camera = Device::look_at([0.4, 1.2, 1.5], point, [1, 1], focal_px);
     let text = head(spp, 4, 3)
@@ -195,7 +198,8 @@ fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
            [[slices]]\nname = \"t\"\nbounces = true\ntime = { bin_ps = 100, bins = 400 }\n";
     let r = with(&text, Integrator::Bidirectional, None);
     assert_eq!(with(&text, Integrator::Path, None).mean("m").at(&[(AxisKind::Bounces, 2)]), 0.0);
-    // Over the pixel, all factors are constant within 0.1 %, except the falloff of the light: quadrature.
+    // Over the pixel, all factors except the falloff of the light are constant within 0.1 %. Quadrature
+    // integrates the falloff.
     let (mut want, n) = (M::zeros(), 40);
     for k in 0..n * n {
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n);
@@ -231,8 +235,8 @@ fn reflected_onto_a_wall(focal_px: f64, spp: u32, more: &str) {
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
-/// Returns the scene-file text of a mirror, a glass sphere, a glossy coat under glass and a window in
-/// a box, lit by a projector and a point light.
+/// Returns the scene-file text of a box that a projector and a point light illuminate. The box contains a
+/// mirror, a glass sphere, a glossy coat under glass, and a window.
 pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
         + DIFFUSE
@@ -246,8 +250,8 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
            "
 }
 
-/// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, sample all
-/// light of bidirectional paths, and that neither kind alone does.
+/// Tests that plain paths, plus a few samples of light redirected by mirrors and glass, sample all light of
+/// bidirectional paths. Plain paths alone, or redirected light alone, are not sufficient.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn redirected_light_and_plain_paths_add_up_to_all_light() {
@@ -256,13 +260,14 @@ fn redirected_light_and_plain_paths_add_up_to_all_light() {
     let parts = with(&text, Integrator::Caustics, None);
     let whole = with(&text.replace("seed = 8", "seed = 9"), Integrator::Bidirectional, None);
     assert_agree(&parts, &whole, 0.05, 20);
-    // Negative control: the comparison detects the light that plain paths miss.
+    // Negative control: the comparison detects the absence of light that plain paths cannot sample.
     let plain = with(&text.replace("manifold = true", ""), Integrator::Path, None);
     let seen = std::panic::catch_unwind(AssertUnwindSafe(|| assert_agree(&plain, &whole, 0.05, 20)));
     assert!(seen.is_err());
 }
 
-/// Compares both kinds of paths for camera and projector lenses of finite aperture that are out of focus.
+/// Compares camera paths and bidirectional paths for camera and projector lenses of finite aperture that are
+/// out of focus.
 #[test]
 fn lenses() {
     let lens = |focus: f64| format!("aperture = {{ radius = 0.2, focus = {focus} }}\n");
@@ -273,7 +278,8 @@ fn lenses() {
         1,
     );
     compare(&text, 0.02, 15);
-    // Negative control: the lenses blur, so that the light of each projector pixel covers more of the image.
+    // Negative control: the lenses blur the image, so the light of each projector pixel covers more of the
+    // image.
     let lit = |text: &str| {
         let text = text.replace("projector = { binned = 8 }", "projector = { block = [7, 7, 1, 1] }");
         let r =
@@ -284,8 +290,8 @@ fn lenses() {
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
 
-/// Tests reciprocity: the light through an object is the same if camera and projector are
-/// exchanged, T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with camera subpaths.
+/// Tests reciprocity: the light through an object is the same if camera and projector are exchanged. The
+/// formula is T(s, s') f'² = D T'(s', s)ᵀ D f². The test compares light subpaths with camera subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_devices_give_the_same_light() {
@@ -307,7 +313,8 @@ fn exchanged_devices_give_the_same_light() {
             "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1] }",
             "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.11] }",
         ),
-        // Thickness of 1.5 waves: thick crystals depolarize light that passes rough faces.
+        // The crystal has a thickness of 1.5 waves, because thick crystals depolarize light that passes rough
+        // faces.
         (
             "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1], roughness = 0.2 }",
             "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.1001] }",
@@ -330,8 +337,8 @@ fn exchanged_devices_give_the_same_light() {
         };
         let there = with(&text(&beside, &behind), Integrator::Bidirectional, None);
         let back = with(&text(&behind, &beside), Integrator::Path, None);
-        // The light subpath connects to the camera through the interface; its weight accounts for camera
-        // subpaths.
+        // The light subpath connects to the camera through the interface. The weight of the connection
+        // accounts for camera subpaths.
         let mut scene = scene_of(&text(&behind, &beside));
         scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, true));
         let weighed = render_scene(&scene);

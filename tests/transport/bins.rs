@@ -1,5 +1,6 @@
 //! Tests time bins of 25 ps and projector pixels s' of bidirectional paths. Single scattering (in a medium,
-//! through glass, over a mirror) is compared with f64 quadrature, multiple scattering with camera paths.
+//! through glass, over a mirror) is compared with f64 quadrature. Multiple scattering is compared with camera
+//! paths.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -25,17 +26,18 @@ fn samples(spp: u32) -> u32 {
     spp * samples_factor()
 }
 
-/// Bins of a slice: means and standard errors, per pixel.
+/// Means and standard errors of the bins of a slice, per pixel.
 struct Bins {
     mean: Vec<f64>,
     error: Vec<f64>,
 }
 
-/// Returns the light per time bin and per projector pixel, for a number of interactions or for all light.
+/// Returns the light per time bin and the light per projector pixel, for a given number of interactions or
+/// for all light.
 fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
-    // Manifold connections only for scenes that request them.
+    // Enables manifold connections for scenes that request them.
     scene.change_settings(|s| s.manifold = text.contains("manifold = true"));
     let mut arrays = Arrays::default();
     render(&scene, &[], schedule::Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
@@ -49,7 +51,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     })
 }
 
-/// Returns the head of a scene with these slices.
+/// Returns the head of a scene file with the slices of these tests.
 fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, bounces: bool) -> String {
     let spp = samples(spp);
     format!(
@@ -71,7 +73,7 @@ struct Share {
     hit: f64,
 }
 
-/// Deliberate errors for negative controls: a shift in time, and a shift of s'.
+/// Deliberate errors for negative controls. The errors are a shift in time and a shift of s'.
 #[derive(Clone, Copy)]
 struct Fault {
     ps: f64,
@@ -80,8 +82,8 @@ struct Fault {
 
 const NONE: Fault = Fault { ps: 0.0, px: 0.0 };
 
-/// Returns the values of both kinds of bins by quadrature over n × n points of every pixel, and the
-/// largest value of a sample of a pixel.
+/// Returns the values of time bins and s' bins by quadrature over n × n points of every pixel. Also returns
+/// the largest value of a sample of each pixel.
 fn quadrature(
     n: u32,
     start_ps: f64,
@@ -99,7 +101,7 @@ fn quadrature(
                 let radiance = share.radiance / f64::from(n * n);
                 let [u, v] = [share.at[0] + fault.px, share.at[1]].map(f64::floor);
                 let inside = 0.0..f64::from(SIZE);
-                // Light that leaves the image only because of the planted shift is dropped.
+                // Skips light outside the projector's image.
                 if !inside.contains(&share.at[0]) || !inside.contains(&share.at[1]) {
                     return;
                 }
@@ -121,7 +123,7 @@ fn quadrature(
 struct Found {
     bins: usize,
     lit: usize,
-    /// Number of bins with many hits; the next field is the sum of z² over these bins.
+    /// Number of bins with many hits. The field `chi2` is the sum of z² over the bins with many hits.
     known: usize,
     chi2: f64,
     most: f64,
@@ -137,8 +139,8 @@ impl Found {
         }
     }
 
-    /// Returns whether no bin, and no sum over the bins with many hits, deviates by 5 sigma: z² has a mean of
-    /// 1 and, because errors are estimated from as few as [`MANY`] hits, a variance of 3.
+    /// Returns whether no bin, and no sum over the bins with many hits, deviates by 5 sigma. z² has a mean of
+    /// 1. The variance of z² is 3, because errors are estimated from as few as [`MANY`] hits.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
         self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
@@ -148,8 +150,8 @@ impl Found {
 /// Number of hits at which the standard error is accurate to 15 %.
 const MANY: f64 = 25.0;
 
-/// Compares renders with quadrature. The error of the quadrature is estimated from a second result with half
-/// as many points.
+/// Compares renders with quadrature. A second quadrature with half as many points gives the error of the
+/// quadrature.
 fn against(
     of: &[Bins; 2],
     spp: u32,
@@ -158,7 +160,7 @@ fn against(
     fault: Fault,
     see: impl Fn(f64, f64, &mut dyn FnMut(Share)),
 ) -> [Found; 2] {
-    // As fine as the samples.
+    // The quadrature is as fine as the samples.
     let points = (f64::from(points) * f64::from(samples(1)).sqrt()) as u32;
     let (rough, _) = quadrature(points / 2, start_ps, fault, &see);
     let (fine, hits) = quadrature(points, start_ps, fault, &see);
@@ -170,8 +172,8 @@ fn against(
             if want[i] == 0.0 && got.mean[i] == 0.0 {
                 continue;
             }
-            // With few hits the error is that of their expected number, at least half a hit, even if that hit
-            // is missing.
+            // With few hits, the error is that of the expected number of hits. The expected number is at
+            // least half a hit, even if there is no hit.
             let hit = hits[i / inner] / f64::from(samples(spp));
             let expected = want[i] / hit;
             let likely = if expected > MANY { 0.5 } else { expected.max(0.5) };
@@ -184,8 +186,8 @@ fn against(
     })
 }
 
-/// Compares bidirectional bins with quadrature. Negative controls: shifts by half a bin and by one pixel of
-/// s' must be detected.
+/// Compares bidirectional bins with quadrature. The comparison must detect two negative controls: shifts by
+/// half a bin and by one pixel of s'.
 fn holds(
     what: &str,
     of: &[Bins; 2],
@@ -231,7 +233,7 @@ fn light_through_glass_matches_quadrature() {
         let d = camera.direction(x, y);
         let sideways = d - DVec3::Z * d.z;
         let inner = (1.0 - sideways.length_squared() / 2.25).sqrt();
-        // Two segments in air along d, one of 0.1 m across glass.
+        // The path has two segments in air along d, and one segment across 0.1 m of glass.
         let air = 1.9 / -d.z;
         let p = camera.origin + d * air + (sideways / 1.5 - DVec3::Z * inner) * (0.1 / inner);
         let (radiance, far, at) = wall(&projector, p);
@@ -266,7 +268,7 @@ fn light_over_a_mirror_matches_quadrature() {
 
 const HALF: f64 = 0.06;
 
-/// Returns the distance after which a ray that starts inside leaves the cube of side 0.12 m about the origin.
+/// Returns the distance at which a ray that starts inside leaves the cube of side 0.12 m about the origin.
 fn way_out(p: DVec3, d: DVec3) -> f64 {
     let out = (DVec3::splat(HALF) * d.signum() - p) / d;
     out.min_element()
@@ -285,7 +287,7 @@ fn light_in_a_medium_matches_quadrature() {
     const STEPS: u32 = 400;
     holds("medium", &of, spp, start, 8, |x, y, put| {
         let d = camera.direction(x, y);
-        // Into the cube through its upper face.
+        // The ray enters the cube through its upper face.
         let near = (camera.origin.z - HALF) / -d.z;
         let entry = camera.origin + d * near;
         let depth = way_out(entry, d);
@@ -308,9 +310,11 @@ fn light_in_a_medium_matches_quadrature() {
     });
 }
 
-/// Returns the contribution of one hit to each bin: k of h hits among n samples have the mean k h/n
-/// and the squared error k h²/n². Uses the largest contribution in the surrounding bins: a few hits
-/// may all be weak, and their error then ignores strong ones.
+/// Returns the contribution of one hit to each bin. If h of n samples hit and each contributes k, the mean is
+/// k h/n and the squared error is k h²/n².
+///
+/// The function uses the largest contribution in the surrounding bins. All hits in a bin with few hits can be
+/// weak. An error from the weak hits would ignore the strong hits.
 fn hits(of: &Bins) -> Vec<f64> {
     const AROUND: usize = 8;
     let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
@@ -319,8 +323,8 @@ fn hits(of: &Bins) -> Vec<f64> {
     (0..n).map(most).collect()
 }
 
-/// Compares two renders bin by bin. Each error is at least that of the number of hits that the more precise
-/// mean implies, and of one hit.
+/// Compares two renders bin by bin. Each error is at least the error of the number of hits that the more
+/// precise mean implies, and at least that of one hit.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     let mut found = Found { bins: a.mean.len(), ..Found::default() };
     let (one, other) = (hits(a), hits(b));
@@ -341,8 +345,8 @@ fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     found
 }
 
-/// Compares bidirectional paths with camera paths, in time and s'. Shifts by half a bin and by one pixel of
-/// s' must be detected.
+/// Compares bidirectional paths with camera paths, in time and s'. The comparison must detect shifts by half
+/// a bin and by one pixel of s'.
 fn agree(what: &str, path: &str, both: &str) {
     let start = |by: f64| format!("start_ps = {:?}", START + by);
     let a = bins(path, Integrator::Path, None);
@@ -390,9 +394,10 @@ fn paths_agree_in_a_medium() {
     agree("medium", &of(3), &of(4));
 }
 
-/// Compares both kinds of paths for a pane in front of the camera, which camera paths pass, and a mirror
-/// outside the camera's view. The projector illuminates neither directly: only bidirectional paths would find
-/// the light that they reflect onto walls.
+/// Compares camera paths and bidirectional paths. The scene has a pane in front of the camera, which camera
+/// paths pass, and a mirror outside the camera's view. The projector does not illuminate pane or mirror
+/// directly. If the projector illuminated pane or mirror, only bidirectional paths would find the light that
+/// pane and mirror reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";

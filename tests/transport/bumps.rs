@@ -1,4 +1,4 @@
-//! Compares bump maps with a closed form: Lambert's cosine for normals that the heights tilt.
+//! Compares bump maps with a closed form, which is Lambert's cosine for normals that the heights tilt.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -9,7 +9,8 @@ use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, X, Y};
 
 const LIGHT: DVec3 = DVec3::new(-0.3, 0.4, -1.0);
 
-/// Writes the heights `a`·u + `b`·v to an image of 64 × 64 pixels, away from its edges.
+/// Writes the heights `a`·u + `b`·v to an image of 64 × 64 pixels. Interpolated heights are exact away from
+/// the edges of the image.
 fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     let file = folder.join("ramp.exr");
     let mid = |i: u32| (f64::from(i) + 0.5) / 64.0;
@@ -18,8 +19,8 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
     file
 }
 
-/// Returns a camera of one pixel, so narrow that it sees a single point, from above. `object` has all keys
-/// except the material.
+/// Returns the radiance that a camera above the surface measures. The camera has one pixel, so narrow that
+/// the pixel sees a single point. `object` contains all keys except the material.
 fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> f64 {
     let file = ramp(folder, slopes);
     let file = file.display();
@@ -37,7 +38,7 @@ fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> 
     f64::from(render_text(&text).mean("m").at(&at))
 }
 
-/// Returns the radiance of a surface of albedo 0.5 with a normal of any length.
+/// Returns the radiance of a surface of albedo 0.5 whose normal has any length.
 fn lambert(normal: DVec3) -> f64 {
     0.5 / PI * normal.normalize().dot(-LIGHT.normalize())
 }
@@ -47,8 +48,8 @@ fn check(found: f64, normal: DVec3, what: &str) {
     assert!((found - want).abs() < 2e-3 * want, "{what}: {found}, closed form {want}");
 }
 
-/// Tests bump maps on a rectangle of 2 m by 0.5 m, whose u runs along y: heights of 0.5 (a u + b v) have the
-/// slopes 0.25 a and b on this rectangle. Images rotated and scaled by `uv` follow the chain rule. Copies of
+/// Tests bump maps on a rectangle of 2 m by 0.5 m whose u runs along y. Heights of 0.5 (a u + b v) have the
+/// slopes 0.25 a and b on the rectangle. Images that `uv` rotates and scales follow the chain rule. Copies of
 /// a group stretch their base, not the heights.
 #[test]
 fn ramps_tilt_a_plane() {
@@ -63,7 +64,7 @@ fn ramps_tilt_a_plane() {
     check(flat, DVec3::Z, "flat");
     let tilted = seen(folder.path(), [a, b], "", at, &object);
     check(tilted, DVec3::new(-along_x, -along_y, 1.0), "a ramp");
-    // u' = v/2, v' = u/2 + 0.2.
+    // The map has u' = v/2 and v' = u/2 + 0.2.
     let map = ", uv = [[0, 0.5, 0], [0.5, 0, 0.2]]";
     let turned = seen(folder.path(), [a, b], map, at, &object);
     let (along_y, along_x) = (0.5 * 0.5 * b / 2.0, -0.5 * 0.5 * a / 0.5);
@@ -76,7 +77,7 @@ fn ramps_tilt_a_plane() {
     check(stretched, DVec3::new(-along_x, -along_y, 1.0), "a stretched copy");
 }
 
-/// Tests bump maps on a sphere of 0.8 m, whose u runs around z and whose v runs down from +z.
+/// Tests bump maps on a sphere of 0.8 m. On the sphere, u runs around z, and v runs down from +z.
 #[test]
 fn ramps_tilt_a_ball() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Tests the values of materials that are composed of other materials, and of materials with images.
+//! Tests the values of materials with images, and of materials that combine other materials.
 
 use crate::optics::surface_at;
 use crate::support::render_text;
@@ -33,8 +33,7 @@ fn flat(uv: [f32; 2]) -> Surface {
     surface_at(Vec3A::Z, Vec3A::X, uv)
 }
 
-/// Returns the value of a named material between two directions, in frames that do not depend on the
-/// material.
+/// Returns the value of a named material between two directions. The frames do not depend on the material.
 fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> Mueller {
     set.materials
         .eval(set.names[name], at, wo, wi)
@@ -42,7 +41,7 @@ fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> M
         .unwrap_or_default()
 }
 
-/// Returns the largest absolute difference of two matrices' elements.
+/// Returns the largest absolute difference between the elements of two matrices.
 fn off(a: &Mueller, b: &Mueller) -> f32 {
     (0..16).map(|i| max_lane((a.m[i / 4][i % 4] - b.m[i / 4][i % 4]).abs())).fold(0.0, f32::max)
 }
@@ -68,11 +67,11 @@ fn mixtures_are_sums() {
         let get = |name| value(&set, name, &at, wo, wi);
         let want = weighted(&[(0.7, get("rough")), (0.3, get("white"))]);
         assert!(off(&get("mixed"), &want) < 1e-5);
-        // M00 is unchanged; all other elements shrink to 0.4 of their values.
+        // M00 is unchanged, and all other elements decrease to 0.4 of their values.
         let mut want = weighted(&[(0.4, get("rough"))]);
         want.m[0][0] = get("rough").m[0][0];
         assert!(off(&get("dull"), &want) < 1e-5);
-        // Cases: front, back, and a missing back.
+        // The cases are the front, the back, and a missing back.
         assert_eq!(off(&get("faces"), &get("rough")), 0.0);
         assert_eq!(off(&get("front"), &get("rough")), 0.0);
         let below = |name| value(&set, name, &at, -wo, -wi);
@@ -84,7 +83,7 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Tests that each delta lobe of a mixture has its fraction, both in the list of lobes and among 40,000
+/// Tests that each delta lobe of a mixture has its fraction. The test compares the list of lobes, and 40,000
 /// samples (within 5 sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
@@ -107,20 +106,20 @@ fn mixtures_of_mirrors_keep_shares() {
     }
     let n = f64::from(n);
     assert!((deltas / n - 0.75).abs() < 5.0 * (0.75 * 0.25 / n).sqrt());
-    // A sample returns the mirror's reflectance or the albedo.
+    // A sample returns the reflectance of the mirror, or the albedo.
     let (m, d) = (f64::from(lobe("mirror")), 0.8);
     let want = 0.75 * m + 0.25 * d;
     assert!((sum / n - want).abs() < 5.0 * (m - d).abs() * (0.75 * 0.25 / n).sqrt());
 }
 
-/// Writes an image of one colour; returns the PNG file's name for TOML.
+/// Writes an image of one colour. Returns the name of the PNG file in TOML syntax.
 fn picture(folder: &Path, name: &str, rgb: [u8; 3]) -> String {
     let path = folder.join(name);
     image::RgbImage::from_pixel(4, 4, image::Rgb(rgb)).save(&path).unwrap();
     format!("{:?}", path.to_str().unwrap())
 }
 
-/// Tests that images of numbers are linear: 102/255 is 0.4.
+/// Tests that images of numbers are linear, so that 102/255 is 0.4.
 #[test]
 fn images_of_numbers_are_linear() {
     let folder = tempfile::tempdir().unwrap();
@@ -144,9 +143,9 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
     }
 }
 
-/// Tests that a plane with a tilting normal map is as bright as a tilted plane: E·ρ/π times the cosine of
-/// the angle between the tilted normal and the light, for a distant point light. The map's x is the surface's
-/// u, and the map's y is up.
+/// Tests that a plane with a tilting normal map is as bright as a tilted plane. For a distant point light,
+/// the radiance is E·ρ/π times the cosine of the angle between the tilted normal and the light. The map's x
+/// is the surface's u, and the map's y is up.
 #[test]
 fn a_normal_map_tilts_the_normal() {
     let folder = tempfile::tempdir().unwrap();
@@ -186,7 +185,7 @@ name = "image"
     }
 }
 
-/// Tests that a render shows the back of a material that is white in front and black behind as black.
+/// Tests a material that is white in front and black behind. The render of its back must be black.
 #[test]
 fn a_black_back_is_black() {
     for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {
@@ -218,9 +217,9 @@ name = "image"
     }
 }
 
-/// Tests that the shipped metamers have the same colour in every direction under unpolarized light,
-/// but different polarization. The depolarization index of Gil & Bernabéu (1985), |M without M00| /
-/// (√3 M00), distinguishes them.
+/// Tests that the shipped metamers have the same colour in every direction under unpolarized light, but
+/// different polarization. The depolarization index of Gil & Bernabéu (1985) distinguishes the metamers. The
+/// index is |M without M00| / (√3 M00).
 #[test]
 fn metamers_differ_only_in_depolarization() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/metamers.toml");

@@ -19,8 +19,8 @@ use sunstone::transport::material::{Filling, Lanes, Lobe};
 /// Refractive indices n_o and n_e of quartz at 550 nm (Ghosh 1999).
 pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
-/// Returns the matrix of the Fresnel transmission of power into index `eta` relative to the index on the
-/// incident side, in the s-frame.
+/// Returns the matrix of the Fresnel transmission of power, in the s-frame. `eta` is the index relative to
+/// the index on the incident side.
 fn transmission(cos_i: f64, eta: f64) -> M {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
     let (ts, tp) = (2.0 * cos_i / (cos_i + eta * cos_t), 2.0 * cos_i / (eta * cos_i + cos_t));
@@ -29,7 +29,8 @@ fn transmission(cos_i: f64, eta: f64) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
-/// Returns the matrix and frame (k × c) of a retarder of `length` along `k` in a crystal of optic axis `c`.
+/// Returns the matrix and the frame (k × c) of a retarder of `length` along `k`, in a crystal with optic axis
+/// `c`.
 pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
@@ -37,32 +38,33 @@ pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M
     (retarder(TAU * length * (n - n_o) / (nm * 1e-9)), frame)
 }
 
-/// Point of entry on the slab's upper face. It is so far from the origin that the offset from a surface,
-/// which grows with the coordinates, would exceed a wavelength.
+/// Point of entry on the slab's upper face. The point is far from the origin. The offset of rays from a
+/// surface grows with the coordinates, and would exceed a wavelength at the point of entry.
 const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
 
-/// Returns the scene-file text of a slab across z from 0 to `top`.
+/// Returns the scene-file text of a slab perpendicular to z, from z = 0 to `top`.
 fn slab(top: f64) -> String {
     format!(
         "[[objects]]\nmaterial = \"crystal\"\nshape.cube = {{ min = [0.25, -0.5, 0.0], max = [0.75, 0.03, {top:?}] }}\n"
     )
 }
 
-/// Thickness of the slab, a power of two, which f32 represents exactly: about 1 mm, 16 waves of quartz.
+/// Thickness of the slab, about 1 mm or 16 waves of quartz. The thickness is a power of two, which f32
+/// represents exactly.
 const THICK: f64 = 1.0 / 1024.0;
 
-/// A scene with a camera above a slab, and rough gold below the slab that is lit from the side.
+/// A scene with a camera above a slab. Below the slab is rough gold that is lit from the side.
 pub struct Slab {
     camera: Device,
     lamp: Device,
-    /// Direction of the light that leaves to the camera, and the direction of this light inside the slab.
+    /// Direction of the light that leaves to the camera, and the direction of the same light inside the slab.
     d: DVec3,
     inside: DVec3,
     target: DVec3,
 }
 
 impl Slab {
-    /// Returns a slab of mean index `mean`, seen along -`d`.
+    /// Returns a slab of mean index `mean` that the camera sees along -`d`.
     pub fn new(d: DVec3, mean: f64) -> Self {
         let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
         let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
@@ -81,10 +83,10 @@ impl Slab {
         (self.d + (self.lamp.origin - self.target).normalize()).normalize()
     }
 
-    /// Renders the slab with the optic axis `axis`. `wavelengths` is a list in the syntax of scene files.
+    /// Renders the slab with the optic axis `axis`. `wavelengths` is a list in scene-file syntax.
     pub fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
         let (n, u) = (self.normal(), self.normal().any_orthonormal_vector());
-        // The target is not on the diagonal of its plate, where rays could pass between two triangles.
+        // The target is not on the diagonal of the gold plate, where rays could pass between two triangles.
         let centre = self.target + u * 0.01 + n.cross(u) * 0.03;
         let text = head(4000, 5, 21).replace("[550]", wavelengths)
             + &self.camera.keys("camera")
@@ -118,8 +120,8 @@ impl Slab {
     }
 }
 
-/// Checks a slab. Every sample without inner reflections has the same matrix up to a factor, so the
-/// normalized matrix is exact and only the factor is statistical.
+/// Checks a slab. Every sample without inner reflections has the same matrix up to a factor. The normalized
+/// matrix is therefore exact, and the factor has a statistical error.
 fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
     let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);
@@ -138,12 +140,13 @@ fn a_quartz_slab_is_a_wave_plate() {
     let turns = THICK * (QUARTZ[1] - QUARTZ[0]) / 550e-9;
     assert!(turns > 16.0 && (turns.fract() - 0.25).abs() < 0.2, "{turns} turns");
     check(DVec3::Z, axis, QUARTZ, 3e-4, "quartz");
-    // Negative crystals, and optic axes at other angles out of the face.
+    // Tests negative crystals, and optic axes at other angles to the face.
     let axis = DVec3::new(0.6, -0.2, 0.5).normalize();
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// Tests that a crystal given by name has a separate direction and retardance at each of three wavelengths.
+/// Tests a crystal that is given by name. The direction and the retardance must differ between the three
+/// wavelengths.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
@@ -183,7 +186,8 @@ fn no_retardance_along_the_axis() {
     assert!((glass - plate).abs().max() > 0.1 * glass[(0, 0)], "the test cannot tell");
 }
 
-/// Tests two inner reflections, by which light crosses the slab three times, each time as another retarder.
+/// Tests two inner reflections. The light crosses the slab three times, and each crossing is a different
+/// retarder.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -220,8 +224,8 @@ fn inner_reflections_cross_again() {
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "three ways");
 }
 
-/// Tests that a crystal that contains rough gold and a projector also retards the light of the connection to
-/// the projector.
+/// Tests a crystal that contains rough gold and a projector. The crystal must also retard the light of the
+/// connection to the projector.
 #[test]
 fn connections_inside_a_crystal() {
     let (n_o, n_e) = (1.5, 1.500_001);
@@ -263,8 +267,8 @@ fn inside_of(set: &MaterialSet, name: &str) -> Filling {
     Filling { index: 1.5, crystal: set.names[name] }
 }
 
-/// Tests that the matrices of paths in a crystal are realizable and lossless, and that both directions have
-/// the same eigenpolarizations: M(-k) = Δ M(k)ᵀ Δ.
+/// Tests that the matrices of paths in a crystal are realizable and lossless. Tests that opposite directions
+/// have the same eigenpolarizations: M(-k) = Δ M(k)ᵀ Δ.
 #[test]
 fn paths_are_realizable_and_reciprocal() {
     let set = crystals(
@@ -300,7 +304,7 @@ fn paths_are_realizable_and_reciprocal() {
 }
 
 /// Tests that, for a broad spectral line, the matrix is the mean of the plate's matrices over a Gaussian
-/// spectrum, by quadrature, at constant n_e - n_o.
+/// spectrum. The mean is computed by quadrature at constant n_e - n_o.
 #[test]
 fn a_broad_line_is_depolarized_by_a_thick_plate() {
     const FWHM: f64 = 2.0;
@@ -310,7 +314,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     let sigma = FWHM / (8.0 * 2_f64.ln()).sqrt();
     for length in [0.0, 1e-4, 2e-3, 6e-3, 0.012, 0.1] {
         let s = set.materials.propagate(inside_of(&set, "a"), Vec3A::Z, length).expect("a crystal");
-        // Fast axis along y = k × c.
+        // The fast axis is along y = k × c.
         let m = s.between(Vec3A::Z, Vec3A::Y, -Vec3A::Z, Vec3A::Y).lane(1);
         let (mut want, mut weight) = ([0.0; 2], 0.0);
         for i in -4000..=4000 {
@@ -320,7 +324,8 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
             want = [want[0] + w * delta.cos(), want[1] + w * delta.sin()];
             weight += w;
         }
-        // The model assumes δ linear in λ. The tolerance grows with the curvature of δ across the line.
+        // The model assumes that δ is linear in λ. The tolerance grows with the curvature of δ across the
+        // line.
         let tolerance = 1e-5 + 0.5 * (TAU * length * 0.01 / 550e-9) * (sigma / 550.0).powi(2) * 2.0;
         for (got, want) in [m[2][2], m[2][3]].into_iter().zip(want) {
             assert!(
@@ -332,7 +337,8 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     }
 }
 
-/// Tests that faces reflect and transmit like glass of the mean index. Weights are values over probabilities.
+/// Tests that faces reflect and transmit like glass of the mean index. Weights are values divided by
+/// probabilities.
 #[test]
 fn faces_act_like_glass_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");

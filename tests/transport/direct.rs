@@ -1,4 +1,5 @@
-//! Tests that radiance, s' and travel time of one bounce off a Lambertian plane follow from geometry.
+//! Tests that the radiance, s' and travel time of a single bounce off a Lambertian plane follow from
+//! geometry.
 
 use crate::optics::{C, Device, head};
 use crate::support::{Rendered, render_text};
@@ -22,7 +23,7 @@ fn plane(normal: DVec3) -> String {
     matter + &crate::optics::plate(DVec3::ZERO, normal, 5.0, "m")
 }
 
-/// Expected values for one camera direction.
+/// Expected values for a camera direction.
 struct Seen {
     radiance: f64,
     time_ps: f64,
@@ -42,7 +43,7 @@ fn see(camera: &Device, projector: &Device, normal: DVec3, px: f64, py: f64) -> 
     }
 }
 
-/// Returns the mean radiance over a pixel's footprint, by a midpoint rule.
+/// Returns the mean radiance over a pixel's footprint, computed by a midpoint rule.
 fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32) -> f64 {
     const N: u32 = 12;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(N);
@@ -55,12 +56,13 @@ fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32)
         / f64::from(N * N)
 }
 
-/// Points of a closed grid over a pixel, including its border.
+/// Returns the points of a closed grid over a pixel, including the border of the pixel.
 fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..81).map(move |k| (f64::from(x) + f64::from(k % 9) / 8.0, f64::from(y) + f64::from(k / 9) / 8.0))
 }
 
-/// Checks radiance and time bins of every camera pixel. Returns the number of pixels with a single lit bin.
+/// Checks the radiance and the time bins of every camera pixel. Returns the number of pixels with a single
+/// lit bin.
 fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, normal: DVec3) -> u32 {
     let (sum, error, time) = (r.mean("sum"), r.std_error("sum"), r.mean("time"));
     let overflow = r.field("time", sunstone::tensor::field::Field::Overflow);
@@ -77,7 +79,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
         );
         let times: Vec<f64> =
             closed_grid(x, y).map(|(px, py)| see(camera, projector, normal, px, py).time_ps).collect();
-        // The grid can miss extremes inside the pixel by a few fs; f32 rounding adds about 10 fs.
+        // The grid can miss extremes inside the pixel by a few fs, and f32 rounding adds about 10 fs.
         let first = ((times.iter().copied().fold(f64::MAX, f64::min) - 0.05) / BIN_PS) as usize;
         let last = ((times.iter().copied().fold(0.0, f64::max) + 0.05) / BIN_PS) as usize;
         let mut total = 0.0;
@@ -109,7 +111,7 @@ fn coaxial_lambert_plane() {
         for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let got = sum.at(&[(Y, y), (X, x)]);
             if tilt == DVec3::Z {
-                // cosθ of the plane cancels cosθ of the projector: the radiance E ρ / (π d²) is constant.
+                // The plane's cosθ cancels the projector's cosθ, so the radiance E ρ / (π d²) is constant.
                 let want = IRRADIANCE * ALBEDO / (PI * d * d);
                 assert!((f64::from(got) / want - 1.0).abs() < 2e-6, "{got} {want}");
             }
@@ -140,8 +142,9 @@ fn coaxial_plane_is_one_bin() {
     }
 }
 
-/// Tests that light from a tilted plane is assigned to the projector pixel from which it came, for an offset
-/// projector of 6 × 5 pixels and 768 camera pixels. Both devices have distorting lenses.
+/// Tests that light from a tilted plane is assigned to the projector pixel that emitted the light. The
+/// projector is offset and has 6 × 5 pixels, and the camera has 768 pixels. Each device has a distorting
+/// lens.
 #[test]
 fn offset_projector_finds_its_pixel() {
     let mut camera = Device::look_at([-0.2, 0.1, 1.0], DVec3::ZERO, [32, 24], 150.0);
@@ -161,7 +164,7 @@ fn offset_projector_finds_its_pixel() {
     let mut used = BTreeSet::new();
     let mut unique = 0;
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        // Every projector pixel that the footprint touches. The margin covers f32 rounding.
+        // Collects every projector pixel that the footprint touches. The margin covers f32 rounding.
         let mut touched = BTreeSet::new();
         for (px, py) in closed_grid(x, y) {
             let [u, v] = see(camera, projector, normal, px, py).pixel;

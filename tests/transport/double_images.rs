@@ -1,5 +1,5 @@
-//! Tests that birefringent crystals show two images with orthogonal polarizations, at the positions that wave
-//! theory gives for the two rays.
+//! Tests that birefringent crystals show two images with orthogonal polarizations. The positions of the
+//! images must equal those that wave theory gives for the ordinary and the extraordinary ray.
 
 use crate::optics::{C, Device, head, mueller, surface_at};
 use crate::support::{Rendered, render_text};
@@ -18,9 +18,12 @@ const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// Returns a slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its
-/// upper face by light that leaves along `d`, and a small white disk 0.1 below it where the line
-/// (without a crystal) is shifted by `shift`.
+/// Renders a small white disk 0.1 below a slab of calcite. The slab has faces at z = 0 and -THICK. Returns
+/// the render, the radiance of the disk, and the path length outside the slab.
+///
+/// The camera sees the point (0.05, 0.03) of the upper face, by light that leaves along `d`. The line of
+/// sight crosses the lower face below the seen point, shifted by `shift`. The line then continues parallel to
+/// `d` to the disk.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -47,8 +50,9 @@ fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     (render_text(&text), radiance, outer)
 }
 
-/// Asserts that the disk is seen with intensity `pass`, that its light is polarized along ±`electric` (s1 =
-/// ±1 for the camera's x, which is the world's), and that it arrives after `optical` metres in the crystal.
+/// Asserts that the camera sees the disk with intensity `pass`, and that the light arrives after `optical`
+/// metres in the crystal. The normalized Stokes elements of the light must be (`s1`, 0, 0) relative to the
+/// camera's x, which is the world's x.
 fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, what: &str) {
     let (r, radiance, outer) = seen(d, axis, shift);
     let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
@@ -65,17 +69,17 @@ fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, 
     assert_eq!(lit, [bin], "{what}: {} ps", (outer + optical) / C);
 }
 
-/// Returns the transmittance of s or p power through two faces of index n, at cosines c (outside) and e
-/// (inside).
+/// Returns the transmittance of s or p power through two faces of index n. The cosines are c outside and e
+/// inside.
 fn faces(n: f64, c: f64, p: bool) -> f64 {
     let e = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
     let r = if p { (n * c - e) / (n * c + e) } else { (c - n * e) / (c + n * e) };
     (1.0 - r * r).powi(2)
 }
 
-/// Tests that, at normal incidence with the axis at 45° in the plane of x and z, the ordinary image is not
-/// shifted, and the extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness
-/// (6.28°, calcite's walk-off).
+/// Tests normal incidence with the axis at 45° in the plane of x and z. The ordinary image is not shifted.
+/// The extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°,
+/// calcite's walk-off).
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();
@@ -85,19 +89,19 @@ fn double_image_of_calcite() {
     let n = (2.0 / (1.0 / o2 + 1.0 / e2)).sqrt();
     let o = 0.5 * faces(N_O, 1.0, false);
     check(DVec3::Z, axis, DVec3::ZERO, o, -1.0, N_O * THICK, "ordinary");
-    // The ray is oblique but the wavefront is not, so the optical path is that along the normal.
+    // The ray is oblique but the wavefront is not, so the optical path equals the path along the normal.
     let e = 0.5 * faces(n, 1.0, false);
     let shift = DVec3::new(walk * THICK, 0.0, 0.0);
     check(DVec3::Z, axis, shift, e, 1.0, n * THICK, "extraordinary");
-    // Nothing is visible between the images, or on the other side.
+    // Nothing is visible between the images, or on the opposite side.
     for x in [0.5, -1.0] {
         let (r, ..) = seen(DVec3::Z, axis, shift * x);
         assert_eq!(mueller(&r.mean("m"), &[(Bounces, 3)])[(0, 0)], 0.0);
     }
 }
 
-/// Tests oblique rays in the plane of x and z with the axis along y: both rays obey Snell's law,
-/// each with its own index.
+/// Tests oblique rays in the plane of x and z, with the axis along y. The ordinary and the extraordinary ray
+/// each obey Snell's law with their own index.
 #[test]
 fn oblique_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);
@@ -110,8 +114,8 @@ fn oblique_rays_refract_with_their_own_index() {
     }
 }
 
-/// Tests, for any direction, that sampled light is realizable and obeys Snell's law for its index
-/// vector, and that both sides of the face agree on pairs of paths (each path and its reverse).
+/// Tests, for any direction, that sampled light is realizable and obeys Snell's law for its index vector.
+/// Tests that the two sides of the face agree on pairs of paths (each path and its reverse).
 #[test]
 fn faces_of_a_splitting_crystal() {
     let text = format!(
@@ -132,8 +136,8 @@ fn faces_of_a_splitting_crystal() {
             panic!("light goes somewhere");
         };
         assert!(sampled.delta);
-        // Light sampled by its intensity has a weight of 1, except for the compression of radiance by an
-        // index between the two.
+        // Light that stays on its side of the face has a weight of 1. Light that enters the crystal has a
+        // weight of 1/n², with n between the two indices.
         let weight = f64::from(sampled.scatter.m00().to_array()[0]);
         let range =
             if sampled.filling.is_some() { 0.97 / (N_O * N_O)..1.03 / (N_E * N_E) } else { 0.999..1.001 };
@@ -147,7 +151,8 @@ fn faces_of_a_splitting_crystal() {
             continue;
         }
         entered += 1;
-        // The same ray, incident from inside on its way out: one of two candidates leads back to the start.
+        // The reversed refracted ray arrives at the face from inside. One of two candidates leads back along
+        // the original ray.
         for _ in 0..8 {
             let Some(out) = set.materials.sample(0, &at, sampled.wi, &mut Lanes::first(1), &mut stream)
             else {

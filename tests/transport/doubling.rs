@@ -1,27 +1,33 @@
-//! Computes polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's
-//! slabs.
+//! Computes polarized light in a plane-parallel slab by doubling, in f64. The result is the reference for the
+//! tracer's slabs.
 //!
-//! Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma & Hovenier (1987, A&A 183,
-//! 371), with the project's signs. z is the normal of the slab; a direction of travel has cosine ±μ to it and
-//! azimuth φ; its Stokes frame has the horizontal (-sin φ, cos φ, 0), the perpendicular of the meridian
-//! plane, as its first axis, also at the pole. With the phase matrix Z per steradian, ∫ Z00 dω = 1,
+//! The method follows Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma &
+//! Hovenier (1987, A&A 183, 371), with the project's signs. z is the normal of the slab. A direction of
+//! travel has the cosine ±μ to the normal and the azimuth φ. The first axis of the Stokes frame of the
+//! direction is the horizontal (-sin φ, cos φ, 0), also at the pole. The horizontal is perpendicular to the
+//! meridian plane. With the phase matrix Z per steradian, ∫ Z00 dω = 1,
 //!
 //!     ±μ dI/dz = -I + ϖ ∫ Z(d, d') I(d') dω',   z in units of the mean free path.
 //!
-//! The azimuth uses a Fourier series, Z = Σ Z^m exp(imφ). Z is even in φ in the blocks that map (I, Q) to
-//! themselves and (U, V) to themselves, and odd between them, so that diag(1, 1, i, i) Z^m diag(1, 1, -i, -i)
-//! is real: these are the matrices below. μ uses Gauss's rule on 0..1; directions of interest are additional
-//! nodes of weight 0. A layer consists of its kernels R and T of diffuse light, e.g. for light from above,
-//! I_up(i) = Σ_j R(i, j) w_j I(j), and the factor exp(-τ/μ) of unscattered light. Turned upside down, a
-//! homogeneous layer has X R X and X T X, X = diag(1, 1, -1, -1), because mirroring in a horizontal plane
-//! keeps the first axis of a frame and flips the second.
+//! A Fourier series Z = Σ Z^m exp(imφ) represents the azimuth. Z is even in φ in the blocks that map (I, Q)
+//! to themselves and (U, V) to themselves, and odd between the blocks. Therefore, the product diag(1, 1, i,
+//! i) Z^m diag(1, 1, -i, -i) is real. The code stores the real products.
+//!
+//! Gauss's rule on 0..1 discretizes μ. Directions of interest are additional nodes of weight 0.
+//!
+//! A layer consists of its kernels R and T of diffuse light and the factor exp(-τ/μ) of unscattered light.
+//! For example, for light from above, I_up(i) = Σ_j R(i, j) w_j I(j).
+//!
+//! An inverted homogeneous layer has the kernels X R X and X T X with X = diag(1, 1, -1, -1). The signs of X
+//! follow because mirroring in a horizontal plane keeps the first axis of a frame and reverses the second
+//! axis.
 
 use crate::optics::{M, turn};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use sunstone::transport::medium::scattered::Elements;
 
-/// A square matrix, row by row.
+/// A square matrix, stored row by row.
 #[derive(Clone)]
 struct Square {
     n: usize,
@@ -37,7 +43,7 @@ impl Square {
         self.v[i * self.n + j]
     }
 
-    /// Returns a matrix whose entry (i, j) is that of `self` times f(i, j).
+    /// Returns a matrix whose entry (i, j) is entry (i, j) of `self` times f(i, j).
     fn times(&self, f: impl Fn(usize, usize) -> f64) -> Self {
         Self::from_fn(self.n, |i, j| self.at(i, j) * f(i, j))
     }
@@ -128,8 +134,8 @@ pub fn horizontal(phi: f64) -> DVec3 {
     DVec3::new(-phi.sin(), phi.cos(), 0.0)
 }
 
-/// Returns the scattering matrix between directions of travel, each with the first axis of its
-/// frame: `[d, x]` of the outgoing light, and of the incoming light.
+/// Returns the scattering matrix between two directions of travel, each with the first axis of its frame.
+/// `[d, x]` describes the outgoing light, and `[d_in, x_in]` describes the incoming light.
 pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec3; 2]) -> M {
     let e = scattering(d.dot(d_in).clamp(-1.0, 1.0));
     #[rustfmt::skip]
@@ -140,13 +146,13 @@ pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec
         0., 0., -e.s34, e.s44,
     );
     let s = d_in.cross(d);
-    // In the forward and backward directions every plane is a scattering plane.
+    // In the forward and backward directions, every plane is a scattering plane.
     let s = if s.length() > 1e-9 { s.normalize() } else { x_in };
     turn(d, s, x) * matrix * turn(d_in, x_in, s)
 }
 
-/// Returns the scattering matrix between directions given by signed cosine and azimuth, in the frames of
-/// these azimuths.
+/// Returns the scattering matrix between directions that are given by signed cosine and azimuth. The matrix
+/// refers to the frames of the azimuths of the two directions.
 pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M {
     let [out, into] = [out, into].map(|[mu, phi]| [direction(mu, phi), horizontal(phi)]);
     scattered(scattering, out, into)
@@ -157,7 +163,7 @@ fn mirror(i: usize, j: usize) -> f64 {
     if (i % 4 < 2) == (j % 4 < 2) { 1.0 } else { -1.0 }
 }
 
-/// One term of the Fourier series: kernels of diffuse light, 4 rows and columns per node.
+/// One term of the Fourier series: kernels of diffuse light, with 4 rows and columns per node.
 #[derive(Clone)]
 struct Mode {
     order: usize,
@@ -167,16 +173,16 @@ struct Mode {
 
 /// A homogeneous slab with vacuum behind it.
 pub struct Slab {
-    /// Cosines of the nodes, and their weights (weight 0: a direction of interest).
+    /// Cosines and weights of the nodes. A direction of interest has weight 0.
     nodes: Vec<(f64, f64)>,
     pub tau: f64,
     modes: Vec<Mode>,
 }
 
 impl Slab {
-    /// Returns a slab of optical depth `tau` and single-scattering albedo `albedo`, with `count`
-    /// nodes of Gauss's rule and the cosines `of_interest` (> 0), with the given `orders` of the
-    /// Fourier series. `halvings` is the number of doublings from the thinnest layer.
+    /// Returns a slab of optical depth `tau` and single-scattering albedo `albedo`. The nodes are `count`
+    /// nodes of Gauss's rule and the cosines `of_interest` (> 0). `orders` lists the orders of the Fourier
+    /// series. `halvings` is the number of doublings from the thinnest layer.
     pub fn new(
         scattering: Scattering,
         [tau, albedo]: [f64; 2],
@@ -205,8 +211,8 @@ impl Slab {
         at.expect("a direction of interest")
     }
 
-    /// Returns Σ_m of the series at an azimuth of the outgoing light, over 2π: the radiance per unit
-    /// irradiance of a plane perpendicular to the incoming light.
+    /// Returns Σ_m of the series at an azimuth of the outgoing light, divided by 2π. The result is the
+    /// radiance per unit irradiance of a plane perpendicular to the incoming light.
     fn series(&self, kernel: impl Fn(&Mode) -> &Square, mu: f64, mu_in: f64, phi: f64) -> M {
         let (i, j) = (4 * self.node(mu), 4 * self.node(mu_in));
         let mut sum = M::zeros();
@@ -215,7 +221,7 @@ impl Slab {
             let twice = if mode.order == 0 { 1.0 } else { 2.0 };
             let (sin, cos) = (m * phi).sin_cos();
             sum += M::from_fn(|a, b| {
-                // The sine's sign cancels diag(1, 1, i, i).
+                // The sign of the sine cancels diag(1, 1, i, i).
                 let part = match (a < 2, b < 2) {
                     (true, false) => -sin,
                     (false, true) => sin,
@@ -238,9 +244,11 @@ impl Slab {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
-    /// Returns the slab under a pane that reflects and transmits light of a cosine by these matrices, from
-    /// either side. Downward light is not computed. Between slab and pane, the upward light U and the light
-    /// D = P U that the pane returns satisfy U = R (1 + w D) (adding, with a layer that keeps directions).
+    /// Returns the slab under a pane. `pane` returns the reflection and transmission matrices of the pane at
+    /// a cosine, from either side. The function does not compute downward light.
+    ///
+    /// Between slab and pane, U is the upward light, and D = P U is the light that the pane returns. The
+    /// light satisfies U = R (1 + w D), which is adding with a layer that keeps directions.
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
         let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
         let along = |which: usize, weighted: bool| {
@@ -261,7 +269,8 @@ impl Slab {
         Self { nodes: self.nodes.clone(), tau: self.tau, modes: modes.collect() }
     }
 
-    /// Returns the power that leaves upward and downward (diffuse and unscattered), over the incident power.
+    /// Returns the power that leaves upward and downward (diffuse and unscattered), divided by the incident
+    /// power.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
         let j = 4 * self.node(mu_in);
@@ -273,8 +282,8 @@ impl Slab {
     }
 }
 
-/// Returns 2π times each order of the phase matrix: for downward light that stays downward, and for downward
-/// light that is reversed.
+/// Returns 2π times each order of the phase matrix. The first result is for downward light that stays
+/// downward, and the second is for downward light that is reversed.
 fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Vec<[Square; 2]> {
     let last = orders.iter().copied().max().unwrap_or(0);
     let around = (16 * last).clamp(32, 256);
@@ -305,20 +314,21 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
 }
 
 /// Returns a layer so thin that the light inside is the mean of entering and leaving light (Wiscombe 1976,
-/// "diamond"). With G = δ/2μ and the phase matrices P of both hemispheres, the leaving light is
-/// ((1 - G)/(1 + G) + B w) times the entering light, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
+/// "diamond"). Let G = δ/2μ, and let P be the phase matrices of the two hemispheres. The leaving light is ((1
+/// - G)/(1 + G) + B w) times the entering light. The kernel is B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 +
+/// G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;
     let w = |j: usize| nodes[j % half / 4].1;
-    // Downward light, then upward light.
+    // Computes downward light, then upward light.
     let gp = Square::from_fn(2 * half, |i, j| {
         let (a, b) = (i % half, j % half);
         let upside_down = if j < half { 1.0 } else { mirror(i, j) };
         let part = if (i < half) == (j < half) { on } else { back };
         g(i) * albedo * upside_down * part.at(a, b)
     });
-    // (1 + G)⁻¹ on either side of the system to solve.
+    // (1 + G)⁻¹ is a factor on each side of the solved system.
     let kernel = gp.times(|i, j| w(j) / (1.0 + g(i)));
     let right = gp.times(|i, j| 2.0 / ((1.0 + g(j)) * (1.0 + g(i))));
     let b = kernel.solve_one_minus(right);
@@ -329,9 +339,8 @@ fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: 
     }
 }
 
-/// Returns the layer that results from stacking two equal layers, each of optical depth `tau` (Hansen &
-/// Travis 1974, eq. 3.10): with downward light D and upward light U between them, U = R E + R w D, D = T + X
-/// R X w U.
+/// Returns two stacked equal layers, each of optical depth `tau` (Hansen & Travis 1974, eq. 3.10). Between
+/// the layers, the downward light D and the upward light U satisfy U = R E + R w D and D = T + X R X w U.
 fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     let (r, t) = (&layer.reflect, &layer.transmit);
     let e = |i: usize| (-tau / nodes[i / 4].0).exp();
@@ -349,7 +358,7 @@ fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     }
 }
 
-/// Returns Rayleigh's matrix per steradian.
+/// Returns Rayleigh's scattering matrix per steradian.
 pub fn rayleigh(mu: f64) -> Elements<f64> {
     let unit = 3.0 / (16.0 * PI);
     Elements {

@@ -1,6 +1,6 @@
-//! Tests that unreliable error estimates are marked, and that unmarked error estimates are correct. In
-//! marble, where few samples carry most of a pixel's light, deviations over seeds agree with the unmarked
-//! errors.
+//! Tests that unreliable error estimates are marked, and that unmarked error estimates are correct. The scene
+//! is marble, where few samples carry most of a pixel's light. Deviations over seeds must agree with the
+//! unmarked errors.
 
 use crate::support::edit;
 use std::path::Path;
@@ -11,12 +11,12 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::strategy::{Strategies, Strategy};
 
-/// Camera pixels per row, samples per pixel, seeds.
+/// Number of camera pixels per row.
 const SIZE: usize = 48;
 const SPP: u32 = 32;
 const SEEDS: usize = 24;
 
-/// Returns the means over wavelengths of the statue's pixels, with their errors.
+/// Returns the means over wavelengths of the statue's pixels, with the errors of these means.
 fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/sss_statue/scene.toml");
     let all = std::fs::read_to_string(&path).expect("the scene");
@@ -25,7 +25,7 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let text = edit(&text, "resolution = [128, 128]", &size) + "[[slices]]\nname = \"i\"\n";
     let mut scene = sunstone::scene::from_text(&path, &text).expect("the scene");
     scene.change_settings(|s| (s.spp, s.tile) = (SPP, 8));
-    // Without connections through the stone's surface, whose errors are reliable.
+    // Disables connections through the stone's surface, because their errors are reliable.
     scene.change_settings(|s| s.strategies = Strategies::ALL.without(&[Strategy::RoughInterface]));
     let seeds = 1..=SEEDS as u64;
     seeds
@@ -42,8 +42,9 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .collect()
 }
 
-/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this mean. z is the
-/// deviation from the mean of the other seeds, divided by the standard error of the difference.
+/// Returns the mean of z² over selected pixels and all seeds, and five standard errors of this mean. The
+/// variable z is the deviation from the mean of the remaining seeds, divided by the standard error of the
+/// deviation.
 fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     let others = (seeds.len() - 1) as f64;
     let each: Vec<f64> = seeds
@@ -68,8 +69,8 @@ fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     [mean, 5.0 * (spread / (n - 1.0) / n).sqrt()]
 }
 
-/// Tests 32 samples per pixel and 24 seeds. The negative controls are marks shifted by half an image, and
-/// errors multiplied by 2/3.
+/// Tests error estimates with 32 samples per pixel and 24 seeds. The negative controls are marks shifted by
+/// half an image, and errors multiplied by 2/3.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn unmarked_errors_are_correct_and_marked_ones_too_small() {

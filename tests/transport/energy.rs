@@ -1,5 +1,5 @@
-//! White furnace tests: under constant radiance 1, the returned radiance is each material's directional
-//! albedo.
+//! Tests materials in a white furnace. Under constant radiance 1, the returned radiance is the directional
+//! albedo of the material.
 
 use crate::optics::{Device, M, ggx_g2, head, mirror, mueller, of_image, plate, project};
 use crate::support::render_text;
@@ -20,7 +20,8 @@ fn sphere(material: &str, spp: u32, depth: u32) -> crate::support::Rendered {
     render_text(&text)
 }
 
-/// Tests that surfaces that return all light in one bounce vanish in the white furnace, in every sample.
+/// Tests that surfaces that return all light in a single bounce are invisible in the white furnace, in every
+/// sample.
 #[test]
 fn lossless_opaque_spheres_vanish() {
     for material in ["diffuse.albedo = 1", "conductor = { n = 0.001, k = 100 }"] {
@@ -32,14 +33,14 @@ fn lossless_opaque_spheres_vanish() {
     }
 }
 
-/// Tests that a glass sphere is invisible in the furnace on average, and that unpolarized light stays
+/// Tests that a glass sphere is invisible in the furnace on average. Tests that unpolarized light stays
 /// unpolarized.
 #[test]
 fn glass_sphere_vanishes() {
     let r = sphere("dielectric.ior = 1.5", 4000, 1000);
     let (mean, error) = (r.mean("m"), r.std_error("m"));
-    // Multiple inner reflections are too rare for a single pixel's standard error; rows of 48,000 samples
-    // have reliable ones.
+    // Multiple inner reflections are too rare for a reliable standard error of a single pixel. Rows of 48,000
+    // samples have reliable standard errors.
     let mut total = [(0.0, 0.0); 4];
     for y in 0..12 {
         for (i, total) in total.iter_mut().enumerate() {
@@ -61,8 +62,8 @@ fn glass_sphere_vanishes() {
     }
 }
 
-/// Returns ∫ D G2 F / (4 cosθ_o) dω_i for all Stokes elements under unpolarized light, by a midpoint
-/// rule over facet slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
+/// Returns ∫ D G2 F / (4 cosθ_o) dω_i for all Stokes elements under unpolarized light. The function uses a
+/// midpoint rule over facet slopes. With tan²θ_h = α² u / (1 - u), D cosθ_h dω_h = du dφ / 2π.
 fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
     const U: u32 = 600;
     const PHI: u32 = 400;
@@ -89,7 +90,7 @@ fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) ->
     sum
 }
 
-/// Tests that rough gold and a lossless rough conductor return their directional albedo, at three angles and
+/// Tests that rough gold and a lossless rough conductor return their directional albedos, at three angles and
 /// for three roughnesses.
 #[test]
 #[ignore = "slow: tools/check --all"]
@@ -111,7 +112,7 @@ fn rough_conductor_returns_its_directional_albedo() {
                 for (i, want) in want.iter().enumerate() {
                     let at = [(StokesOut, i), (StokesIn, 0)];
                     let (got, sigma) = (f64::from(mean.at(&at)), f64::from(error.at(&at)));
-                    // 3e-5 is the error of the midpoint rule at the horizon.
+                    // The error of the midpoint rule at the horizon is 3e-5.
                     assert!(
                         (got - want).abs() <= 5.0 * sigma + 3e-5,
                         "n {n}, alpha {alpha}, {degrees}°, s{i}: {got} is not {want} ± {sigma:.1e}"
@@ -126,9 +127,9 @@ fn rough_conductor_returns_its_directional_albedo() {
     }
 }
 
-/// Tests that spheres with a small loss or gain of light nearly vanish, for any number of inner reflections.
-/// Rough faces lose light that is reflected between facets, and faces of split crystals are approximate to
-/// (n_e - n_o)².
+/// Tests that spheres with a small loss or gain of light are nearly invisible, for any number of inner
+/// reflections. Rough faces lose light that is reflected between facets. The model of the faces of split
+/// crystals is accurate to the order (n_e - n_o)².
 #[test]
 fn spheres_nearly_vanish() {
     let split = "axis = [0.5, -0.3, 0.8], split = true";

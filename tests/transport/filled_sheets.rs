@@ -8,11 +8,11 @@ use std::f64::consts::PI;
 /// Optical depth along the sphere's diameter.
 const DEPTH: f64 = 2.0;
 
-/// Materials that transmit light without refraction, with the transmittance and reflectance of their surface
-/// at normal incidence. The light may have passed one of the surfaces before.
+/// A material that transmits light without refraction, with the transmittance and reflectance of its surface
+/// at normal incidence. The light may have passed another surface before.
 struct Sheet {
     keys: &'static str,
-    /// Transmittances of the first and of the second passage.
+    /// Transmittance of the first passage, and transmittance of the second passage.
     passes: [f64; 2],
     reflects: f64,
 }
@@ -21,7 +21,7 @@ const fn straight(keys: &'static str) -> Sheet {
     Sheet { keys, passes: [1.0, 1.0], reflects: 0.0 }
 }
 
-/// Reflectance at normal incidence of a plate of index 1.5: 2r/(1 + r) with r = 0.04.
+/// Reflectance at normal incidence of a plate of index 1.5. The value is 2r/(1 + r) with r = 0.04.
 const PLATE: f64 = 0.08 / 1.04;
 
 const SHEETS: [Sheet; 10] = [
@@ -41,7 +41,7 @@ const SHEETS: [Sheet; 10] = [
         passes: [1.0 - PLATE, 1.0 - PLATE],
         reflects: PLATE,
     },
-    // A mask: half of the surface is open, and the other half absorbs.
+    // With a mask, half of the surface is open, and half of the surface absorbs light.
     Sheet {
         keys: "a.null = {}\nb.diffuse.albedo = 0\ns.blend = { a = \"a\", b = \"b\", weight = 0.5 }\n",
         passes: [0.5, 0.5],
@@ -49,7 +49,7 @@ const SHEETS: [Sheet; 10] = [
     },
 ];
 
-/// Returns the scene-file text of a sphere of radius 0.5 about the origin, filled with `medium`.
+/// Returns the scene-file text of a sphere of radius 0.5 about the origin, which is filled with `medium`.
 fn sphere(medium: &str) -> String {
     format!(
         "[media.m.homogeneous]\n{medium}\n[[objects]]\nmaterial = \"s\"\ninterior = \"m\"\n\
@@ -59,7 +59,7 @@ fn sphere(medium: &str) -> String {
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// Returns the mean and standard error of a pixel that looks along the z axis through the sphere's centre.
+/// Returns the mean and the standard error of a pixel that sees along the z axis through the sphere's centre.
 fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
     let camera = Device::ray([0.0, 0.0, z], DVec3::new(0.0, 0.0, z - 1.0));
     let text = head(spp * samples_factor(), 200, seed)
@@ -78,8 +78,8 @@ fn check([mean, error]: [M; 2], want: f64, what: &str) {
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
 
-/// Tests the transmission of absorbing media behind every kind of sheet under uniform illumination, seen from
-/// outside along the diameter and from the centre. Multiple reflections are included.
+/// Tests the transmission of absorbing media behind every kind of sheet under uniform illumination. The
+/// camera is outside, along the diameter, or at the centre. The expected values include multiple reflections.
 #[test]
 fn absorbing_media_behind_every_kind_of_sheet() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -90,7 +90,8 @@ fn absorbing_media_behind_every_kind_of_sheet() {
         );
         let ([t, u], r) = (sheet.passes, sheet.reflects);
         let whole = (-DEPTH).exp();
-        // Light that reaches a face from inside, over the light outside, after any number of reflections.
+        // Computes the ratio of light that reaches a face from inside to the light outside, after any number
+        // of reflections.
         let outside = r + t * u * whole / (1.0 - r * whole);
         let centre = (-0.5 * DEPTH).exp() * t / (1.0 - r * whole);
         for integrator in ["path", "bidirectional"] {
@@ -102,13 +103,13 @@ fn absorbing_media_behind_every_kind_of_sheet() {
     }
 }
 
-/// Tests the radiance of a wall that is seen directly and lit by a point light at the sphere's centre, or by
-/// a point light on the far side of the sphere.
+/// Tests the radiance of a wall that is seen directly. A point light is at the sphere's centre, or on the far
+/// side of the sphere.
 #[test]
 fn connections_to_points_of_light_through_filled_sheets() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
         for (at, ways, faces) in [(0.0, 0.5, 1), (-1.0, 1.0, 2)] {
-            // The camera looks from beside the sphere at the centre of the wall z = 1.
+            // The camera is to the side of the sphere and points to the centre of the wall z = 1.
             let camera = Device::ray([1.5, 0.0, 0.5], DVec3::new(0.0, 0.0, 1.0));
             let rest = format!(
                 "[materials]\nwall.diffuse.albedo = 0.5\n{}{}[[objects]]\nmaterial = \"wall\"\n\
@@ -121,8 +122,9 @@ fn connections_to_points_of_light_through_filled_sheets() {
             let [t, u] = sheet.passes;
             let distance = 1.0 - at;
             let passed = (-DEPTH * ways).exp() * if faces == 1 { t } else { t * u };
-            // Light reflected twice along the axis adds (r a)² to light from behind; for the light at the
-            // centre, a mirror image of the spot would have to emit backwards.
+            // Light that is reflected twice along the axis adds (r a)² to light from behind. A spot at the
+            // sphere's centre has no light that is reflected twice, because a mirror image of the spot would
+            // have to emit backwards.
             let r = sheet.reflects;
             let direct = 3.0 * passed / (distance * distance) * 0.5 / PI;
             for integrator in ["path", "bidirectional"] {
@@ -139,7 +141,7 @@ fn connections_to_points_of_light_through_filled_sheets() {
     }
 }
 
-/// Tests that sheets without an effect act as a null boundary of a scattering medium.
+/// Tests that sheets without an effect act as the null boundary of a scattering medium.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn sheets_without_effect_do_not_change_scattering_media() {

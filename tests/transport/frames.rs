@@ -1,4 +1,4 @@
-//! Tests the frames of camera and emitters: rolls of devices act as rotation matrices, and a point emitter
+//! Tests the frames of camera and emitters. A roll of a device acts as a rotation matrix, and a point emitter
 //! equals a projector without a lens.
 
 use crate::optics::{Device, GOLD_KEYS, M, assert_close, head, mueller, plate, rotation};
@@ -20,8 +20,9 @@ fn single(camera: &Device, light: &str) -> M {
 
 /// Tests that M(roll_c, roll_p) = R(θ_c) M R(-θ_p), with θ counter-clockwise looking toward the source.
 ///
-/// Light leaves the projector along forward, so a rotation of the projector's right by θ is toward forward ×
-/// right = down. Light reaches the camera along -forward, so θ is there from right toward up.
+/// Light leaves the projector along forward. For the projector, a rotation of right by θ is therefore toward
+/// forward × right = down. Light reaches the camera along -forward. For the camera, a rotation of right by θ
+/// is therefore toward up.
 #[test]
 fn rolls_are_rotation_matrices() {
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);
@@ -30,7 +31,7 @@ fn rolls_are_rotation_matrices() {
         single(&camera.rolled(-c.to_radians()), &projector.rolled(p.to_radians()).keys("projector"))
     };
     let rest = at(0.0, 0.0);
-    // The test needs a matrix in which every wrong sign is visible.
+    // The test needs a matrix in which every wrong sign has a visible effect.
     for (i, j) in [(0, 1), (0, 2), (1, 0), (2, 0), (1, 2), (2, 3), (3, 1), (1, 3), (3, 2)] {
         assert!(rest[(i, j)].abs() > 1e-3 * rest[(0, 0)], "[{i}][{j}] is too small:\n{rest}");
     }
@@ -40,8 +41,8 @@ fn rolls_are_rotation_matrices() {
     }
 }
 
-/// Tests that a point emitter of intensity I acts like a projector of irradiance E = I at 1 m,
-/// except for the lens's factor 1/cos³θ.
+/// Compares a point emitter of intensity I with a projector of irradiance E = I at 1 m. The light is equal
+/// except for the factor 1/cos³θ of the projector's lens.
 #[test]
 fn a_point_emitter_is_a_projector_without_lens() {
     let projector = Device::look_at([-0.6, 0.2, 0.7], DVec3::ZERO, [40, 40], 60.0).rolled(0.4);

@@ -9,8 +9,9 @@ use sunstone::tensor::axes::AxisKind::{Bounces, StokesIn, StokesOut, T, Waveleng
 const FRONT: f64 = 0.7;
 const BACK: f64 = 0.4;
 
-/// Returns the scene-file text of a slab across the z axis, rotated about y, lit from below; the
-/// camera on the axis at z = 2 looks down. `material` is the slab's, `target` the lit object.
+/// Returns the scene-file text of a slab across the z axis, rotated about y and lit from below. The camera is
+/// on the axis at z = 2 and points down. `material` contains the keys of the slab's material, and `target`
+/// contains the lit object.
 fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
     let camera = Device::look_at([0.0, 0.0, 2.0], DVec3::ZERO, [1, 1], 1e7);
     head.to_owned()
@@ -42,12 +43,12 @@ fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
 }
 
 /// Tests a slab of index 3 at normal incidence, where R = 1/4. Every order of inter-reflection has the closed
-/// form T²R²ᵏ and its own delay. The sum of the orders is T²/(1 - R²).
+/// form T²R²ᵏ and a separate delay. The sum of all orders is T²/(1 - R²).
 #[test]
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
     const SPP: u32 = 200_000;
-    // The lit disk is so small that light returned to it by the slab is below one part in 10⁷.
+    // The lit disk is small, so the light that the slab returns to the disk is below one part in 10⁷.
     let disk = "[[objects]]\nmaterial = \"wall\"\nshape.disk = { radius = 0.01 }\n";
     let text = scene(&head(SPP, 30, 11), 0.0, "ior = 3", disk)
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
@@ -58,7 +59,8 @@ fn slab_at_normal_incidence() {
     let reflectance = ((N - 1.0) / (N + 1.0)).powi(2);
     let pass = (1.0 - reflectance).powi(2);
     let time = r.mean("t");
-    // Later orders are too rare for reliable standard errors; the total below includes them.
+    // Later orders are too rare for reliable standard errors. The comparison of the total includes all
+    // orders.
     for k in 0..3_usize {
         let bounces = 3 + 2 * k;
         let want = radiance * pass * reflectance.powi(2 * k as i32);
@@ -81,8 +83,9 @@ fn slab_at_normal_incidence() {
     assert!(5.0 * sigma < 0.2 * (want - radiance * pass), "too few samples to see inter-reflections");
 }
 
-/// Tests that a slab of index 1.5 at Brewster's angle transmits p light completely, and s light with its
-/// squared transmittance. The ray is shifted sideways, and the path inside is longer by 1/cosθ_t.
+/// Tests that a slab of index 1.5 at Brewster's angle transmits p light completely. The slab transmits s
+/// light with the squared transmittance of one face. The ray is shifted sideways, and the path inside is
+/// longer by the factor 1/cosθ_t.
 #[test]
 fn slab_at_brewster_angle() {
     const N: f64 = 1.5;
@@ -98,21 +101,21 @@ fn slab_at_brewster_angle() {
          [[slices]]\nname = \"t\"\ntime = { bin_ps = 1, bins = 20000 }\nbounces = true\n";
     let r = render_text(&text);
     let thickness = FRONT - BACK;
-    // sin(θ - θ_t)/cosθ_t · thickness, toward the side that the normal leans to: turning by +θ about y leans
-    // +z to +x, and the ray bends toward -normal, so it leaves on the -x side.
+    // The ray is shifted by sin(θ - θ_t)/cosθ_t · thickness. A rotation by +θ about y tilts the normal from
+    // +z toward +x. The ray bends toward the reversed normal, so the ray leaves on the -x side.
     let inside = thickness / cos_t;
     let shift = inside * (sin * cos_t - cos * sin_t);
     let (radiance, to_lamp) = wall(-shift);
     let rs = ((cos - N * cos_t) / (cos + N * cos_t)).powi(2);
     let ts = (1.0 - rs).powi(2);
-    // s is along y and the camera's horizontal along x, so s light is vertically polarized.
+    // s is along y and the camera's horizontal is along x, so s light is vertically polarized.
     let (s0, s1) = ((1.0 + ts) / 2.0 * radiance, (1.0 - ts) / 2.0 * radiance);
     for (i, want) in [(0, s0), (1, s1), (2, 0.0), (3, 0.0)] {
         let (got, sigma) = element(&r, i, 3);
         assert!((got - want).abs() < 5.0 * sigma + 1e-5 * s0, "s{i}: {got} is not {want} ± {sigma:.1e}");
         assert!(sigma < 0.01 * s0);
     }
-    // Along z the path inside covers inside·cos(θ - θ_t).
+    // The path inside the slab covers inside·cos(θ - θ_t) along z.
     let path = 2.0 - inside * (cos * cos_t + sin * sin_t) + N * inside + to_lamp;
     let time = r.mean("t");
     let lit: Vec<usize> = (0..20000).filter(|t| time.at(&[(T, *t), (Bounces, 3)]) > 0.0).collect();
@@ -120,7 +123,7 @@ fn slab_at_brewster_angle() {
 }
 
 /// Tests light of a wall and a projector inside a medium with a plane face. The radiance of light that leaves
-/// the medium decreases by the factor n², and travel times inside are n times longer.
+/// the medium decreases by the factor n². Travel times inside the medium are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;
@@ -147,7 +150,8 @@ fn radiance_leaves_a_dense_medium() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Tests that three wavelengths with separate refracted paths equal three renders of one wavelength each.
+/// Tests that a render of three wavelengths with separate refracted paths equals three renders of one
+/// wavelength each.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn dispersion_is_unbiased() {

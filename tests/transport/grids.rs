@@ -1,11 +1,11 @@
-//! Compares media with density grids with closed forms, with white furnaces, and with homogeneous media.
+//! Tests media with density grids. The references are closed forms, white furnaces and homogeneous media.
 
 use crate::lights::m00;
 use crate::optics::assert_refused;
 use crate::support::render_text;
 use std::path::{Path, PathBuf};
 
-/// Returns a grid file: values of each point, x fastest.
+/// Writes a grid file with the values of each point, with x varying fastest. Returns the path.
 fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32]) -> PathBuf {
     let words = [1, size[0], size[1], size[2], channels].map(i32::to_le_bytes);
     let corners = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
@@ -16,8 +16,8 @@ fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32])
     file
 }
 
-/// Returns the scene-file text of one pixel that looks along -z at (0.3, 0.6) of the unit cube
-/// filled with `medium`, under uniform white light.
+/// Returns the scene-file text of the unit cube, filled with `medium`, under uniform white light. The camera
+/// has one pixel and sees along -z at (0.3, 0.6).
 fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 400\nrr_depth = 1000000\nseed = 4\nintegrator = \"{integrator}\"\n\
@@ -28,9 +28,11 @@ fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     )
 }
 
-/// Tests that the transmittance is exp(-∫ extinction), for these densities: a ramp along z from 1 to 3,
-/// constant for a quarter at both ends; the same ramp in a box of half the cube, and rotated away from the
-/// ray; with nearest-neighbour lookup.
+/// Tests that the transmittance is exp(-∫ extinction) for several densities:
+/// - a ramp along z from 1 to 3, constant for a quarter at each end
+/// - the same ramp in a box of half the cube
+/// - the same ramp, rotated away from the ray
+/// - the same ramp with nearest-neighbour lookup
 #[test]
 fn transmittance_is_the_exponential_of_the_integral() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -40,7 +42,7 @@ fn transmittance_is_the_exponential_of_the_integral() {
         (String::new(), 2.0_f64),
         (", box = [[0, 0, 0], [1, 1, 0.5]]".into(), 1.0),
         (", filter = \"nearest\"".into(), 2.0),
-        // The ramp along x: at 0.3 it is 1.2.
+        // The ramp is along x. At x = 0.3, the ramp is 1.2.
         (", transform = { rotate_deg = [0, 90, 0], translate = [0, 0, 1] }".into(), 1.2),
         (", transform = { translate = [0.4, 0, 0] }".into(), 0.0),
     ];
@@ -72,8 +74,8 @@ fn uneven_lossless_clouds_vanish_in_the_furnace() {
     }
 }
 
-/// Tests that a grid of equal values acts as a homogeneous medium, up to rounding along the same paths; the
-/// scattering albedo may also be a grid.
+/// Tests that a grid of equal values acts as a homogeneous medium, up to rounding along the same paths. The
+/// scattering albedo is a constant or a grid.
 #[test]
 fn equal_values_give_a_homogeneous_medium() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -95,7 +97,7 @@ fn equal_values_give_a_homogeneous_medium() {
     }
 }
 
-/// Tests that both integrators give the same light of a projector in a heterogeneous cloud in front of a
+/// Tests that the two integrators give the same light of a projector in a heterogeneous cloud in front of a
 /// wall.
 #[test]
 fn uneven_clouds_agree_in_both_integrators() {

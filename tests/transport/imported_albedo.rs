@@ -1,7 +1,7 @@
-//! Tests that imported materials keep the albedo of their source models: a square under uniform illumination
-//! 1, seen along its normal, shows the directional albedo at normal incidence. Values are those of the
-//! specifications, of Mitsuba 3.9.1, or closed forms; `validation/import_albedo.py` compares all angles with
-//! Mitsuba.
+//! Tests that imported materials keep the albedo of their source models. A square under uniform illumination
+//! 1, seen along its normal, shows the directional albedo at normal incidence. The expected values are those
+//! of the specifications, those of Mitsuba 3.9.1, or closed forms. `validation/import_albedo.py` compares all
+//! angles with Mitsuba.
 
 use crate::mesh_files::square;
 use crate::optics::{Device, head};
@@ -45,14 +45,14 @@ fn mtl(text: &str) -> [f64; 3] {
 fn gltf(material: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     square(folder.path(), material, "");
-    // The green (roughness) and blue (metal) channels of a map: half of both.
+    // In the map `picture.png`, the green channel (roughness) and the blue channel (metal) are half.
     image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 128]))
         .save(folder.path().join("picture.png"))
         .unwrap();
     object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
-/// Returns the radiance, at 450, 550 and 660 nm, of a rectangle with an imported BSDF of Mitsuba.
+/// Returns the radiance, at 450, 550 and 660 nm, of a rectangle with a BSDF imported from Mitsuba.
 fn mitsuba(bsdf: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let xml = format!(
@@ -76,10 +76,11 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
     }
 }
 
-/// Directional albedo along the normal of facets of α 0.5, with Schlick's reflectance from 0.5 upward.
+/// Directional albedo along the normal of facets with α = 0.5, with Schlick's reflectance of at least 0.5.
 const METAL: f64 = 0.344;
 
-/// 20,000 samples: 5 standard errors of a rough mirror, which varies most here, are 0.7 %.
+/// Relative tolerance for 20,000 samples. Five standard errors of a rough mirror, which has the largest
+/// variance of all tested materials, are 0.7 %.
 const NOISE: f64 = 0.012;
 
 #[test]
@@ -105,9 +106,10 @@ fn mtl_colours_are_those_of_the_whole_surface() {
         ("Kd .5 .5 .5\nd .5", [0.75; 3]),
         ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
         ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
-        // Half metal of α 0.5 (`gltf` of `validation/import_albedo.py`), half base and mirror.
+        // Half of the surface is metal with α = 0.5 (`gltf` of `validation/import_albedo.py`), and the
+        // remaining half is base and mirror.
         ("Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5", [0.5 * METAL + 0.5 * 0.9; 3]),
-        // sRGB 188 is 0.503.
+        // The sRGB value 188 is 0.503.
         ("map_Kd grey.png", [0.503; 3]),
         ("Kd .5 .25 1\nmap_Kd grey.png", [0.503, 0.1257, 0.2515]),
         ("Kd .5 .5 .5\nmap_d grey.png", [(1.0 - 188.0 / 255.0) + 0.5 * 188.0 / 255.0; 3]),
@@ -116,7 +118,7 @@ fn mtl_colours_are_those_of_the_whole_surface() {
     }
 }
 
-/// Compares with Mitsuba 3.9.1 (scalar_rgb, 65,536 samples) along the normal.
+/// Compares the radiance along the normal with Mitsuba 3.9.1 (scalar_rgb, 65,536 samples).
 #[test]
 fn rough_coats_darken_the_body_as_in_mitsuba() {
     for (alpha, want) in [("0.1", 0.5033), ("0.4", 0.4242), ("1", 0.2649)] {
@@ -139,8 +141,8 @@ fn metals_without_indices_reflect_all_light() {
     near(tinted, mitsuba(tinted), [0.6, 0.4, 0.2], 1e-5);
 }
 
-/// Tests glTF's default material, white metal of roughness 1: single reflection between GGX facets returns
-/// 0.3069 at normal incidence. A map with default factors has α 0.252 and is half metal (`gltf` of
+/// Tests glTF's default material, which is white metal of roughness 1. Single reflection between GGX facets
+/// returns 0.3069 at normal incidence. A map with default factors has α = 0.252 and is half metal (`gltf` of
 /// `validation/import_albedo.py`).
 #[test]
 fn white_metal_loads_and_reflects() {
@@ -162,8 +164,8 @@ fn holes_show_the_background() {
     near(opaque, gltf(opaque), [0.492; 3], NOISE);
 }
 
-/// Tests that clipping planes of Mitsuba that cut the scene are refused, because the result would
-/// differ. Planes that cut nothing are ignored.
+/// Tests that Mitsuba's clipping planes are refused if they cut the scene, because the result would differ.
+/// Planes that cut nothing are ignored.
 #[test]
 fn clipping_planes_that_cut_are_refused() {
     let imported = |near: &str, far: &str| {

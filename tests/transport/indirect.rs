@@ -1,5 +1,5 @@
-//! Tests light of more than one bounce: in a diffuse corner against quadrature, in integrating spheres and
-//! boxes, and with Russian roulette.
+//! Tests light of more than one bounce. The references are quadrature in a diffuse corner, closed forms in
+//! integrating spheres and boxes, and renders without Russian roulette.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{Rendered, render_text};
@@ -28,7 +28,7 @@ fn diffuse_corner() {
         + "[[slices]]\nname = \"b\"\nbounces = true\n\
            [[slices]]\nname = \"t\"\ntime = { bin_ps = 50, bins = 400 }\nbounces = true\n";
     let r = render_text(&text);
-    // Radiance of a diffuse point with normal n under the projector.
+    // Computes the radiance of a diffuse point with normal n under the projector.
     let lit = |p: DVec3, n: DVec3, albedo: f64| {
         let ([u, v], factor) = lamp.project(p);
         assert!(u > 0.0 && v > 0.0 && u < 64.0 && v < 64.0, "the projector must see all of the wall");
@@ -63,7 +63,7 @@ fn diffuse_corner() {
     let sigma = error(2);
     assert!((mean(2) - sum).abs() < 5.0 * sigma, "second bounce {} is not {sum} ± {sigma:.1e}", mean(2));
     assert!(sigma < 3e-3 * sum, "too few samples to mean anything");
-    // Every bin with at least 1 % of the light is compared separately, the other bins together.
+    // Compares bins with at least 1 % of the light one by one, and the sum of the remaining bins.
     let (mut compared, mut rest, mut rest_sigma2, mut got_moment, mut moment_sigma2) =
         (0, 0.0, 0.0, 0.0, 0.0);
     let centre = moment / sum;
@@ -82,7 +82,7 @@ fn diffuse_corner() {
     }
     assert!(compared >= 15, "only {compared} bins");
     assert!(rest.abs() < 5.0 * rest_sigma2.sqrt(), "faint bins are off by {rest}");
-    // Bins assign light to their centres, and so does the expected moment.
+    // Bins assign light to their centres. The expected moment therefore uses the centres of the bins.
     let binned: f64 =
         histogram.iter().enumerate().map(|(i, v)| v * ((i as f64 + 0.5) * BIN_PS - centre)).sum();
     assert!((binned / sum).abs() < BIN_PS / 2.0);
@@ -92,7 +92,7 @@ fn diffuse_corner() {
     assert!(sigma < 10.0);
 }
 
-/// Tests that in a diffuse sphere the irradiance after k ≥ 2 bounces is constant: L_k = ρᵏ I / (π R²).
+/// Tests that, in a diffuse sphere, the irradiance after k ≥ 2 bounces is constant: L_k = ρᵏ I / (π R²).
 #[test]
 fn integrating_sphere() {
     const RHO: f64 = 0.7;
@@ -126,8 +126,8 @@ fn integrating_sphere() {
     }
 }
 
-/// Tests that, in a closed box with a rough gold lid, results with and without Russian roulette are equal for
-/// every number of bounces and every Stokes element.
+/// Tests renders with and without Russian roulette in a closed box with a rough gold lid. The results must be
+/// equal for every number of bounces and every Stokes element.
 #[test]
 fn roulette_is_unbiased_in_a_box() {
     let render = |roulette: &str, seed| {
@@ -158,7 +158,8 @@ fn roulette_is_unbiased_in_a_box() {
     assert!((x - y).abs() < 5.0 * sx.hypot(sy), "{x} without roulette, {y} with");
     assert!(sx.hypot(sy) < 0.01 * x);
     let (ma, mb, ea, eb) = (a.mean("b"), b.mean("b"), a.std_error("b"), b.std_error("b"));
-    // Elements 16·k + 4·i + j. Standard errors are reliable up to the tenth bounce.
+    // Element (i, j) of bounce k has the index 16·k + 4·i + j. Standard errors are reliable up to the tenth
+    // bounce.
     for at in 0..16 * 10 {
         let off = f64::from(ma.data[at] - mb.data[at]);
         let sigma = f64::from(ea.data[at]).hypot(f64::from(eb.data[at]));

@@ -1,12 +1,13 @@
-//! Tests that scenes with instances equal scenes with copies, with both integrators. The copied objects are
-//! meshes with smooth normals and textures, metal and filled glass. They are rotated, mirrored and stretched.
+//! Tests that scenes with instances equal scenes with copies, with each integrator. The copied objects are
+//! meshes with smooth normals and textures, metal, and filled glass. The copies are rotated, mirrored and
+//! stretched.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;
 use std::path::Path;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Returns the scene-file text of a dented sphere with normals and texture coordinates, as OBJ.
+/// Returns a dented sphere with normals and texture coordinates as OBJ text.
 fn ball(n: u32) -> String {
     let mut text = String::new();
     for i in 0..=n {
@@ -130,8 +131,9 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Compares all elements of all pixels within five standard errors. Also compares the sum of differences,
-/// relative to the sum of values, because both renders use the same random numbers and mostly the same paths.
+/// Compares all elements of all pixels within five standard errors. The compared renders use the same random
+/// numbers and mostly the same paths. The function therefore adds a comparison of the sum of differences,
+/// relative to the sum of values.
 fn compare(a: &Rendered, b: &Rendered, equal: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));

@@ -1,5 +1,6 @@
-//! Tests light separated by the interactions of its path: closed forms for each kind, sums,
-//! comparison of integrators, and a planted error.
+//! Tests light that is separated by the interactions of its path. The tests compare each kind of light with a
+//! closed form, sums with the total, and the integrators with each other. The comparison must detect a
+//! planted error.
 
 use crate::bidirectional::{FOG, WALLS, devices, redirecting, with};
 use crate::optics::{
@@ -13,12 +14,12 @@ use sunstone::tensor::axes::AxisKind::{Label, StokesIn, StokesOut, Wavelength};
 use sunstone::tensor::label::{self, DIFFUSE as BODY, GLOSSY, MEDIUM, SPECULAR};
 use sunstone::transport::scene::Integrator;
 
-/// Returns the mean light of a set, M00 of the single wavelength of a one-pixel slice.
+/// Returns the mean light of a set of labels. The value is M00 at the single wavelength of a one-pixel slice.
 fn light(t: &Tensor, set: u8) -> f64 {
     t.at(&[(Label, set.into()), (StokesOut, 0), (StokesIn, 0)]).into()
 }
 
-/// Asserts that all sets except these are dark.
+/// Asserts that all sets of labels except `sets` are dark.
 fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
     for set in (0..16).filter(|s| !sets.contains(s)) {
         assert_eq!(light(t, set), 0.0, "{what}: {}", label::name(set));
@@ -42,22 +43,23 @@ fn plate_under_a_point(material: &str, integrator: &str) -> String {
         + MUELLER
 }
 
-/// Tests that light from a Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
+/// Tests that all light from a Lambertian plate under a point light has the diffuse label. The radiance is I
+/// ρ cosθ / (π d²).
 #[test]
 fn direct_light_of_a_lambert_plate_is_diffuse() {
     for integrator in ["integrator = \"path\"", "integrator = \"path\"\nmanifold = true"] {
         let t = render_text(&plate_under_a_point("it.diffuse.albedo = 0.6", integrator)).mean("m");
         let p = DVec3::new(-0.9, 0.5, 1.4);
         let want = 3.0 * 0.6 / PI * p.z / p.length().powi(3);
-        // A Lambertian plate depolarizes, so that only M00 reaches the camera.
+        // A Lambertian plate depolarizes light, so M00 is the only element that reaches the camera.
         assert_only(&t, &[BODY], integrator);
         let got = light(&t, BODY);
         assert!((got / want - 1.0).abs() < 1e-5, "{integrator}: {got} {want}");
     }
 }
 
-/// Compares all 16 elements of the two lobes of plastic with plastics that have only one of the lobes;
-/// also for blended, two-sided and depolarized plastic.
+/// Tests the two lobes of plastic. Compares all 16 elements of each lobe with a plastic that has a single
+/// lobe. Repeats the comparison for blended, two-sided and depolarized plastic.
 #[test]
 fn lobes_of_plastic_are_separated_exactly() {
     let plastic = |albedo: f64, specular: f64| {
@@ -87,8 +89,8 @@ fn lobes_of_plastic_are_separated_exactly() {
         let t = both.mean("m");
         assert_only(&t, &[GLOSSY, BODY], &what);
         let at = |t: &Tensor, set: u8| mueller(t, &[(Label, set.into())]);
-        // Without the body, only glossy light remains, including the other half of a blend. Without the
-        // coat's reflection, the body's light is unchanged.
+        // Plastic without a body has only glossy light, including the second half of a blend. Without the
+        // coat's reflection, the light of the body is unchanged.
         let glossy = mueller(&made(&plastic(0.0, 0.9)).mean("all"), &[]);
         assert_close(&at(&t, GLOSSY), &glossy, 1e-5, &what);
         let without = made(&plastic(0.7, 0.0)).mean("m");
@@ -102,8 +104,8 @@ fn lobes_of_plastic_are_separated_exactly() {
     }
 }
 
-/// Tests that light from a gold mirror to a Lambertian wall has the specular and the diffuse label, and the
-/// matrix of the mirror.
+/// Tests that light from a gold mirror to a Lambertian wall has the specular label, the diffuse label, and
+/// the matrix of the mirror.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));
@@ -135,9 +137,11 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     assert_close(&mueller(&t, &[(Label, (SPECULAR | BODY).into())]), &want, 1e-4, "mirror");
 }
 
-/// Tests a slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) /
-/// (8 π σ_t); reflected by the wall, ρ E e^(-2 σ_t L) / π; and light of both kinds. The tolerance is 5
-/// standard errors.
+/// Tests a slab of particles over a wall that is lit and seen from above. The tolerance is 5 standard errors.
+/// The test compares these components:
+/// - light scattered once: σ_s E (1 - e^(-2 σ_t L)) / (8 π σ_t)
+/// - light reflected by the wall: ρ E e^(-2 σ_t L) / π
+/// - light that is scattered and reflected
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -174,15 +178,15 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
             );
             assert!(sigma < 0.02 * want || want == 0.0);
         }
-        // Two bounces: by the medium alone, or by wall and medium in either order; never by the wall alone,
-        // which is flat.
+        // Light of two bounces is scattered by the medium alone, or by wall and medium in either order. The
+        // wall never reflects light twice, because the wall is flat.
         let t = r.mean("m");
         assert_only(&t, &[MEDIUM, BODY, MEDIUM | BODY], integrator);
         assert!(light(&t, MEDIUM | BODY) > 0.01 && light(&t, MEDIUM) > once);
     }
 }
 
-/// Returns the sum of a slice's intensities, and the sum's standard error for independent elements.
+/// Returns the sum of a slice's intensities. Returns the standard error of the sum for independent elements.
 fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     let (mean, error) = (r.mean(slice), r.std_error(slice));
     let light = mean.data.iter().map(|v| f64::from(*v)).sum();
@@ -190,8 +194,8 @@ fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     (light, variance.sqrt())
 }
 
-/// Tests a scene with every feature and each integrator: the labelled light components add up to the whole,
-/// element by element, up to rounding.
+/// Tests a scene with every feature and each integrator. The labelled light components must add up to the
+/// whole, element by element, up to rounding.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn parts_add_up_to_the_whole() {
@@ -240,7 +244,7 @@ fn parts_add_up_to_the_whole() {
             let top = whole.data.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
             assert!(top > 0.0, "{integrator:?} {i}");
             if i == 1 {
-                // Coaxial slices use separate paths.
+                // Coaxial slices use separate paths, so the totals differ by random errors.
                 let (a, da) = total(&r, "whole1");
                 let (b, db) = total(&r, "parts1");
                 assert!((a - b).abs() < 5.0 * da.hypot(db), "{integrator:?}: {a} ± {da}, {b} ± {db}");
@@ -254,13 +258,14 @@ fn parts_add_up_to_the_whole() {
             }
         }
     }
-    // Glass alone sets no label, but here the environment is also seen directly.
+    // Glass alone sets no label. The scene has unlabelled light, because the camera sees part of the
+    // environment directly.
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 
 /// Returns the largest deviation between two renders over labels, in standard errors, for elements whose
-/// errors are reliable in both. If `swapped` is set, these two bits of the first render's labels are
-/// exchanged.
+/// errors are reliable in both renders. If `swapped` is set, the function exchanges the two bits in the
+/// labels of the first render.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {
@@ -293,8 +298,8 @@ fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usiz
     (most, count)
 }
 
-/// Compares camera paths and bidirectional paths label by label, within 5 standard errors. A
-/// deliberate error must be detected.
+/// Compares camera paths and bidirectional paths label by label, within 5 standard errors. The comparison
+/// must detect a deliberate error.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn integrators_agree_label_by_label() {
@@ -320,7 +325,7 @@ fn integrators_agree_label_by_label() {
     }
 }
 
-/// Tests the labels of light from a sky that is seen directly, through glass and in a mirror.
+/// Tests the labels of light from a sky that is seen directly, through glass, and in a mirror.
 #[test]
 fn directly_seen_light_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);
@@ -333,12 +338,13 @@ fn directly_seen_light_has_no_bits() {
             + objects
             + MUELLER
     };
-    // A scene needs objects.
+    // The distant plate is necessary because a scene needs at least one object.
     let far = plate(DVec3::new(0.0, 9.0, 0.0), DVec3::Z, 0.1, "silver");
     let t = render_text(&text(&far)).mean("m");
     assert_only(&t, &[0], "sky");
     assert_eq!(light(&t, 0), 2.0);
-    // A plate of glass shows the sky behind it and in front of it.
+    // The glass plate transmits light of the sky behind the plate and reflects light of the sky in front of
+    // the plate.
     let t =
         render_text(&text(&(far + &plate(DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0), 0.2, "sheet")))).mean("m");
     assert_only(&t, &[0, SPECULAR], "sheet");

@@ -1,7 +1,7 @@
 //! Compares ground-truth layers with closed forms in f64, ray by ray. Each pixel has 16 rays, through the
 //! centres of its 4 × 4 subpixels.
 //!
-//! Tolerances are those of f32: 2e-6 of the scene's size for lengths, 2e-5 for normals of meshes and
+//! Tolerances are those of f32: 2e-6 of the scene's size for lengths, and 2e-5 for normals of meshes and
 //! quadrics.
 
 use crate::optics::Device;
@@ -12,7 +12,7 @@ use sunstone::transport::render::layers::{Options, layers};
 
 const RAYS: u32 = 16;
 
-/// Returns a camera five metres up the z axis, image up is +y.
+/// Returns a camera five metres up the z axis, with +y as image up.
 fn camera() -> Device {
     Device::look_at([0.0, 0.0, 5.0], DVec3::ZERO, [20, 16], 25.0)
 }
@@ -64,7 +64,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
     (got - want).abs().max_element() < by
 }
 
-/// Tests all layers of a sphere without a background, also at the rim of the sphere.
+/// Tests all layers of a sphere without a background, including the rim of the sphere.
 #[test]
 fn a_ball_has_correct_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
@@ -88,7 +88,7 @@ fn a_ball_has_correct_depth_normals_and_rim() {
             assert!(one(&set, "depth", x, y).is_nan() && one(&set, "albedo", x, y).is_nan());
             continue;
         }
-        // A tie between hits and misses is decided by the object number: -1 (no object) precedes 0.
+        // The object number decides a tie between hits and misses: -1 (no object) precedes 0.
         if share == 0.5 {
             continue;
         }
@@ -100,7 +100,7 @@ fn a_ball_has_correct_depth_normals_and_rim() {
         let points: Vec<DVec3> = hits.iter().map(|(d, t)| o + *d * *t).collect();
         let normals: Vec<DVec3> = points.iter().map(|p| (*p - centre) / radius).collect();
         let normal = mean(&normals).normalize();
-        // Near the rim, a small change of the direction moves the hit point far.
+        // Near the rim, a small change of the direction causes a large shift of the hit point.
         let loose = if share < 1.0 { 100.0 } else { 1.0 };
         assert!((one(&set, "depth", x, y) - mean(&depths)).abs() < 1e-5 * loose, "({x}, {y})");
         assert_eq!(one(&set, "depth", x, y), one(&set, "optical_length", x, y));
@@ -119,14 +119,14 @@ fn a_ball_has_correct_depth_normals_and_rim() {
     assert!(inside > 30 && rim > 8 && outside > 100, "{inside} {rim} {outside}");
 }
 
-/// Tests that, for a tilted metal rectangle in front of a wall, edges are not mixed, metal has no albedo, and
-/// normals face the camera on both sides.
+/// Tests the layers of a tilted metal rectangle in front of a wall. Edges are not mixed, metal has no albedo,
+/// and the normals of each side face the camera.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
     let (corner, u, v) =
         (DVec3::new(-0.63, -0.61, 0.4), DVec3::new(1.1, 0.1, 0.5), DVec3::new(0.2, 1.3, -0.3));
     let normal = u.cross(v).normalize();
-    // One faces away from the camera.
+    // The front of the rectangle faces away from the camera.
     let mirrored =
         format!("corner = {:?}, u = {:?}, v = {:?}", corner.to_array(), v.to_array(), u.to_array());
     let set = made(
@@ -143,7 +143,7 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
         let of_plane = |d: DVec3| {
             let t = (corner - o).dot(normal) / d.dot(normal);
             let p = o + d * t - corner;
-            // Barycentric coordinates from the dual basis.
+            // Computes the barycentric coordinates from the dual basis.
             let a = p.cross(v).dot(normal) / u.cross(v).dot(normal);
             let b = u.cross(p).dot(normal) / u.cross(v).dot(normal);
             (a > 0.0 && a < 1.0 && b > 0.0 && b < 1.0).then_some(t)
@@ -169,8 +169,8 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
     assert!(edges > 20, "{edges}");
 }
 
-/// Tests that layers show an image whose texels are camera pixels, and the effect of a map that tilts all
-/// normals equally.
+/// Tests that layers show an image whose texels coincide with camera pixels. Tests the effect of a map that
+/// tilts all normals equally.
 #[test]
 fn images_and_normal_maps_appear_in_layers() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -180,7 +180,7 @@ fn images_and_normal_maps_appear_in_layers() {
     picture.save(&picture_file).expect("saves");
     let turned = image::RgbImage::from_pixel(2, 2, image::Rgb([204, 64, 230]));
     turned.save(&map_file).expect("saves");
-    // At distance 5 m, with 25 pixels per radian, a pixel is 0.2 m wide.
+    // At the distance 5 m, with 25 pixels per radian, a pixel is 0.2 m wide.
     let set = made(
         &format!(
             "[materials]\npicture.diffuse.albedo = {{ image = {picture_file:?}, filter = \"nearest\" }}\n\
@@ -193,7 +193,7 @@ fn images_and_normal_maps_appear_in_layers() {
         let c = f64::from(c) / 255.0;
         if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
     };
-    // u is the camera's right, v its up, and the front faces it.
+    // u is the camera's right, v is the camera's up, and the front faces the camera.
     let local = [204.0, 64.0, 230.0].map(|c| 2.0 * c / 255.0 - 1.0);
     let normal = DVec3::from_array(local).normalize();
     for (x, y) in pixels() {
@@ -246,7 +246,7 @@ fn normals_of_a_mesh_are_interpolated() {
     }
 }
 
-/// Tests that copies have the object of their group and a separate copy number, each at its own position.
+/// Tests that copies have the object number of their group, a separate copy number, and a separate position.
 #[test]
 fn copies_are_distinguished() {
     let set = made(
@@ -289,8 +289,8 @@ fn copies_are_distinguished() {
     assert_eq!(objects.expect("names"), ["wall", "pearls/objects[0]", "pearls/clasp"]);
 }
 
-/// Tests the layers of a scene with a tilted pane of glass. The pane is the first visible object; rays
-/// through the pane hit the wall behind at the position given by Snell's law.
+/// Tests the layers of a scene with a tilted pane of glass. The pane is the first visible object. Rays
+/// through the pane hit the wall behind the pane at the position that Snell's law gives.
 #[test]
 fn layers_see_through_glass() {
     let (n, thick, turn) = (1.5, 0.4, 0.5_f64);
@@ -309,7 +309,7 @@ fn layers_see_through_glass() {
             let t = (normal * (thick / 2.0) - o).dot(normal) / d.dot(normal);
             let p = o + d * t;
             fronts.push(t);
-            // Snell's law: the component along the surface shrinks by n.
+            // By Snell's law, the component along the surface decreases by the factor n.
             let along = (d - normal * d.dot(normal)) / n;
             let inside = along - normal * (1.0 - along.length_squared()).sqrt();
             let within = -thick / inside.dot(normal);
@@ -328,8 +328,8 @@ fn layers_see_through_glass() {
     }
 }
 
-/// Tests that a card in water is found by a single refraction, and that the boundary of a medium without
-/// effect on light is ignored.
+/// Tests that layers show a card in water, which is seen by a single refraction. Tests that layers ignore the
+/// boundary of a medium without an effect on light.
 #[test]
 fn objects_in_water_are_found_by_one_refraction() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\

@@ -10,8 +10,8 @@ use sunstone::transport::light::sky::{Rows, Sky};
 const ROWS: usize = 16;
 const COLUMNS: usize = 32;
 
-/// Returns the deviation of Pearson's chi² of 2^18 samples from its mean in standard deviations, on
-/// a grid in (z, φ), and the integral of the density.
+/// Compares 2^18 samples with the density on a grid in (z, φ). Returns the deviation of Pearson's chi² from
+/// its mean, in standard deviations, and the integral of the density.
 fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (f64, f64) {
     const N: usize = 1 << 18;
     const SUB: usize = 48;
@@ -44,7 +44,7 @@ fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (
             return (f64::INFINITY, total);
         }
     }
-    // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+    // By Wilson and Hilferty, (χ²/k)^(1/3) is nearly normal.
     let z = ((chi / cells).cbrt() - (1.0 - 2.0 / (9.0 * cells))) / (2.0 / (9.0 * cells)).sqrt();
     (z, total)
 }
@@ -52,7 +52,7 @@ fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (
 fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, what: &str) {
     let (z, total) = chi2(&sample, &density);
     assert!(z < 5.0 && (total - 1.0).abs() < 0.005, "{what}: z = {z:.1}, density of {total} in all");
-    // Negative control: a tenth of the samples, rotated by 3 degrees, must be detected.
+    // Negative control: the test must detect a rotation of a tenth of the samples by 3 degrees.
     let turned = Quat::from_rotation_y(0.05);
     let (z, _) = chi2(
         |u| {
@@ -73,7 +73,8 @@ fn environment([w, h]: [usize; 2], value: impl Fn(usize, usize) -> f32, rows: Ro
     Sky::new([w, h], texels.collect(), rows, to_world, light).expect("not black")
 }
 
-/// Tests the sampling of an image with a dark half, a bright spot and a gradient, rotated and mirrored.
+/// Tests the sampling of an image with a dark half, a bright spot and a gradient. The image is rotated and
+/// mirrored.
 #[test]
 fn chi2_sky() {
     let value = |i: usize, j: usize| match (i, j) {
@@ -89,8 +90,11 @@ fn chi2_sky() {
     }
 }
 
-/// Tests one lit texel of 1 in rows from pole to pole. The peak is 1, and the flux is that of a tent over the
-/// neighbours: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
+/// Tests a single lit texel of value 1, in rows from pole to pole. The peak is 1, and the flux is that of a
+/// tent over the adjacent texels.
+///
+/// With Δ = π/(h - 1), the flux is 2π/w times a factor. The factor is sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a
+/// pole.
 #[test]
 fn a_lit_texel_keeps_its_peak_and_its_flux() {
     let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
@@ -108,7 +112,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
         let (theta, phi) = (lit[1] as f32 * step, std::f32::consts::TAU * (lit[0] as f32 + 0.5) / w as f32);
         let dir = Vec3A::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
         let peak = sky.radiance(to_world * dir).to_array()[0];
-        // At a pole, rounding determines the column.
+        // At a pole, rounding determines the column of the texel.
         if lit[1] != 0 && lit[1] != h - 1 {
             assert!((peak - 1.0).abs() < 1e-3, "{w} x {h}, {lit:?}: peak {peak}");
         }
@@ -171,14 +175,14 @@ fn a_frustum_has_its_solid_angle() {
     assert!((got / (4.0 * 0.9 * 0.5) - 1.0).abs() < 1e-5, "{got}");
 }
 
-/// Tests the relative intensity of a spot, integrated over all directions, against the closed form
-/// 2π (1 - cos b) + ∫ falling part.
+/// Tests the relative intensity of a spot, integrated over all directions. The closed form is 2π (1 - cos b)
+/// + ∫ falling part.
 #[test]
 fn a_spot_has_its_solid_angle() {
     let (beam, cutoff) = (0.3_f32, 0.9_f32);
     let spot = Profile::Spot { axis: Vec3A::new(0.0, 0.6, 0.8), beam, cutoff };
     let (b, c) = (f64::from(beam), f64::from(cutoff));
-    // ∫ (c - θ)/(c - b) sinθ dθ from b to c, by parts: cos b - (sin c - sin b)/(c - b).
+    // By parts, ∫ (c - θ)/(c - b) sinθ dθ from b to c is cos b - (sin c - sin b)/(c - b).
     let want = std::f64::consts::TAU * (1.0 - b.cos() + b.cos() - (c.sin() - b.sin()) / (c - b));
     let got = f64::from(spot.solid_angle());
     assert!((got / want - 1.0).abs() < 2e-3, "{got} sr, closed form {want}");

@@ -1,5 +1,5 @@
-//! Tests the selection among many lights: exact probabilities, irradiance against closed forms, and
-//! the noise of lamps of unequal brightness.
+//! Tests the selection among many lights. The tests check exact probabilities, irradiance against closed
+//! forms, and the noise of lamps of unequal brightness.
 
 use crate::lights::{check, m00, quadrature, shining, text};
 use crate::support::render_text;
@@ -13,7 +13,7 @@ use sunstone::transport::light::tree::{Choice, LightTree};
 
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// Spheres, flat lamps and spots of all sizes and intensities, some at the same position.
+/// Returns spheres, flat lamps and spots of all sizes and intensities. Some lights are at the same position.
 fn lights(stream: &mut Stream) -> Vec<Bounds> {
     let one = |i: usize, stream: &mut Stream| {
         let [x, y] = stream.uniform2();
@@ -40,7 +40,8 @@ fn receiver(stream: &mut Stream) -> Receiver {
     Receiver { p, normal: warp::sphere(stream.uniform2()) }
 }
 
-/// Tests that the fractions of evenly spaced numbers that select each light equal the stated probabilities.
+/// Tests the selection of lights by evenly spaced numbers. The fraction of numbers that select each light
+/// must equal the stated probability.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn lights_are_chosen_with_the_stated_probabilities() {
@@ -73,9 +74,9 @@ fn lights_are_chosen_with_the_stated_probabilities() {
             let off = counts.iter().zip(chances).map(|(a, b)| (a - b).abs());
             off.fold(0.0, f64::max)
         };
-        // Each light corresponds to one interval of the numbers.
+        // Each light corresponds to a single interval of the numbers.
         assert!(worst(&chances) < 3.0 / f64::from(N), "{}", worst(&chances));
-        // Negative control: probabilities of another point do not agree.
+        // Negative control: the probabilities at another point differ.
         let other = Receiver::anywhere(at.p + Vec3A::splat(0.5));
         let planted: Vec<f64> =
             (0..lights.len()).map(|light| f64::from(tree.chance(&other, light))).collect();
@@ -111,12 +112,12 @@ fn every_light_that_reaches_a_point_can_be_chosen() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// Tests the noise of a distant large and a near small lamp with equal irradiance on a plane, at a power
-/// ratio of 3200.
+/// Tests the noise of a distant large lamp and a near small lamp that cause equal irradiance on a plane. The
+/// power ratio is 3200.
 #[test]
 fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
-    // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
-    // other.
+    // The irradiance is π L (r/d)² cosθ. The far lamp has radiance 2, and the near lamp has radiance 1. The
+    // lamps do not occlude each other.
     let (far, near) = (DVec3::new(0.0, 0.0, 40.0), DVec3::new(0.3, 0.0, 0.597));
     let mut light = shining("sphere = { center = [0, 0, 40], radius = 2 }", "");
     light += "[[objects]]\nmaterial = \"black\"\nshape.sphere = { center = [0.3, 0, 0.597], radius = 0.05 }\n\
@@ -132,14 +133,14 @@ fn a_weak_near_lamp_is_sampled_despite_a_strong_far_one() {
             let text = text(integrator, 4096, 2, at, &light);
             let (got, sigma) = m00(&render_text(&text));
             assert!((got - want).abs() <= 5.0 * sigma + 3e-5 * want, "{got} ± {sigma}, closed form {want}");
-            // For 64 samples.
+            // Scales the variance to 64 samples.
             let variance = (sigma / want).powi(2) * 4096.0 / 64.0;
             assert!(variance <= 0.005, "{integrator}: relative variance {variance}");
         }
     }
 }
 
-/// Tests the irradiance of a ceiling of 300 spheres, of which each contributes π L (r/d)² cosθ.
+/// Tests the irradiance of a ceiling of 300 spheres. Each sphere contributes π L (r/d)² cosθ.
 #[test]
 fn many_spheres_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);
@@ -184,7 +185,8 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// Tests the irradiance of 400 points and spots, of which each contributes I cosθ/d² and one is sampled.
+/// Tests the irradiance of 400 points and spots. Each light contributes I cosθ/d², and each sample selects
+/// one light.
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

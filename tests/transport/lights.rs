@@ -1,6 +1,9 @@
-//! Compares common light sources with closed forms and quadrature: emitting disks, spheres,
-//! rectangles, tubes and ellipsoids over a Lambertian plane, with both integrators; the sky; spots,
-//! luminaires, directional light and beams; frames, filters and travel times.
+//! Compares common light sources with closed forms and quadrature, with each integrator. The sources are:
+//! - emitting disks, spheres, rectangles, tubes and ellipsoids over a Lambertian plane
+//! - the sky
+//! - spots, luminaires, directional lights and beams
+//!
+//! The tests include frames, filters and travel times.
 
 use crate::optics::{C, Device, M, head, mueller, of_image};
 use crate::support::{Rendered, render_text};
@@ -13,11 +16,11 @@ const ALBEDO: f64 = 0.6;
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// A Lambertian plane z = 0 with its front toward +z, and a black material for emitters.
+/// Scene text of a Lambertian plane z = 0 with its front toward +z, and of a black material for emitters.
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
-/// Returns the scene-file text of one ray at a point of the plane.
+/// Returns the scene-file text of a camera with one ray to a point of the plane.
 pub fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
     let camera = Device::ray([0.3, -4.0, 2.5], DVec3::new(at[0], at[1], 0.0));
     let render = format!("integrator = \"{integrator}\"\n");
@@ -29,8 +32,8 @@ pub fn m00(r: &Rendered) -> (f64, f64) {
     (f64::from(r.mean("m").at(&at)), f64::from(r.std_error("m").at(&at)))
 }
 
-/// Checks the plane's radiance for an irradiance, within five standard errors. The relative standard error
-/// must be at most `error`.
+/// Checks that the plane has the radiance that corresponds to `irradiance`, within five standard errors. The
+/// relative standard error must be at most `error`.
 pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     let (got, sigma) = m00(&render_text(text));
     let want = ALBEDO / PI * irradiance;
@@ -46,7 +49,7 @@ pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
 
-/// Tests the irradiance of a disk that is parallel to the plane, off the disk's axis (Siegel & Howell,
+/// Tests the irradiance of a disk parallel to the plane, at a point off the disk's axis (Siegel & Howell,
 /// configuration B-14).
 #[test]
 fn disks_light_a_plane() {
@@ -65,8 +68,8 @@ fn disks_light_a_plane() {
     }
 }
 
-/// Tests that the irradiance of a sphere above the horizon is π L (r/d)² cosθ. The render is exact up to
-/// rounding if the sphere's cone is sampled.
+/// Tests that the irradiance of a sphere above the horizon is π L (r/d)² cosθ. If the sphere's cone is
+/// sampled, the render is exact up to rounding.
 #[test]
 fn spheres_light_a_plane() {
     let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
@@ -82,8 +85,9 @@ fn spheres_light_a_plane() {
     }
 }
 
-/// Returns the irradiance of the plane's point from a surface of radiance 2, by a midpoint rule. For u, v in
-/// 0..1, `surface` returns the point, the normal times the area, and half of the radiance there.
+/// Returns the irradiance at a point of the plane from a surface of radiance 2, computed by a midpoint rule.
+/// For u and v in 0..1, `surface` returns a point, the normal times the area, and half of the radiance at
+/// this point.
 pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);
@@ -103,7 +107,7 @@ pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64
 fn rectangles_with_images_light_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");
     let image = folder.path().join("squares.png");
-    // Top row first; sRGB 255 is 1 and 0 is 0.
+    // The top row is first. sRGB 255 is 1, and sRGB 0 is 0.
     image::GrayImage::from_raw(2, 2, vec![255, 0, 0, 255])
         .expect("four pixels")
         .save(&image)
@@ -119,7 +123,7 @@ fn rectangles_with_images_light_a_plane() {
     let (at, more) = ([0.4, -0.3], format!(", image = {{ image = {image:?}, filter = \"nearest\" }}"));
     let plain = quadrature(at, |a, b| (place(a, b).0, place(a, b).1, 1.0));
     let squares = quadrature(at, |a, b| {
-        // The upper left and the lower right squares are white.
+        // The upper left and lower right squares are white.
         let white = (a < 0.5) != (b < 0.5);
         (place(a, b).0, place(a, b).1, f64::from(u8::from(white)))
     });
@@ -130,7 +134,8 @@ fn rectangles_with_images_light_a_plane() {
     }
 }
 
-/// Tests the irradiance of an ellipsoid and of an elliptic tube. Points on both are sampled non-uniformly.
+/// Tests the irradiance of an ellipsoid and of an elliptic tube. Points on each shape are sampled
+/// non-uniformly.
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
@@ -166,14 +171,14 @@ fn ellipsoids_and_tubes_light_a_plane() {
     for integrator in BOTH {
         let sphere = shining("sphere.radius = 1", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &sphere), ellipsoid, 0.03, "ellipsoid");
-        // The tube is open at its ends; its inside is dark and occludes nothing.
+        // The tube is open at its ends. The inside of the tube is dark and occludes nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
     }
 }
 
-/// Tests the radiance, travel time, one-sided or two-sided emission, and polarization of emitters that are
-/// seen directly.
+/// Tests the radiance, travel time and polarization of emitters that the camera sees directly. Tests
+/// one-sided and two-sided emission.
 #[test]
 fn directly_seen_lights_are_correct() {
     let seen = |more: &str, from: f64, integrator: &str| {
@@ -197,15 +202,15 @@ fn directly_seen_lights_are_correct() {
         assert_eq!(m00(&seen("", -1.0, integrator).1), (0.0, 0.0), "the back is dark");
         assert!((m00(&seen(", two_sided = true", -1.0, integrator).1).0 - 2.0).abs() < 1e-5);
 
-        // A filter at 30° from x in the frame of light that travels to the camera, whose right is another
-        // axis.
+        // The filter is at 30° from x, in the frame of light that travels to the camera. The camera's right
+        // is a different axis.
         let (camera, r) = seen(", polarizer_deg = 30", 3.0, integrator);
         let own = DVec3::X;
         let d = DVec3::Z;
         let y = d.cross(own);
         let (s, c) = (2.0 * 30_f64.to_radians()).sin_cos();
         let across = camera.right;
-        // Angle from the camera's right to the filter's axis, about the direction of travel.
+        // Computes the angle from the camera's right to the filter's axis, about the direction of travel.
         let axis = own * 30_f64.to_radians().cos() + y * 30_f64.to_radians().sin();
         let angle = d.dot(across.cross(axis)).atan2(across.dot(axis));
         let out = [1.0, (2.0 * angle).cos(), (2.0 * angle).sin(), 0.0];
@@ -213,7 +218,7 @@ fn directly_seen_lights_are_correct() {
         let want = M::from_fn(|i, j| out[i] * into[j]);
         crate::optics::assert_close(&mueller(&r.mean("m"), &[]), &want, 1e-5, "filter");
 
-        // A stated Stokes vector: column 0 is that of the light.
+        // With a stated Stokes vector, column 0 is the Stokes vector of the light.
         let (_, r) = seen(", stokes = [1, 0, 0, -0.8]", 3.0, integrator);
         let mut want = M::zeros();
         (want[(0, 0)], want[(3, 0)]) = (2.0, -1.6);
@@ -221,7 +226,8 @@ fn directly_seen_lights_are_correct() {
     }
 }
 
-/// Tests Malus's law between a light's filter and a polarizer: ½ cos² of the angle between them, in column 0.
+/// Tests Malus's law between a light's filter and a polarizer. Column 0 has the factor ½ cos² of the angle
+/// between filter and polarizer.
 #[test]
 fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
@@ -236,7 +242,7 @@ fn light_through_two_polarizers_obeys_malus() {
     }
 }
 
-/// Tests that connections sample light through a sheet, that random paths sample light in a mirror, and
+/// Tests that connections sample light through a sheet, and that random paths sample light in a mirror. Tests
 /// that no light is counted twice.
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
@@ -252,13 +258,13 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
         head(6000, 6, 5) + &render + &camera.keys("camera") + PLANE + &light + more + SLICE
     };
     for integrator in BOTH {
-        // Seen from below the sheet, lit through it: oblique rays follow the sheet's own law, so the disk is
-        // small.
+        // The camera is below the sheet and sees light that passes the sheet. The disk is small, because
+        // oblique rays follow the sheet's own law.
         let plain = m00(&render_text(&text(integrator, "")));
         let want = ALBEDO / PI * 2.0 * PI * factor;
         assert!((plain.0 - want).abs() <= 5.0 * plain.1, "{integrator}: {plain:?}, {want}");
         let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
-        // The sheet's underside reflects nothing: it absorbs light.
+        // The sheet's underside reflects nothing, because the sheet absorbs light.
         assert!(
             (through.0 - 0.5 * want).abs() <= 5.0 * through.1 + 1e-3 * want,
             "{integrator}: {through:?}, {}",
@@ -267,8 +273,8 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
     }
 }
 
-/// Tests that a white sphere, a glass sphere or a cloud without absorption is invisible inside an
-/// emitting sphere, with either integrator.
+/// Tests that a white sphere, a glass sphere or a cloud without absorption is invisible inside an emitting
+/// sphere, with each integrator.
 #[test]
 fn lossless_objects_vanish_inside_an_emitting_sphere() {
     let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
@@ -299,8 +305,8 @@ fn lossless_objects_vanish_inside_an_emitting_sphere() {
     }
 }
 
-/// Tests that an image of the sky of radiance a + b·y, rotated or not, illuminates planes that face up,
-/// obliquely and down. The irradiance is π a + 2π/3 b n·y.
+/// Tests the irradiance of an image of the sky with radiance a + b·y, rotated or not. The image illuminates
+/// planes that face up, obliquely and down. The irradiance is π a + 2π/3 b n·y.
 #[test]
 fn skies_light_planes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -326,8 +332,8 @@ fn skies_light_planes() {
     }
 }
 
-/// Tests a sky with a single bright texel: connections sample the texel, and the camera sees the texel in the
-/// correct direction.
+/// Tests a sky with a single bright texel. Connections must sample the texel, and the camera must see the
+/// texel in the correct direction.
 #[test]
 fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -337,7 +343,7 @@ fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     image::Rgb32FImage::from_fn(w, h, |x, y| image::Rgb([if (x, y) == (i, j) { 1000.0 } else { 0.0 }; 3]))
         .save(&file)
         .expect("a file");
-    // Column i runs with atan2(x, -z), row j from +y down.
+    // Column i increases with atan2(x, -z). Row j increases from +y downward.
     let (phi, theta) = (TAU * (f64::from(i) + 0.5) / 256.0, PI * (f64::from(j) + 0.5) / 128.0);
     let sun = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
     let plate = crate::optics::plate(DVec3::ZERO, sun, 1.0, "m");
@@ -345,7 +351,7 @@ fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     let sky = format!("[[emitters]]\nenvironment.image = {file:?}\n");
     let matter = format!("[materials.m.diffuse]\nalbedo = {ALBEDO}\n");
     let text = head(40_000, 2, 3) + &camera.keys("camera") + &matter + &plate + &sky + SLICE;
-    // The solid angle of a texel's tent over its neighbours equals that of the texel.
+    // The solid angle of the tent over the adjacent texels equals that of the texel.
     let want = 1000.0 * TAU / 256.0 * PI / 128.0 * theta.sin();
     check(&text, want, 0.01, "sun");
     let camera = Device::ray([0.0; 3], sun);
@@ -354,7 +360,8 @@ fn a_bright_texel_is_sampled_and_seen_in_its_direction() {
     assert!((m00(&r).0 / 1000.0 - 1.0).abs() < 1e-3, "the sun itself: {}", m00(&r).0);
 }
 
-/// Tests that the irradiances of directional and point lights at single points are exact up to rounding.
+/// Tests that the irradiances of directional lights and point lights at single points are exact up to
+/// rounding.
 #[test]
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -372,7 +379,8 @@ fn spots_luminaires_directional_light_and_beams() {
     let theta = (height / to.length()).acos().to_degrees();
     let cos = height / to.length();
     let inverse = cos / to.length_squared();
-    // Bilinear in the angles: 0..30 along a row, rows by the horizontal angle from x, mirrored into 0..90.
+    // The luminaire is bilinear in the angles. Each row covers the angles from 0° to 30°. The position
+    // between rows is the horizontal angle from x, mirrored into 0° to 90°.
     let phi = to.y.atan2(to.x).to_degrees().abs();
     let row = |edge: f64| 1.0 + (edge - 1.0) * theta / 30.0;
     let luminaire = row(0.8) + (row(0.4) - row(0.8)) * phi / 90.0;
@@ -464,8 +472,8 @@ fn spots_luminaires_directional_light_and_beams() {
     }
 }
 
-/// Tests that all power of a beam reaches a plane: the irradiance is integrated over the plane with the rays
-/// of a camera far above.
+/// Tests that all power of a beam reaches a plane. The rays of a camera far above the plane integrate the
+/// irradiance over the plane.
 #[test]
 fn a_beam_loses_no_power() {
     for more in
@@ -474,7 +482,7 @@ fn a_beam_loses_no_power() {
         let light = format!(
             "[[emitters]]\nbeam = {{ origin = [0, 0, 1.5], direction = [0.2, 0, -1], power = 5, radius = 0.1{more} }}\n"
         );
-        // From far above, where a pixel's rays are nearly parallel: 3 m over 96 pixels.
+        // From far above, the rays of a pixel are nearly parallel. 96 pixels cover 3 m.
         let camera = Device::look_at([0.3, 0.0, 3000.0], DVec3::new(0.3, 0.0, 0.0), [96, 96], 96_000.0);
         let text = head(16, 2, 5) + &camera.keys("camera") + PLANE + &light + "[[slices]]\nname = \"m\"\n";
         let r = render_text(&text);
@@ -484,8 +492,8 @@ fn a_beam_loses_no_power() {
     }
 }
 
-/// Tests that travel time counts from the emitting surface, the plane of a directional light's origin, or a
-/// beam's origin. Light without an origin is counted as overflow.
+/// Tests that travel time starts at the emitting surface, at the plane of a directional light's origin, or at
+/// a beam's origin. Light without an origin is counted as overflow.
 #[test]
 fn travel_time_counts_from_the_emitter() {
     let from = DVec3::new(0.3, -4.0, 2.5);
@@ -526,7 +534,7 @@ fn travel_time_counts_from_the_emitter() {
     }
 }
 
-/// Tests that the total is the light of the projector and the lamps, and that `ambient` is the light of the
+/// Tests that the total is the light of the projector and the lamps. Tests that `ambient` is the light of the
 /// lamps alone.
 #[test]
 fn ambient_light_is_the_light_of_the_lamps() {

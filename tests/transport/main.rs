@@ -1,6 +1,7 @@
 //! Compares the tracer with closed forms and independent f64 quadrature.
 //!
-//! A statistical tolerance is five standard errors at a fixed seed. Other values agree up to f32 rounding.
+//! Statistical tolerances are five standard errors at a fixed seed. Values without random variation agree up
+//! to f32 rounding.
 
 mod apertures;
 mod attributes;

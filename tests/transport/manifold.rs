@@ -1,5 +1,5 @@
-//! Compares light that smooth interfaces refract and that manifold connections sample with rays traced in
-//! f64, and with light subpaths.
+//! Tests manifold connections, which sample light that smooth interfaces refract. The references are rays
+//! traced in f64, and light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -11,8 +11,8 @@ use sunstone::transport::scene::Integrator;
 pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;
 
-/// Returns half the sum and half the difference of an interface's transmittances for s and p, at
-/// the cosine of incidence, from index 1 to `n`.
+/// Returns half the sum and half the difference of an interface's transmittances for s and p. The light
+/// passes from index 1 to `n` at the cosine of incidence `cos`.
 pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let s = ((cos - n * far) / (cos + n * far)).powi(2);
@@ -20,17 +20,22 @@ pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     [1.0 - (s + p) / 2.0, (p - s) / 2.0]
 }
 
-/// A ray in a plane that contains an axis: its final distance from the axis, its optical length, and its
-/// transmittances (half the sum and half the difference for s and p).
+/// A ray in a plane that contains an axis. The fields are the final distance from the axis, the optical
+/// length, and the transmittances. The field `passed` has half the sum and half the difference of the
+/// transmittances for s and p.
 pub struct Meridian {
     pub rho: f64,
     pub optical: f64,
     pub passed: [f64; 2],
 }
 
-/// Returns the radiance, the part of the radiance that depends on the light's polarization, and the travel
-/// time for a white wall at height `wall` below the light, at distance `rho` from the axis. `trace` returns
-/// the ray that starts at an angle to the axis.
+/// Returns four values for a white wall point at distance `rho` from the axis:
+/// - the radiance
+/// - the ratio of half the difference to half the sum of the transmittances
+/// - the optical length
+/// - the angle at which the ray starts
+///
+/// `trace` returns the ray that starts at an angle to the axis.
 pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
     for _ in 0..200 {
@@ -81,7 +86,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     assert_eq!(m[(0, 3)], 0.0);
     let error = f64::from(r.std_error("m").select(Bounces, 3).data[0]);
     assert!(error < 1e-4 * want, "nothing is random but {error}");
-    // Position in the projector's image where the light starts, and its arrival time.
+    // Computes the arrival time, and the position in the projector's image where the light starts.
     let ([u, v], _) = lamp.project(lamp_at + out);
     let p = r.mean("p").select(Bounces, 3);
     let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
@@ -101,7 +106,7 @@ fn refraction_by_a_flat_slab_obeys_snell() {
         let camera = Device::ray([1.6, -1.2, 0.0], point);
         let slab = "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-2, -2, 0.1], max = [2, 2, 0.3] }\n\
                     transform = { translate = [0, 0, 0] }\n";
-        // The camera looks from below the slab.
+        // The camera is below the slab.
         check(&head(4, 8, 1), slab, &camera, point, |theta| {
             let (sin, cos) = theta.sin_cos();
             let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
@@ -109,14 +114,14 @@ fn refraction_by_a_flat_slab_obeys_snell() {
             Meridian {
                 rho: 1.3 * sin / cos + 0.2 * (sin / 1.5) / inner,
                 optical: 1.3 / cos + 0.2 * 1.5 / inner,
-                // Both faces transmit equally.
+                // The two faces of the slab have equal transmittances.
                 passed: [a * a + b * b, 2.0 * a * b],
             }
         });
     }
 }
 
-/// Tests that light through a pane arrives at the correct time, to 0.01 ps in scenes of every size.
+/// Tests that light through a pane arrives at the correct time, to 0.01 ps, in scenes of every size.
 #[test]
 fn light_through_a_pane_arrives_at_the_correct_time() {
     for (scale, rho) in [(1.0, 0.05), (1.0, 0.5), (10.0, 0.05), (10.0, 0.5), (100.0, 0.05), (100.0, 0.5)] {
@@ -131,7 +136,7 @@ fn light_through_a_pane_arrives_at_the_correct_time() {
         };
         let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5) * scale;
         let (_, _, optical, _) = expected(trace, scale * rho);
-        // So narrow that its width does not affect the time.
+        // The pixel is so narrow that its width does not affect the time.
         let camera = Device::look_at((DVec3::new(0.4, -0.3, 0.0) * scale).to_array(), point, [1, 1], 9e8);
         let lamp = Device::look_at([0.0, 0.0, scale], DVec3::ZERO, [64, 48], 60.0);
         let way = optical + camera.origin.distance(point);
@@ -163,8 +168,8 @@ fn light_through_a_pane_arrives_at_the_correct_time() {
     }
 }
 
-/// Returns a ray from height 1 through a glass sphere of radius 0.25 at height `centre`, and on to height
-/// `wall`.
+/// Returns a ray that starts at height 1, passes a glass sphere of radius 0.25 at height `centre`, and ends
+/// at height `wall`.
 pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
     let (n, radius): (f64, f64) = (1.5, 0.25);
     let (mut p, mut d) = ([0.0, 1.0], [theta.sin(), -theta.cos()]);
@@ -193,12 +198,12 @@ pub fn through_ball(theta: f64, centre: f64, wall: f64) -> Meridian {
 }
 
 /// Compares light through a glass sphere on the axis between light and wall with traced rays. The sphere
-/// refracts so weakly that there is only one path.
+/// refracts weakly, so there is a single path.
 #[test]
 fn refraction_by_a_ball_matches_traced_rays() {
     let trace = |theta: f64| through_ball(theta, -0.2, -0.5);
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
-    // The focus of the sphere is beyond the wall, so near the axis there is one path.
+    // The focus of the sphere is beyond the wall, so there is a single path near the axis.
     for rho in [0.01, 0.03, 0.05] {
         let point = DVec3::new(0.6 * rho, -0.8 * rho, -0.5);
         let camera = Device::ray([1.5, 0.4, -0.38], point);
@@ -206,8 +211,8 @@ fn refraction_by_a_ball_matches_traced_rays() {
     }
 }
 
-/// Compares light subpaths without manifold connections with the weighted combination of both, element by
-/// element. At least `least` elements are significant.
+/// Compares light subpaths without manifold connections with the weighted combination of subpaths and
+/// connections, element by element. At least `least` elements must be significant.
 fn walks_agree(text: &str, least: usize) {
     let of = |manifold| {
         let mut scene = scene_of(text);
@@ -223,8 +228,8 @@ fn walks_agree(text: &str, least: usize) {
     assert!(sharp >= least, "{sharp}");
 }
 
-/// Tests that light subpaths through the same glass, without manifold connections, give the same
-/// light, alone and weighted together with manifold connections.
+/// Tests that light subpaths through glass give the same light alone and in the weighted combination with
+/// manifold connections.
 #[test]
 fn manifolds_and_walks_agree() {
     let text = head(3000, 8, 5)
@@ -238,7 +243,7 @@ fn manifolds_and_walks_agree() {
     walks_agree(&text, 3);
 }
 
-/// Compares manifold connections with light subpaths through a wave plate of quartz, in front of metal that
+/// Compares manifold connections with light subpaths through a quartz wave plate. The metal behind the plate
 /// preserves polarization.
 #[test]
 #[ignore = "slow: tools/check --all"]
@@ -263,11 +268,11 @@ fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Tests light from an object and a light source behind the same glass, through which light subpaths cannot
-/// connect both ways.
+/// Tests light from an object and a light source behind the same glass. Light subpaths through the glass
+/// cannot connect in both directions.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
-    // Camera and lamp above the slab; for comparison, the same wall without glass.
+    // Camera and lamp are above the slab. The reference is the same wall without glass.
     let text = |glass: bool| {
         head(2000, 8, 6)
             + &Device::look_at([0.4, 0.0, 1.0], DVec3::new(0.0, 0.0, -0.5), [2, 2], 8.0).keys("camera")
@@ -289,7 +294,8 @@ fn wall_behind_glass_is_seen_and_lit_through_it() {
         move |k: usize| (f64::from(m.at(&[(Bounces, k)])), f64::from(e.at(&[(Bounces, k)])))
     };
     let (clear, glazed) = (value(&text(false)), value(&text(true)));
-    // Two faces each way, near normal incidence: 0.96⁴; a thin slab shifts light only slightly.
+    // The light passes two faces in each direction, near normal incidence, which gives the factor 0.96⁴. The
+    // shift of light by a thin slab is small.
     let (a, b) = (clear(1), glazed(5));
     let ratio = b.0 / a.0;
     let sigma = ratio * (b.1 / b.0).hypot(a.1 / a.0);

@@ -1,5 +1,5 @@
-//! Tests single materials: samplers follow their densities, weights are values divided by densities, and
-//! light paths are reversible.
+//! Tests single materials. Samplers must follow their densities, weights must be values divided by densities,
+//! and light paths must be reversible.
 
 use crate::optics::{M, surface_at, turn};
 use glam::{DVec3, Mat3A, Vec3A};
@@ -16,7 +16,7 @@ use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// Returns a table of one material, with index 0.
+/// Returns a table of a single material, which has index 0.
 pub fn table(material: Material) -> Materials {
     Materials { list: vec![material], ..Materials::default() }
 }
@@ -38,7 +38,7 @@ fn diffuse() -> Materials {
     table(Material::Diffuse(Diffuse { albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.1])) }))
 }
 
-/// Returns a frame in general position: columns x, y, normal.
+/// Returns a frame in general position, with the columns x, y and normal.
 pub fn axes() -> Mat3A {
     Mat3A::from_rotation_y(0.7) * Mat3A::from_rotation_x(-1.1) * Mat3A::from_rotation_z(0.3)
 }
@@ -48,13 +48,13 @@ pub fn surface() -> Surface {
     surface_at(n, axes().x_axis, [0.0; 2])
 }
 
-/// Returns a direction with given cosine to the normal and azimuth.
+/// Returns a direction with the given cosine to the normal and the given azimuth.
 pub fn toward(cos: f32, phi: f32) -> Vec3A {
     let s = (1.0 - cos * cos).sqrt();
     axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
 }
 
-/// Returns every material and angle that the tests below cover.
+/// Returns every material and angle that the tests in this file cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for cos in [1.0_f32, 0.6, 0.2, 0.05] {
@@ -66,11 +66,11 @@ fn cases() -> Vec<(String, Materials, f32)> {
     list
 }
 
-/// Returns Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, with absorbed samples in a
-/// separate cell. Expected counts come from a midpoint rule of `sub`² points per cell.
+/// Returns Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere. Absorbed samples have a separate
+/// cell. A midpoint rule of `sub`² points per cell gives the expected counts.
 ///
-/// The grid's pole is in the surface plane, so that lobes about the normal cover many cells and the horizon
-/// coincides with cell borders.
+/// The grid's pole is in the surface plane. Lobes about the normal therefore cover many cells, and the
+/// horizon coincides with cell borders.
 pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, sub: usize) {
     const N: usize = 100_000;
     const ROWS: usize = 40;
@@ -91,7 +91,7 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
         });
         observed[cell] += 1.0;
     }
-    // dω = dcosθ dφ.
+    // The grid uses dω = dcosθ dφ.
     let area = 2.0 * TAU / (ROWS * COLUMNS * sub * sub) as f64;
     let step = |i: usize| (i as f32 + 0.5) / sub as f32;
     let mut expected: Vec<f64> = (0..ROWS * COLUMNS)
@@ -116,7 +116,8 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
     pearson(name, &observed, &expected);
 }
 
-/// Checks Pearson's chi² of counts, with small cells pooled: at most 5 standard deviations above its mean.
+/// Checks that Pearson's chi² of counts is at most 5 standard deviations above its mean. Small cells are
+/// pooled.
 pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
     let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
     for (o, e) in observed.iter().zip(expected) {
@@ -130,7 +131,7 @@ pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
     }
     let [o, e] = faint;
     assert!((o - e).abs() < 5.0 * e.sqrt() + 10.0, "{name}: {o} samples where {e} belong");
-    // Wilson–Hilferty: (χ²/k)^(1/3) is nearly normal.
+    // By Wilson and Hilferty, (χ²/k)^(1/3) is nearly normal.
     let z = ((chi / dof).cbrt() - (1.0 - 2.0 / (9.0 * dof))) / (2.0 / (9.0 * dof)).sqrt();
     assert!(z < 5.0, "{name}: chi² = {chi} on {dof} degrees of freedom, z = {z}");
 }
@@ -193,8 +194,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// Returns the BSDF (without cosine) of lane 0 between axes `xo` and `xi`, in f64 from the interaction's own
-/// frames.
+/// Returns the BSDF of lane 0, without the cosine, between the axes `xo` and `xi`. The function computes the
+/// BSDF in f64 from the interaction's own frames.
 pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> Option<M> {
     let at = surface();
     let s = materials.eval(0, &at, o, i)?;
@@ -209,11 +210,14 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
 }
 
 /// Checks Helmholtz reciprocity of Mueller matrices. With the same axes for a ray and its reverse, M(o→i) = Δ
-/// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness. `index`
-/// returns the refractive index on a direction's side: for radiance, the BSDF over the squared index of the
-/// outgoing side is reciprocal (Veach 1997, eq. 5.14).
+/// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1). The signs of Δ follow because reversing a ray mirrors ±45° and keeps
+/// handedness.
 ///
-/// Uses 700 pairs of directions from `pair`; returns the number of pairs for which the BSDF has a value.
+/// `index` returns the refractive index on a direction's side. For radiance, the BSDF divided by the squared
+/// index of the outgoing side is reciprocal (Veach 1997, eq. 5.14).
+///
+/// The function uses 700 pairs of directions from `pair`. Returns the number of pairs for which the BSDF has
+/// a value.
 pub fn is_reciprocal(
     name: &str,
     materials: &Materials,
@@ -227,8 +231,8 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// Tests reciprocity for matrices between axes, from `value`. Returns also the largest effect of the sign
-/// change in Δ, divided by M00.
+/// Tests reciprocity for matrices between axes, which `value` returns. Also returns the largest effect of the
+/// sign change in Δ, divided by M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,
@@ -240,7 +244,7 @@ pub fn reciprocal(
     let (mut strongest, mut pairs) = (0.0_f64, 0);
     for _ in 0..700 {
         let [a, b] = pair(&mut stream);
-        // An arbitrary axis perpendicular to each ray, equal in both directions of travel.
+        // Selects an arbitrary axis perpendicular to each ray, equal in each direction of travel.
         let mut axis = |d: Vec3A| {
             let (d, t) = (d.as_dvec3().normalize(), f64::from(stream.uniform()) * TAU);
             let x = d.any_orthonormal_vector();

@@ -1,5 +1,5 @@
-//! Compares measured materials with the materials from which their tables were made, and tests the properties
-//! of the interpolation.
+//! Compares measured materials with the materials from which their tables were made. Tests the properties of
+//! the interpolation.
 
 use crate::materials::{axes, follow_density, is_reciprocal, pair_in_front, surface, toward, weights_agree};
 use crate::optics::M;
@@ -23,7 +23,7 @@ use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// Rough gold (550 nm) and silver-like metal in two lanes.
+/// Returns rough gold (550 nm) and a silver-like metal in two lanes.
 fn metal(alpha: f32) -> Materials {
     Materials {
         list: vec![Material::RoughConductor(RoughConductor {
@@ -40,7 +40,7 @@ fn metal(alpha: f32) -> Materials {
     }
 }
 
-/// A temporary folder for tables, which exists while the tables are made and opened.
+/// A temporary folder for tables, which exists while the tests make and open the tables.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -66,7 +66,7 @@ impl Bench {
         }
     }
 
-    /// Returns a table made from a metal, bands 450 and 550 nm.
+    /// Returns a table made from a metal, with bands at 450 and 550 nm.
     fn of_metal(&self, alpha: f32, counts: [usize; 3]) -> Materials {
         let axes = Axes::even(counts, vec![450, 550]);
         tabulate(&self.path(), &axes, &[(&metal(alpha), 0)]).expect("a table");
@@ -97,15 +97,16 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// Returns one lane of the matrix between axes that depend only on the rays.
+/// Returns one lane of the matrix between axes. The axes depend on the rays alone.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Returns the root mean square and largest difference of any element between a table and its source, divided
-/// by M00, for pairs of directions within 60° of the normal (cells that touch the horizon have holes).
+/// Compares the elements of a table with those of its source, for pairs of directions within 60° of the
+/// normal. (Cells that touch the horizon have holes.) Returns the root mean square and the maximum of the
+/// differences, divided by M00.
 fn error(counts: [usize; 3]) -> [f64; 2] {
     let (bench, source) = (Bench::new(), metal(0.5));
     let table = bench.of_metal(0.5, counts);
@@ -125,7 +126,8 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
     [(sum / f64::from(n)).sqrt(), worst]
 }
 
-/// Tests that linear interpolation has second-order errors: half the step gives a quarter of the error.
+/// Tests that linear interpolation has second-order errors, so that half the step gives a quarter of the
+/// error.
 #[test]
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
@@ -135,7 +137,7 @@ fn tables_converge_to_their_source_at_second_order() {
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
-/// Tests that at an entry the table equals its source up to rounding, including frames and cosine.
+/// Tests that, at an entry, the table equals its source up to rounding, including frames and cosine.
 #[test]
 fn entries_equal_the_source() {
     let (bench, source) = (Bench::new(), metal(0.4));
@@ -161,7 +163,7 @@ fn entries_equal_the_source() {
     assert!(compared > 300, "{compared}");
 }
 
-/// Tests that a table is as reciprocal as its source where both φ_d and φ_d + π are entries.
+/// Tests that a table is as reciprocal as its source at angles φ_d for which φ_d and φ_d + π are entries.
 #[test]
 fn reciprocity_is_inherited() {
     let bench = Bench::new();
@@ -169,8 +171,8 @@ fn reciprocity_is_inherited() {
     assert_eq!(is_reciprocal("table", &table, |_| 1.0, pair_in_front, 5e-4), 700);
 }
 
-/// Tests that a table of realizable matrices gives realizable matrices, with or without holes at
-/// the horizon, because interpolation is a convex sum.
+/// Tests that a table of realizable matrices gives realizable matrices, with or without holes at the horizon.
+/// Interpolation is a convex sum and therefore preserves realizability.
 #[test]
 fn realizability_is_inherited() {
     let bench = Bench::new();
@@ -191,8 +193,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// Tests that φ_d = -π and π are equal: tables that include both values and tables that do not are continuous
-/// at this boundary, and agree.
+/// Tests that φ_d = -π and φ_d = π are equal. Some tables include entries at -π and π. All tables must be
+/// continuous at φ_d = ±π, and must agree.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -218,9 +220,9 @@ fn tables_are_continuous_across_the_azimuth_boundary() {
     }
 }
 
-/// Tests that holes are excluded and the other corners get more weight. A constant stays constant if one
-/// corner exists, and is 0 if none exists. An entry with one invalid element is also a hole, but only in its
-/// own band.
+/// Tests that holes are excluded and that the remaining corners have more weight. A constant stays constant
+/// if one corner exists, and is 0 if no corner exists. An entry with one invalid element is a hole in the
+/// band of that element.
 #[test]
 fn holes_are_excluded_from_interpolation() {
     let bench = Bench::new();
@@ -284,7 +286,7 @@ fn values_beyond_the_axes_use_the_last_entry() {
     near(eval(0.6, 1.5)[2][1], [0.0; 4]);
 }
 
-/// Returns tables for sampling tests: glossy, satin and coarse.
+/// Returns glossy, satin and coarse tables for the sampling tests.
 fn sampled() -> Vec<(String, Materials)> {
     let bench = Bench::new();
     [(0.1, [19, 31, 46]), (0.3, [19, 19, 19]), (0.6, [7, 5, 6])]
@@ -306,7 +308,8 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
 }
 
 /// Tests that sampling with the table has a smaller second moment of the weight's M00 than cosine sampling.
-/// The mean of M00 (the reflected fraction of light) must be equal for both.
+/// The mean of M00, which is the reflected fraction of light, must be equal for sampling with the table and
+/// for cosine sampling.
 #[test]
 fn importance_tables_reduce_variance() {
     let bench = Bench::new();

@@ -1,5 +1,8 @@
-//! Tests single media: matrices are normalized, realizable and reciprocal; samplers follow their
-//! densities; tables agree with their theory; milk has measured properties.
+//! Tests single media:
+//! - Matrices are normalized, realizable and reciprocal.
+//! - Samplers follow their densities.
+//! - Tables agree with their theory.
+//! - Milk has measured properties.
 
 use crate::materials::{elements, pearson, reciprocal};
 use crate::optics::{M, turn};
@@ -29,7 +32,7 @@ fn henyey_greenstein(g: [f32; 4], linear: f32, circular: f32) -> Media {
     media(PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::new(g), linear, circular)))
 }
 
-/// Spheres of given sizes in a host of index 1.33, at four wavelengths.
+/// Returns spheres of given sizes in a host of index 1.33, at four wavelengths.
 fn spheres(sizes: &SizeDistribution, [n, k]: [f64; 2]) -> Vec<Ensemble> {
     let ensemble = |nm: f64| {
         let mut e = Ensemble::new(1.33, nm);
@@ -44,7 +47,7 @@ fn mie(radius: f64, n: f64, k: f64) -> Media {
     media(PhaseOptics::Particles(spheres(&SizeDistribution::Single { radius }, [n, k])))
 }
 
-/// Returns every phase function that the tests below cover.
+/// Returns every phase function that the tests in this file cover.
 fn cases() -> &'static [(&'static str, Media)] {
     static CASES: OnceLock<Vec<(&'static str, Media)>> = OnceLock::new();
     CASES.get_or_init(make_cases)
@@ -71,7 +74,8 @@ fn make_cases() -> Vec<(&'static str, Media)> {
     ]
 }
 
-/// Samples one lane uniformly. Returns the direction, and the matrix divided by the lanes' mean density.
+/// Samples one lane uniformly. Returns the direction, and the matrix divided by the mean density of the
+/// lanes.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
     let wi = media.sample_direction(0, wo, lane, stream);
@@ -82,8 +86,8 @@ fn all() -> Lanes {
     Lanes::first(4)
 }
 
-/// Returns pairs of directions, with wo in general position, that enclose the angle θ with the given
-/// 2 sin²(θ/2) = 1 - cosθ.
+/// Returns a pair of directions with wo in general position. The angle θ between the directions satisfies 2
+/// sin²(θ/2) = 1 - cosθ = `forward`.
 fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     let wo = DVec3::new(0.36, -0.48, 0.8);
     let (x, cos) = (wo.any_orthonormal_vector(), 1.0 - forward);
@@ -92,10 +96,10 @@ fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     (wo.as_vec3a(), (across * sin - wo * cos).as_vec3a())
 }
 
-/// Returns Σ f(wo, wi) over the sphere, weighted by the solid angle of each direction. There are `count`
-/// rings of directions, dense near the forward and backward directions.
+/// Returns Σ f(wo, wi) over the sphere, weighted by the solid angle of each direction. The function uses
+/// `count` rings of directions, dense near the forward and backward directions.
 fn rings(count: usize, mut f: impl FnMut(Vec3A, Vec3A, f64)) {
-    // θ = π s²(3 - 2s), by the midpoint rule.
+    // The angle is θ = π s²(3 - 2s), at the midpoints of s.
     for i in 0..count {
         let s = (i as f64 + 0.5) / count as f64;
         let theta = PI * s * s * (3.0 - 2.0 * s);
@@ -128,8 +132,8 @@ fn matrices_are_normalized() {
     assert!((f64::from(value.m00().to_array()[0]) - 0.25 / PI).abs() < 1e-7);
 }
 
-/// Tests that the mean cosine of tables equals that of the series; for Henyey & Greenstein, the mean cosine
-/// is the parameter g.
+/// Tests that the mean cosine of tables equals the mean cosine of the series. For Henyey & Greenstein, the
+/// mean cosine is the parameter g.
 #[test]
 fn mean_cosines_are_known() {
     let check = |name: &str, media: &Media, want: [f64; 4]| {
@@ -171,7 +175,7 @@ fn matrices_are_physical() {
     let mut all_cases = cases().to_vec();
     for c in [0.0, 0.2, 0.5, 0.9, 1.0_f32] {
         for share in [0.0, 0.3, 0.7, 1.0] {
-            // Parameters beyond the limit are clamped to it.
+            // Parameters beyond the limit are clamped to the limit.
             all_cases.push(("HG", henyey_greenstein([0.5; 4], share * (0.5 + 0.5 * c), c)));
             all_cases.push(("HG", henyey_greenstein([0.5; 4], 1.0, c)));
         }
@@ -189,13 +193,13 @@ fn matrices_are_physical() {
             }
         }
     }
-    // The limit is sharp: slightly beyond the limit, the matrix is not realizable at some angle.
+    // The limit is sharp. Slightly beyond the limit, the matrix is not realizable at some angle.
     let m = |f: f64| [[1.0, 0.0, 0.0, 0.0], [0.0, 0.52, 0.0, 0.0], [0.0, 0.0, 0.52 * f, 0.0], [0.0; 4]];
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
-/// Tests dipole scattering at 90°, forward and backward against closed forms. The ratio of parallel to
-/// perpendicular light at 90° is the depolarization factor.
+/// Tests dipole scattering at 90°, forward and backward against closed forms. At 90°, the ratio of parallel
+/// to perpendicular light is the depolarization factor.
 #[test]
 fn rayleigh_has_its_closed_form() {
     let unit = 3.0 / (16.0 * PI);
@@ -234,12 +238,12 @@ fn rayleigh_has_its_closed_form() {
     }
 }
 
-/// Tests that near the forward and backward directions, where the scattering plane is undefined, the matrix
-/// does not depend on this plane.
+/// Tests that, near the forward and backward directions, the matrix does not depend on the scattering plane,
+/// which is undefined in these directions.
 #[test]
 fn forward_and_backward_matrices_do_not_depend_on_the_plane() {
     for (name, media) in cases() {
-        // 10⁻⁵ rad away from both, so that there is a plane.
+        // The directions are 10⁻⁵ rad away from forward and backward, so a scattering plane exists.
         for forward in [1e-10, 2.0 - 1e-10] {
             let (wo, wi) = at(forward, 0.0);
             let first = elements(&media.eval(0, wo, wi), wo, wi);
@@ -256,8 +260,8 @@ fn forward_and_backward_matrices_do_not_depend_on_the_plane() {
     }
 }
 
-/// Tests that samples follow their density, by Pearson's chi² of 10⁵ samples in 64 rings of equal probability
-/// times 8 sectors.
+/// Tests that samples follow their density. The test uses Pearson's chi² of 10⁵ samples in 64 rings of equal
+/// probability times 8 sectors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn samples_follow_their_density() {
@@ -266,12 +270,13 @@ fn samples_follow_their_density() {
     const SECTORS: usize = 8;
     for (case, (name, media)) in cases().iter().enumerate() {
         for (which, lanes) in [all(), Lanes { mask: 0b0100 }].into_iter().enumerate() {
-            // The distribution function over 1 - cosθ, and from it the borders of the rings.
+            // Computes the distribution function over 1 - cosθ, and the borders of the rings from this
+            // function.
             let (mut borders, mut shares) = (vec![], vec![]);
             let (mut sum, mut before, mut last) = (0.0, 0.0, 0.0);
             rings(40_000, |wo, wi, area| {
                 sum += area * f64::from(media.pdf(0, lanes, wo, wi));
-                // The rings are so thin that their centre can replace their end.
+                // The rings are so thin that their centres can replace their ends.
                 let forward = 0.5 * f64::from((wo + wi).length_squared());
                 if sum * RINGS as f64 >= (shares.len() + 1) as f64 && shares.len() + 1 < RINGS {
                     borders.push(0.5 * (forward + last));
@@ -303,8 +308,8 @@ fn samples_follow_their_density() {
     }
 }
 
-/// Tests that weights are values divided by densities, and that no active lane's weight is above the number
-/// of active lanes (except for the difference between the interpolations of value and density).
+/// Tests that weights are values divided by densities. No active lane's weight may exceed the number of
+/// active lanes, except for the difference between the interpolations of value and density.
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, media)) in cases().iter().enumerate() {
@@ -331,8 +336,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// Tests that for a single lane with S11 sampling, every weight is 1: exactly for closed forms,
-/// within the grid's error for tables.
+/// Tests that, for a single lane with S11 sampling, every weight is 1. Closed forms are exact, and tables are
+/// accurate within the error of the grid.
 #[test]
 fn single_wavelengths_have_constant_weights() {
     for (name, media) in cases() {
@@ -367,9 +372,9 @@ fn media_are_reciprocal() {
     }
 }
 
-/// Tests that tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to forward peaks
-/// half a degree wide. Exceptions are counted: large transparent spheres of one size have deeper minima
-/// between their fringes.
+/// Tests that tables agree with the theory to 10⁻⁵ of S11 at the same angle. The tables range from dipoles to
+/// forward peaks half a degree wide. Exceptions are counted, because large transparent spheres of one size
+/// have deeper minima between their fringes.
 #[test]
 fn tables_match_the_theory() {
     for (radius, n, k, bound) in [
@@ -386,7 +391,7 @@ fn tables_match_the_theory() {
         let mut worst = 0.0_f64;
         let mut stream = Stream::new(81, 0, 0);
         for _ in 0..3000 {
-            // There are as many angles near the ends as between them.
+            // The number of angles near the ends equals the number of angles between the ends.
             let s = f64::from(stream.uniform());
             let theta = PI * s * s * (3.0 - 2.0 * s);
             let angle = sunstone::transport::medium::scattered::Angle {
@@ -406,7 +411,7 @@ fn tables_match_the_theory() {
     }
 }
 
-/// Tests the bulk properties N = f/V and μ_s = N C_sca. Amounts by volume, number and mass agree, the
+/// Tests the bulk properties N = f/V and μ_s = N C_sca. Amounts by volume, number and mass agree. The
 /// properties of mixtures add up, and a list of sizes is a mixture.
 #[test]
 fn bulk_properties_add_up() {
@@ -445,9 +450,9 @@ fn bulk_properties_add_up() {
     }
 }
 
-/// Compares milk with the measurements of whole and skimmed milk by Jensen et al. (2001): reduced
-/// scattering of 2.55, 3.21, 3.77 and 0.70, 1.22, 1.90 per mm in red, green, blue; absorption
-/// increases tenfold from red to blue.
+/// Compares milk with the measurements of whole and skimmed milk by Jensen et al. (2001). In red, green and
+/// blue, reduced scattering is 2.55, 3.21 and 3.77 per mm for whole milk, and 0.70, 1.22 and 1.90 per mm for
+/// skimmed milk. Absorption increases tenfold from red to blue.
 #[test]
 fn milk_matches_measurements() {
     let milk = |fat_percent, concentration| {
@@ -484,7 +489,7 @@ fn presets_match_their_papers() {
     for (b, [reduced, absorption]) in skin.iter().zip([[1010.0, 480.0], [880.0, 170.0], [740.0, 32.0]]) {
         assert!((b.scattering * 0.2 - reduced).abs() < 1e-9 && (b.absorption - absorption).abs() < 1e-9);
     }
-    // Ma et al. 2003 at the wavelength of the helium–neon laser.
+    // The value is that of Ma et al. 2003 at the wavelength of the helium–neon laser.
     assert!((polystyrene_index(632.8) - 1.582_43).abs() < 1e-5);
     let sizes = SizeDistribution::Single { radius: 2.5e-7 };
     let beads = polystyrene(sizes, Amount::VolumeFraction(0.01), &w).expect("beads").bulk;

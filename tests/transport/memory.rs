@@ -1,5 +1,5 @@
-//! Tests the memory of a mesh from its file to its acceleration tree: at most 200 bytes per triangle at any
-//! time, and little more for a thousand instances.
+//! Tests the memory of a mesh from its file to its acceleration tree. A mesh uses at most 200 bytes per
+//! triangle at any time, and little more for a thousand instances.
 
 use crate::optics::{Device, head};
 use glam::DVec3;
@@ -13,19 +13,19 @@ use sunstone::scene::from_text;
 struct Counted;
 
 thread_local! {
-    /// Bytes that this thread holds, and the maximum.
+    /// Number of bytes that this thread holds, and the maximum of this number.
     static HELD: Cell<[isize; 2]> = const { Cell::new([0; 2]) };
 }
 
 fn count(bytes: isize) {
-    // The cells of a thread that is ending no longer exist.
+    // The thread-local cells no longer exist while a thread is ending.
     let _ = HELD.try_with(|held| {
         let [now, most] = held.get();
         held.set([now + bytes, most.max(now + bytes)]);
     });
 }
 
-// SAFETY: the system's allocator with counters.
+// SAFETY: all calls are forwarded to the system's allocator, and the counters do not allocate.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
@@ -48,8 +48,8 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// Returns the maximum number of bytes that are allocated at the same time during `make`, which
-/// runs on one thread so that all allocations are counted.
+/// Returns the maximum number of bytes that are allocated at the same time during `make`. `make` runs on one
+/// thread, so that all allocations are counted.
 fn most<T: Send>(make: impl FnOnce() -> T + Send) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("a thread").install(|| {

@@ -1,5 +1,5 @@
-//! Tests mesh files with textures: glTF against OBJ of the same model, embedded materials against
-//! scene-file materials, and media in meshes that are open, inside out, or intersecting.
+//! Tests mesh files. The tests compare textured glTF files with OBJ files of the same model, and embedded
+//! materials with scene-file materials. Tests media in meshes that are open, inside out, or intersecting.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -11,8 +11,8 @@ use sunstone::tensor::array::Tensor;
 const LIGHT: &str =
     "[[emitters]]\npoint = { position = [0.5, 1, 3], intensity = 2 }\n[[slices]]\nname = \"m\"\n";
 
-/// Writes a square with texture coordinates as OBJ with a material library, and as glTF with its buffer; and
-/// an image without symmetry.
+/// Writes a square with texture coordinates as OBJ with a material library. Writes the same square as glTF
+/// with a buffer, and an image without symmetry.
 pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     image::RgbImage::from_fn(3, 2, |x, y| {
@@ -27,7 +27,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     );
     write("square.mtl", mtl.as_bytes());
     let positions: [f32; 12] = [-1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0.];
-    // glTF's v points downward.
+    // In glTF, v increases downward.
     let uvs: [f32; 8] = [0., 1., 1., 1., 1., 0., 0., 0.];
     let indices: [u32; 6] = [0, 1, 2, 0, 2, 3];
     let floats = positions.iter().chain(&uvs).flat_map(|v| v.to_le_bytes());
@@ -48,7 +48,8 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     write("square.gltf", text.as_bytes());
 }
 
-/// Returns the scene of the square seen from the front. `more` contains the square's object and materials.
+/// Returns the image of the square seen from the front, and the notes of the scene. `more` contains the
+/// square's object and materials.
 fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [16, 16], 30.0);
     let text = head(16, 3, 2).replace("[550]", "[450, 550, 660]") + &camera.keys("camera") + more + LIGHT;
@@ -78,7 +79,7 @@ fn gltf_and_obj_show_the_same_picture() {
     assert!(notes.is_empty(), "{notes:?}");
     assert_eq!(obj.data, gltf.data, "the same model in two formats");
     assert_eq!(obj.data, rectangle.data, "the same square of our own");
-    // Negative control: upside down the image differs.
+    // Negative control: the image of the square upside down differs.
     let flipped = object("obj.file = \"square.obj\"")
         .replace("picture.png\"", "picture.png\", uv = [[1, 0, 0], [0, -1, 1]]");
     assert_ne!(obj.data, picture(folder.path(), &flipped).0.data);
@@ -93,7 +94,8 @@ fn materials_of_files_equal_handwritten_ones() {
     let by_hand = |shape: &str, material: &str| {
         format!("[materials]\n{material}\n[[objects]]\nmaterial = \"p\"\nshape.{shape}\n")
     };
-    // The body's fraction of the base colour: `import::body` is tested against the specification.
+    // Computes the body's fraction of the base colour. Another test compares `import::body` with the
+    // specification.
     let factor = sunstone::scene::import::body::gltf(1.4, 0.36);
     let albedo = |base: [f64; 3]| base.map(|v| v * factor);
     let coat = "interreflection = \"linear\", passage = \"facets\", ior = 1.4, alpha = 0.36";
@@ -138,7 +140,7 @@ fn materials_of_files_equal_handwritten_ones() {
     assert!(notes.iter().any(|n| n.contains("keys of the material are not used: Ke")), "{notes:?}");
 }
 
-/// Returns a cube as OBJ with changed triangles.
+/// Writes a cube as OBJ with changed triangles.
 fn cube(folder: &Path, change: impl Fn(&mut Vec<[usize; 3]>)) {
     let mut text = String::new();
     for i in 0..8 {
@@ -224,7 +226,7 @@ fn overlapping_filled_objects_need_a_priority() {
         assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "mist", 1))).is_ok());
         assert!(fog(folder.path(), &(object(a, "fog", 0) + &object(b, "fog", 0))).is_ok(), "the same medium");
     }
-    // Pairs of meshes: nested, side by side, and nearly touching.
+    // The pairs of meshes are nested, side by side, and nearly touching.
     for other in [
         "sphere = { center = [0.1, 0.2, 0], radius = 0.2 }",
         "sphere = { center = [0.1, 0.2, 1.1], radius = 0.3 }",
@@ -232,7 +234,7 @@ fn overlapping_filled_objects_need_a_priority() {
     ] {
         assert!(fog(folder.path(), &(object(mesh, "fog", 0) + &object(other, "mist", 0))).is_ok(), "{other}");
     }
-    // Touching surfaces are rendered as if there were a small air gap.
+    // The program renders touching surfaces as if there were a small air gap.
     let touching = object(mesh, "fog", 0)
         + &object("cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }", "mist", 0);
     let (got, notes) = fog(folder.path(), &touching).expect("touching");
@@ -242,9 +244,9 @@ fn overlapping_filled_objects_need_a_priority() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Tests light that enters a filled object through one surface and leaves the object through another: the end
-/// and the side of a tube, and parts of a mesh with different materials. Expects exp(-2 · length) of the path
-/// inside.
+/// Tests light that enters a filled object through one surface and leaves the object through a second
+/// surface. The surfaces are the end and the side of a tube, or parts of a mesh with different materials. The
+/// expected transmittance is exp(-2 · length) of the path inside.
 #[test]
 fn parts_of_a_filled_object_count_as_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -258,7 +260,8 @@ fn parts_of_a_filled_object_count_as_one() {
     let mesh =
         format!("obj = {{ file = {:?} }}\npart_materials = {{ rest = \"c\" }}", file.to_str().unwrap());
     let tube = "cylinder = { p0 = [0, 0, -0.5], p1 = [0, 0, 0.5], radius = 0.5, caps = true }";
-    // The ray goes from z = 0.5 to (0.5, 0, 0): once from outside, and once from a camera inside.
+    // Each ray ends at (0.5, 0, 0). Rays from outside enter the object at z = 0.5. Rays from inside start at
+    // a camera inside the object.
     for (shape, z, length) in [
         (tube, 1.5, f64::hypot(0.5, 1.0 / 6.0)),
         (&mesh, 2.0, f64::hypot(0.5, 0.125)),

@@ -1,5 +1,5 @@
-//! Tests rough metal, rough glass and plastic alone: samplers, weights, reciprocity, realizability,
-//! energy, and limits with closed forms.
+//! Tests rough metal, rough glass and plastic without a scene. The tests cover samplers, weights,
+//! reciprocity, realizability, energy, and limits with closed forms.
 
 use crate::materials::{
     bsdf, elements, follow_density, is_reciprocal, pair_in_front, surface, table, toward, weights_agree,
@@ -74,12 +74,12 @@ fn plastic(roughness: Roughness, options: bool) -> Materials {
     materials
 }
 
-/// Returns a direction from outside (cos > 0) or inside.
+/// Returns a direction from outside (cos > 0) or from inside.
 fn seen_from(cos: f32, phi: f32) -> Vec3A {
     if cos > 0.0 { toward(cos, phi) } else { -toward(-cos, phi) }
 }
 
-/// Returns every material and every cosine of `wo` that the tests below cover.
+/// Returns every material and every cosine of `wo` that the tests in this file cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for distribution in [Ggx, Beckmann] {
@@ -114,7 +114,8 @@ fn samples_follow_their_density() {
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
-        // A dispersive refraction continues with one wavelength, so its weight is not a ratio of the two.
+        // A dispersive refraction continues with one wavelength, so the weight is not a ratio of value and
+        // density.
         if name.starts_with("flint") {
             continue;
         }
@@ -123,8 +124,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// Tests that for dispersive glass and any two directions, each wavelength has the value of glass with its
-/// index.
+/// Tests dispersive glass for any two directions. Each wavelength must have the value of glass with the index
+/// at that wavelength.
 #[test]
 fn each_wavelength_has_its_own_facet() {
     let flint = [1.5, 1.6, 1.8, 2.0];
@@ -215,7 +216,7 @@ fn matrices_are_realizable() {
     assert!(checked > 14_000, "{checked}");
 }
 
-/// Returns the error function erf(x) from its series.
+/// Returns the error function erf(x), computed from its series.
 fn erf(x: f64) -> f64 {
     let (mut term, mut sum) = (x, x);
     for n in 1..100 {
@@ -251,14 +252,15 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
 }
 
 /// Returns the power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible
-/// facets, by a midpoint rule over facet slopes. For facets that only reflect, `through` is false.
+/// facets. The function uses a midpoint rule over facet slopes. For facets without transmission, `through` is
+/// false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
     const PHI: u32 = 100;
     let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let mut sum = [0.0; 2];
     for k in 0..U * PHI {
-        // Makes D cosθ_h dω_h = 2t dt dφ / 2π; the squares of t put points into the tails.
+        // With this variable t, D cosθ_h dω_h = 2t dt dφ / 2π. The squares of t shift points into the tails.
         let t = (f64::from(k / PHI) + 0.5) / f64::from(U);
         let left = 1.0 - (1.0 - t).powi(2);
         let (u, stretch) = (left, 2.0 * (1.0 - t));
@@ -292,8 +294,9 @@ fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2
     sum
 }
 
-/// Tests each lobe in a white furnace: mean sampled weights are the directional albedos, per wavelength if
-/// the index is dispersive, from outside and inside. Returned light never exceeds incident light.
+/// Tests each lobe in a white furnace, from outside and inside. Mean sampled weights must equal the
+/// directional albedos, per wavelength if the index is dispersive. Returned light never exceeds incident
+/// light.
 #[test]
 fn rough_glass_returns_its_directional_albedo() {
     const N: u32 = 50_000;
@@ -303,7 +306,7 @@ fn rough_glass_returns_its_directional_albedo() {
             let m = glass(Spectral::new(flint), roughness(distribution, Separable, alpha));
             let wo = seen_from(cos, 0.7);
             let mut stream = Stream::new(9, 0, 0);
-            // Sum and sum of squares by lobe and wavelength.
+            // Collects the sum and the sum of squares by lobe and wavelength.
             let mut sums = [[[0.0_f64; 2]; 4]; 2];
             for _ in 0..N {
                 let mut lanes = Lanes::first(4);
@@ -341,7 +344,7 @@ fn rough_glass_returns_its_directional_albedo() {
     }
 }
 
-/// Tests that no material increases the power of unpolarized light, also with correlated masking.
+/// Tests that no material increases the power of unpolarized light. The test includes correlated masking.
 #[test]
 fn no_energy_is_created() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {
@@ -374,8 +377,8 @@ fn no_energy_is_created() {
     }
 }
 
-/// Tests that at α = 0.001 the mean of each lobe equals the smooth interface, all 16 elements, from both
-/// sides.
+/// Tests that, at α = 0.001, the mean of each lobe equals that of the smooth interface, in all 16 elements
+/// and from each side.
 #[test]
 fn the_smooth_limit_is_the_smooth_interface() {
     const N: u32 = 20_000;
@@ -400,7 +403,7 @@ fn the_smooth_limit_is_the_smooth_interface() {
                 };
                 let n = f64::from(counts[lobe as usize]);
                 let want = elements(&want.scatter, wo, want.wi)[0].map(f64::from);
-                // The number of samples of a lobe has a binomial distribution; within a lobe, weights are
+                // The number of samples of a lobe has a binomial distribution. Within a lobe, weights are
                 // nearly constant.
                 let share = n / f64::from(N);
                 let spread = ((1.0 - share) / n).sqrt();
@@ -415,8 +418,8 @@ fn the_smooth_limit_is_the_smooth_interface() {
     }
 }
 
-/// Returns the Fresnel refraction of power from `d_in` to `d_out` by the facet between them, each in its own
-/// frame.
+/// Returns the Fresnel refraction of power from `d_in` to `d_out` by the facet between these directions. Each
+/// direction has its own frame.
 fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, eta: f64) -> M {
     let root = (eta * eta - 1.0 + cos * cos).sqrt();
     let (s, p) = (2.0 * cos / (cos + root), 2.0 * eta * cos / (eta * eta * cos + root));
@@ -428,8 +431,8 @@ fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, et
     turn(d_out, axis, x_out) * block * turn(d_in, x_in, axis)
 }
 
-/// Tests light of a projector inside rough glass that is seen from outside, and vice versa, against Walter's
-/// closed form, and its travel time.
+/// Tests light of a projector inside rough glass that is seen from outside, and vice versa. Compares the
+/// light with Walter's closed form, and tests the travel time.
 #[test]
 fn a_projector_shines_through_rough_glass() {
     let (alpha, n) = (0.4, f64::from(IOR));
@@ -467,8 +470,8 @@ fn a_projector_shines_through_rough_glass() {
     }
 }
 
-/// Tests that a white base under a smooth surface with interreflection returns, together with the surface's
-/// reflection, all light. The model of Baek et al. is the product of two transmittances.
+/// Tests a white base under a smooth surface with interreflection. The reflections of base and surface
+/// together must return all light. The model of Baek et al. is the product of two transmittances.
 #[test]
 fn interreflection_conserves_energy() {
     let eta = Spectral::new([1.5, 1.33, 2.0, 1.05]);
@@ -497,7 +500,7 @@ fn interreflection_conserves_energy() {
                 let value =
                     |m: &Materials| f64::from(m.eval(0, &surface(), wo, wi).unwrap().m00().to_array()[lane]);
                 sum += value(&closed) * TAU / f64::from(STEPS);
-                // A white base is white in both modes.
+                // The value of a white base is the same in the closed and the linear mode.
                 assert_eq!(value(&closed), value(&linear));
                 let want = through * (1.0 - reflectance(f64::from(c), f64::from(eta))) * f64::from(c) / PI;
                 assert!((value(&open) - want).abs() < 1e-5, "{} is not {want}", value(&open));
@@ -507,8 +510,9 @@ fn interreflection_conserves_energy() {
     }
 }
 
-/// Tests in a white furnace that facets plus a white base below them return all light, at any roughness and
-/// angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up to a third.
+/// Tests facets above a white base in a white furnace. The material must return all light, at any roughness
+/// and angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up to a third
+/// of the light.
 #[test]
 fn a_white_base_below_facets_returns_all_light() {
     const STEPS: u32 = 400;
@@ -553,7 +557,7 @@ fn a_white_base_below_facets_returns_all_light() {
     }
 }
 
-/// Tests that the single-scattering lobe is a surface reflection with separate width and colour.
+/// Tests that the single-scattering lobe is a surface reflection with a separate width and colour.
 #[test]
 fn single_scattering_is_a_second_reflection() {
     let layer = |alpha: f32, specular: Spectral, single_scatter| {
@@ -585,8 +589,9 @@ fn single_scattering_is_a_second_reflection() {
     }
 }
 
-/// Tests that away from the highlight, plastic's light is polarized in the plane of n and `wo` (negative s1
-/// in a frame perpendicular to it), more at grazing exit. Shape from polarization relies on this sign.
+/// Tests that, away from the highlight, plastic's light is polarized in the plane of n and `wo`. In a frame
+/// perpendicular to the plane of n and `wo`, s1 is negative. The polarization is stronger at grazing exit.
+/// Shape from polarization relies on the negative sign of s1.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);

@@ -1,4 +1,4 @@
-//! Compares the light of walls that are lit via mirrors and seen in a mirror with mirror images, and with
+//! Tests light of walls that are lit via mirrors and seen in a mirror. The references are mirror images, and
 //! rays traced in f64.
 
 use crate::manifold::{ALBEDO, Meridian, expected, transmission};
@@ -22,13 +22,13 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// Returns a camera that sees a point in a mirror, and its viewing direction.
+/// Returns a camera that sees a point in a mirror.
 fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
     Device::ray(origin.to_array(), image(plane, point))
 }
 
-/// Returns the mirror matrix for light from `point` to the camera, which arrives from direction
-/// `-d_out`, and the path length.
+/// Returns the mirror matrix for light from `point` to the camera, and the path length. The light arrives
+/// from direction `-d_out`.
 pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
@@ -37,12 +37,12 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// Returns the irradiance matrix of light from the lamp via mirrors, in the order of the list, at a point of
-/// a wall with normal `n`, in a frame at the wall, and the path length.
+/// Returns the irradiance matrix of light from the lamp via mirrors, in the order of the list, and the path
+/// length. The matrix is that of a wall point with normal `n`, in a frame at the wall.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
-    // Directions of the light before each mirror, starting with the last mirror.
+    // Collects the directions of the light before each mirror, starting with the last mirror.
     let mut dirs = vec![arriving];
     for (normal, _) in planes.iter().rev() {
         dirs.insert(0, image((*normal, 0.0), dirs[0]));
@@ -63,7 +63,7 @@ fn wall() -> M {
     m
 }
 
-/// Returns the scene's devices, materials and wall, and slices.
+/// Returns the scene-file text of the devices, the materials, the wall and the slices.
 fn text(camera: &Device, lamp: &Device, spp: u32, depth: u32, wall: &str) -> String {
     head(spp, depth, 3)
         + &camera.keys("camera")
@@ -82,7 +82,7 @@ fn floor() -> String {
     plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
 }
 
-/// Asserts that all light of a number of bounces arrives within a bin of these times.
+/// Asserts that all light of a number of bounces arrives within a time bin of `times_ps`.
 pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     let t = r.mean("t").select(Bounces, bounces);
     let mut seen = vec![false; times_ps.len()];
@@ -94,8 +94,8 @@ pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     assert!(seen.iter().all(|s| *s), "{times_ps:?}");
 }
 
-/// Tests all sixteen elements of light via one mirror, on both sides. The comparison is exact, because the
-/// render has no random variation.
+/// Tests all sixteen elements of light via a single mirror, on each side of the mirror. The comparison is
+/// exact, because the render has no random variation.
 #[test]
 fn one_mirror_is_an_image() {
     let plane = (-DVec3::X, -1.5);
@@ -110,19 +110,19 @@ fn one_mirror_is_an_image() {
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
         assert_close(&got, &want, 1e-4, "over one mirror");
         comes_at(&r, 3, &[(there + back) / C]);
-        // Position in the projector's image where the light starts.
+        // Computes the position in the projector's image where the light starts.
         let ([u, v], _) = lamp.project(image(plane, point));
         let p = r.mean("p").select(Bounces, 3);
         let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
         assert_eq!(lit, [v as usize * 64 + u as usize]);
-        // No other strategy samples this light, so without manifold connections the image is black.
+        // No other strategy samples light via a mirror, so the image is black without manifold connections.
         let mut scene = scene_of(&text);
         scene.change_settings(|s| (s.integrator, s.manifold) = (Integrator::Bidirectional, false));
         assert_eq!(mueller(&render_scene(&scene).mean("m"), &[(Bounces, 3)]), M::zeros());
     }
 }
 
-/// Tests two mirrors that face each other: light is reflected by both mirrors, in either order.
+/// Tests two mirrors that face each other. The mirrors reflect light in either order.
 #[test]
 fn two_mirrors_are_images_of_images() {
     let (right, left) = ((-DVec3::X, -1.5), (DVec3::X, -1.5));
@@ -141,8 +141,8 @@ fn two_mirrors_are_images_of_images() {
     comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
 }
 
-/// Tests three and four mirrors in a row, and a third mirror perpendicular to them: every possible order of
-/// reflections contributes, and no other order.
+/// Tests three and four mirrors in a row, and a third mirror perpendicular to the row. Every possible order
+/// of reflections contributes, and no other order contributes.
 #[test]
 fn rows_of_mirrors_are_images_of_images() {
     let (right, left, back) = ((-DVec3::X, -1.5), (DVec3::X, -1.5), (DVec3::Y, -1.0));
@@ -156,7 +156,7 @@ fn rows_of_mirrors_are_images_of_images() {
     let r = render(&text);
     let (view, there) = to_camera(&camera, right, point);
     for count in [3, 4] {
-        // All sequences of mirrors without equal neighbours.
+        // Collects all sequences of mirrors without equal neighbours.
         let mut rows = vec![vec![]];
         for _ in 0..count {
             let longer = |row: &Vec<Plane>| {
@@ -179,7 +179,7 @@ fn rows_of_mirrors_are_images_of_images() {
         }
         let times: Vec<f64> = lit.iter().map(|(_, way)| (way + there) / C).collect();
         comes_at(&r, count + 2, &times);
-        // A missing sequence would be detected.
+        // The test would detect a missing sequence.
         for (part, _) in &lit {
             let part = (view * wall() * part)[(0, 0)];
             assert!(part > 5.0 * error[(0, 0)] + 1e-3 * want[(0, 0)], "{part}");
@@ -187,8 +187,8 @@ fn rows_of_mirrors_are_images_of_images() {
     }
 }
 
-/// Returns whether light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the axes, one
-/// after the other on its way to a point, and hits nothing else before.
+/// Returns whether light from the lamp hits the mirrors of `row` in sequence on its way to a point, and hits
+/// nothing else before. The half width of the mirrors is 1.4 to 1.45 about the axes.
 fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     let images: Vec<DVec3> = row
         .iter()
@@ -211,8 +211,8 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
             return false;
         }
     }
-    // The planes form a box whose walls occlude nothing: the correct side is hit first, if the point is
-    // inside.
+    // The planes form a box whose walls occlude nothing. Light to a point inside the box hits the correct
+    // side first.
     let mut at = point;
     for (plane, from) in row.iter().zip(&images).rev() {
         let to = *from - at;
@@ -221,7 +221,7 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
             return false;
         }
     }
-    // The path starts within the lamp's image: the last point is the first that the lamp's light hits.
+    // The path starts within the lamp's image. `at` is the first point that the lamp's light hits.
     let ([u, v], _) = lamp.project(at);
     (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
@@ -237,7 +237,8 @@ fn mirror_behind_glass() {
         + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
         + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-1.4, -1, 0.5], max = [1.4, 1, 0.6] }\n";
     let r = render(&text);
-    // As if the light were straight behind the mirror. One plane contains all rays, and p of both matrices.
+    // The light travels as if it came straight from behind the mirror. One plane contains all rays and the p
+    // directions of the two matrices.
     let trace = |theta: f64| {
         let (sin, cos) = theta.sin_cos();
         let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
@@ -264,8 +265,8 @@ fn mirror_behind_glass() {
 }
 
 /// Returns a ray from height 1 that a gold sphere of radius 0.3 about the origin reflects to the ceiling at
-/// height 1.4, the ray's cosine of incidence, and its direction after the sphere. Rays that miss the sphere
-/// or the ceiling have no `rho`.
+/// height 1.4. Also returns the ray's cosine of incidence, and the direction of the ray after the sphere.
+/// Rays that miss the sphere or the ceiling have no `rho`.
 pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     let (d, b) = ([theta.sin(), -theta.cos()], theta.cos());
     let t = b - (b * b - (1.0 - 0.09)).sqrt();
@@ -279,8 +280,8 @@ pub fn off_ball(theta: f64) -> (Meridian, f64, [f64; 2]) {
     (Meridian { rho, optical: t + s, passed }, cos, up)
 }
 
-/// Tests light via mirror spheres, whose paths are found by a random search. One sphere is compared with rays
-/// in f64, and two spheres are compared with each sphere alone.
+/// Tests light via mirror spheres, for which a random search finds the paths. One sphere is compared with
+/// rays in f64. Two spheres are compared with each sphere alone.
 #[test]
 fn light_over_mirror_balls_matches_traced_rays() {
     let plane = (-DVec3::X, -1.5);
@@ -319,8 +320,8 @@ fn light_over_mirror_balls_matches_traced_rays() {
     assert!((got + other.0 - both.0).abs() < 5.0 * sigma, "{got} + {other:?} is not {both:?}");
 }
 
-/// Tests that behind dispersive glass every wavelength searches separately for paths over a sphere, and gives
-/// the same light as a render of this wavelength alone.
+/// Tests that, behind dispersive glass, every wavelength searches separately for paths over a sphere. The
+/// light of each wavelength must equal that of a render of a single wavelength.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_wavelength_finds_paths_over_balls_separately() {

@@ -1,5 +1,5 @@
-//! Implements polarization optics and devices in f64, written from the project's conventions, independent of
-//! the crate.
+//! Implements polarization optics and devices in f64. The code follows the project's conventions and is
+//! independent of the crate.
 
 use crate::support::Rendered;
 use glam::{DVec3, Vec3A};
@@ -11,15 +11,15 @@ use sunstone::transport::geometry::ray::Surface;
 
 pub type M = Matrix4<f64>;
 
-/// Complex refractive index n + i·k of gold at 550 nm, and the scene keys of this index.
+/// Complex refractive index n + i·k of gold at 550 nm, with the scene keys of this index.
 pub const GOLD: Complex<f64> = Complex::new(0.4242, 2.4721);
 pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 
-/// Speed of light in vacuum, metres per picosecond.
+/// Speed of light in vacuum in metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
-/// Returns R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along
-/// `d`, counter-clockwise looking toward the source.
+/// Returns R(θ) for the rotation from the basis `from` to the basis `to`, for light that travels along `d`. θ
+/// is counter-clockwise looking toward the source.
 pub fn turn(d: DVec3, from: DVec3, to: DVec3) -> M {
     rotation(to.dot(d.cross(from)).atan2(to.dot(from)))
 }
@@ -45,7 +45,7 @@ pub fn amplitudes(cos: f64, eta: Complex<f64>) -> [Complex<f64>; 2] {
     [s, p]
 }
 
-/// Returns the matrix of Fresnel reflection, in s-frames on both sides.
+/// Returns the matrix of Fresnel reflection, with s-frames for incoming and outgoing light.
 pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     let [s, p] = amplitudes(cos, eta);
     let (a, b) = ((s.norm_sqr() + p.norm_sqr()) / 2.0, (s.norm_sqr() - p.norm_sqr()) / 2.0);
@@ -54,8 +54,8 @@ pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c)
 }
 
-/// Returns a mirror facet that reflects light from direction `d_in` (frame `x_in`) to `d_out` (frame
-/// `x_out`).
+/// Returns the matrix of a mirror facet that reflects light from direction `d_in` (frame `x_in`) to `d_out`
+/// (frame `x_out`).
 pub fn mirror(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, eta: Complex<f64>) -> M {
     let h = (d_out - d_in).normalize();
     let s = d_in.cross(d_out).normalize();
@@ -73,7 +73,7 @@ pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
 }
 
-/// Returns BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o). The unit is 1/sr.
+/// Returns the BRDF times cosθ_i of lossless GGX facets, D·G2 / (4 cosθ_o), in 1/sr.
 pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
     let c = n.dot((wo + wi).normalize());
     let t = c * c * (alpha * alpha - 1.0) + 1.0;
@@ -104,12 +104,12 @@ impl Device {
         Self { origin, right, down: forward.cross(right), forward, resolution, focal, distortion: [0.0; 5] }
     }
 
-    /// Returns a camera of one pixel, so narrow that it sees a point.
+    /// Returns a camera with one pixel, so narrow that it sees a single point.
     pub fn ray(origin: [f64; 3], target: DVec3) -> Self {
         Self::look_at(origin, target, [1, 1], 1e7)
     }
 
-    /// Returns the device rotated about its axis: image right rotates toward `forward × right` (image down).
+    /// Returns the device rotated about its axis. Image right rotates toward `forward × right` (image down).
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
         Self { right, down: self.forward.cross(right), ..self.clone() }
@@ -125,8 +125,8 @@ impl Device {
         ]
     }
 
-    /// Returns the unit direction through a continuous pixel position; distortion is inverted by fixed-point
-    /// iteration.
+    /// Returns the unit direction through a continuous pixel position. Fixed-point iteration inverts the
+    /// distortion.
     pub fn direction(&self, px: f64, py: f64) -> DVec3 {
         let [w, h] = self.resolution.map(f64::from);
         let q = [(px - w / 2.0) / self.focal, (py - h / 2.0) / self.focal];
@@ -142,8 +142,8 @@ impl Device {
         (self.right * p[0] + self.down * p[1] + self.forward).normalize()
     }
 
-    /// Returns the continuous pixel position of a point and its irradiance at normal incidence per unit
-    /// drive, 1/(z² cosθ).
+    /// Returns the continuous pixel position of a point. Also returns the irradiance at the point at normal
+    /// incidence per unit drive, 1/(z² cosθ).
     pub fn project(&self, p: DVec3) -> ([f64; 2], f64) {
         let v = p - self.origin;
         let z = v.dot(self.forward);
@@ -170,12 +170,13 @@ impl Device {
     }
 }
 
-/// Returns the factor by which some tests multiply their numbers of samples, from the variable `SAMPLES`.
+/// Returns the factor by which some tests multiply their numbers of samples. The environment variable
+/// `SAMPLES` sets the factor.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
 }
 
-/// Returns a point of a surface at the origin, with its frame.
+/// Returns a surface point at the origin, with its frame.
 pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
     Surface {
         p: Vec3A::ZERO,
@@ -189,7 +190,8 @@ pub fn surface_at(normal: Vec3A, tangent: Vec3A, uv: [f32; 2]) -> Surface {
     }
 }
 
-/// Returns the mean over an image of the first of every `stride` numbers of a slice, and its standard error.
+/// Returns the mean over an image of every `stride`-th number of a slice, and the standard error of this
+/// mean.
 pub fn of_image(r: &Rendered, slice: &str, stride: usize) -> (f64, f64) {
     let first = |t: Tensor| t.data.into_iter().step_by(stride).map(f64::from).collect::<Vec<_>>();
     let (mean, error) = (first(r.mean(slice)), first(r.std_error(slice)));
@@ -210,8 +212,8 @@ pub fn head(spp: u32, max_depth: u32, seed: u32) -> String {
     )
 }
 
-/// Returns the scene-file text of a square object of half width `half` about `centre`, its front toward
-/// `normal`.
+/// Returns the scene-file text of a square object of half width `half` about `centre`. The front of the
+/// object faces `normal`.
 pub fn plate(centre: DVec3, normal: DVec3, half: f64, material: &str) -> String {
     let u = normal.normalize().any_orthonormal_vector() * half;
     let v = normal.normalize().cross(u);

@@ -1,4 +1,4 @@
-//! Tests orthographic cameras in closed form: the positions of their rays, intersections, travel
+//! Compares orthographic cameras with closed forms. The tests cover ray positions, intersections, travel
 //! times, and refusals.
 
 use crate::optics::{C, assert_refused};
@@ -9,7 +9,7 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, T, X, Y};
 use sunstone::tensor::field::Field;
 
-/// Views the plane z = 0 obliquely; its image is 0.6 m wide and 0.4 m high.
+/// Scene-file text of a camera that sees the plane z = 0 obliquely. The image is 0.6 m wide and 0.4 m high.
 const CAMERA: &str = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
     pose.look_at = { origin = [0, -2, 2], target = [0, 0, 0], up = [0, 1, 0] }\n";
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\n[[objects]]\nmaterial = \"m\"\n\
@@ -19,7 +19,8 @@ fn head(spp: u32, more: &str) -> String {
     format!("wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 2\nseed = 3\n{more}")
 }
 
-/// Returns the offset to the right and down, in metres, of a position in pixel (i, j), as pixel fractions.
+/// Returns the offset in metres, to the right and down, of a position in pixel (i, j). `a` and `b` are
+/// fractions of a pixel.
 fn offset(i: usize, j: usize, [a, b]: [f64; 2]) -> [f64; 2] {
     [0.1 * (i as f64 + a - 3.0), 0.1 * (j as f64 + b - 2.0)]
 }
@@ -31,7 +32,7 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
 }
 
 /// Tests that, under a point light above the plane, each pixel shows the mean irradiance of its own
-/// parallelogram. All parallelograms are at the same distance.
+/// parallelogram on the plane. All parallelograms are at the same distance.
 #[test]
 fn each_pixel_sees_its_own_area() {
     let light = DVec3::new(0.1, 0.15, 0.3);
@@ -73,18 +74,19 @@ fn points_project_to_the_pixels_that_see_them() {
     }
 }
 
-/// Tests that travel time counts from the image plane: without perspective, all columns of a row
-/// have equal distances to a parallel surface.
+/// Tests that travel time counts from the image plane. Without perspective, all columns of a row have equal
+/// distances to a parallel surface.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {
-    // From the light's plane, 3 m above z = 0, straight down, and back along the camera's axis.
+    // Light travels straight down from the light's plane, 3 m above z = 0, and then back along the camera's
+    // axis.
     let emitter =
         "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [0, 0, 3] }\n";
     let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\ntime = { start_ps = 17000, bin_ps = 500, bins = 10 }\n";
     let r = render_text(&(head(500, "") + CAMERA + PLANE + emitter + slice));
     let diagonal = 0.5_f64.sqrt();
     for (i, j) in [(0, 0), (5, 0), (3, 1), (0, 3)] {
-        // The lower part of the image is nearer: the distance of the plane's point is (2 - y/√2) √2.
+        // The lower part of the image is nearer. The distance of a point of the plane is (2 - y/√2) √2.
         let length = |y: f64| 3.0 + (2.0 - y * diagonal) / diagonal;
         let [_, y] = offset(i, j, [0.5, 0.5]);
         let mean: f64 =
@@ -95,7 +97,8 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// Tests that rays begin in a sphere of fog where the image plane is inside the sphere, else in air.
+/// Tests a camera and a sphere of fog. Rays begin in the fog if the image plane is inside the sphere, and in
+/// air otherwise.
 #[test]
 fn rays_begin_in_the_surrounding_medium() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\

@@ -1,8 +1,9 @@
-//! Tests sheets between a surface and the projector, which users of other programs asked for
-//! (Mitsuba 3's issue 1462, "projector's light can't walk through polarizer or circular": a pinhole
-//! behind any BSDF renders black there).
+//! Tests sheets between a surface and the projector. Users of other programs requested sheets in front of a
+//! projector (Mitsuba 3's issue 1462, "projector's light can't walk through polarizer or circular"). In
+//! Mitsuba, a pinhole behind any BSDF renders black.
 //!
-//! Renders are compared with closed forms. Light passes a sheet without bending, so only the matrix changes.
+//! The tests compare renders with closed forms. Light passes a sheet without bending, so the sheet changes
+//! nothing but the matrix.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
@@ -16,20 +17,21 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Integrator;
 
-/// Returns the scene-file text of a sheet across the projector's axis, `metres` in front of the projector: u
-/// is image right, v image up.
+/// Returns the scene-file text of a sheet across the projector's axis, `metres` in front of the projector. u
+/// is image right, and v is image up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
     let at = lamp.origin + lamp.forward * metres;
     sheet(at, lamp.right, -lamp.down, material)
 }
 
-/// Returns the axis of a sheet made by [`in_front`], as a direction in world space.
+/// Returns the world-space direction of an axis at `deg` degrees in a sheet made by [`in_front`].
 fn axis(lamp: &Device, deg: f64) -> DVec3 {
     let (s, c) = deg.to_radians().sin_cos();
     lamp.right * c - lamp.down * s
 }
 
-/// Renders a point of a white wall at the origin, seen from above and lit from the side through `sheets`.
+/// Renders a point of a white wall at the origin. The camera is above the wall, and the projector lights the
+/// wall from the side through `sheets`.
 fn wall(lamp: &Device, materials: &str, sheets: &str, slices: &str) -> Rendered {
     let camera = Device::ray([0.1, 0.0, 2.0], DVec3::ZERO);
     let text = head(2, 6, 1)
@@ -48,16 +50,17 @@ fn lamp() -> Device {
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
 
-/// Tests Malus's law between projector and wall: two sheets transmit ½cos² of the angle between them, and
-/// for polarized light also the factor of the sheet near the projector. Each sheet is one interaction.
-/// Crossed sheets transmit nothing.
+/// Tests Malus's law between projector and wall. Two sheets transmit ½cos² of the angle between them. For
+/// polarized light, the sheet near the projector adds a factor. Each sheet is one interaction. Crossed sheets
+/// transmit nothing.
 #[test]
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
     let lambert = lamp.project(DVec3::ZERO).1 * lamp.origin.normalize().z / PI;
     for (near, far) in [(0.0, 0.0), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
         let materials = format!("a.polarizer.angle_deg = {near:?}\nb.polarizer.angle_deg = {far:?}\n");
-        // Far sheet first: the order along the ray matters, not the order in the file.
+        // The far sheet is first in the file, because the order along the ray determines the result, not the
+        // order in the file.
         let sheets = in_front(&lamp, 0.5, "b") + &in_front(&lamp, 0.1, "a");
         let r = wall(&lamp, &materials, &sheets, MATRIX);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]) / lambert;
@@ -75,12 +78,12 @@ fn malus_between_projector_and_wall() {
     }
 }
 
-/// Tests that a circular filter, which is a polarizer at 0° and a quarter-wave sheet at ±45° behind the
-/// polarizer, produces light of one handedness. A second such filter in front of the camera distinguishes the
-/// two.
+/// Tests that a circular filter produces light of one handedness. The filter is a polarizer at 0° with a
+/// quarter-wave sheet at ±45° behind the polarizer.
 #[test]
 fn circular_filters_distinguish_handedness() {
-    // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
+    // A mirror of rough gold reverses handedness. The test renders and evaluates the matrix of each of the
+    // two filters.
     let lamp = lamp();
     let materials = format!(
         "gold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.3 }}\np.polarizer.angle_deg = 0\n\
@@ -100,8 +103,8 @@ fn circular_filters_distinguish_handedness() {
     assert!(left.abs() > 0.9 && (left + right).abs() < 1e-3, "{left} {right}");
 }
 
-/// Tests all 16 elements of two tilted sheets between the projector and rough gold, and the travel
-/// time to all digits.
+/// Tests all 16 elements of two tilted sheets between the projector and rough gold. Tests the travel time to
+/// all digits.
 #[test]
 fn tilted_sheets_between_projector_and_metal() {
     let (target, eye) = (DVec3::new(0.05, 0.1, -0.02), DVec3::new(0.3, -0.5, 1.9));
@@ -113,7 +116,8 @@ fn tilted_sheets_between_projector_and_metal() {
         let u = n.any_orthonormal_vector();
         (u, n.cross(u))
     };
-    // Both sheets are tilted by about 30°; one shows its front to the projector, the other its back.
+    // The sheets are tilted by about 30°. One sheet shows its front to the projector, and the second sheet
+    // shows its back.
     let (tilt_a, tilt_b) =
         ((-d_in + DVec3::new(0.2, 0.5, 0.1)).normalize(), (d_in + DVec3::new(-0.3, 0.3, 0.3)).normalize());
     let ((ua, va), (ub, vb), (ug, vg)) = (across(tilt_a), across(tilt_b), across(normal));
@@ -149,7 +153,7 @@ fn tilted_sheets_between_projector_and_metal() {
     assert!(lit > 0.0 && bins.data.iter().sum::<f32>() == lit, "sheets take no time");
 }
 
-/// Renders a corner of two walls with one camera, lit by a projector behind `sheets`.
+/// Renders a corner of two walls with one camera. A projector behind `sheets` lights the corner.
 fn corner(max_depth: u32, sheets: &str) -> Rendered {
     let camera = Device::look_at([0.5, 0.6, 1.4], DVec3::new(-0.3, 0.0, -0.2), [12, 9], 14.0);
     let text = head(4, max_depth, 3)
@@ -162,7 +166,7 @@ fn corner(max_depth: u32, sheets: &str) -> Rendered {
         + sheets
         + "[[slices]]\nname = \"all\"\nprojector = \"all\"\n\
            [[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 250, bins = 100 }\n";
-    // Connections to the projector only.
+    // Uses camera paths, so that all light comes from connections to the projector.
     let mut scene = scene_of(&text);
     scene.set_integrator(Integrator::Path);
     render_scene(&scene)
@@ -172,13 +176,13 @@ fn scanner() -> Device {
     Device::look_at([0.1, -0.2, 1.3], DVec3::new(-0.4, 0.1, -0.3), [7, 5], 8.0)
 }
 
-/// Tests that an ideal polarizer directly in front of a scanner's pinhole halves every element of T,
-/// direct and indirect, in the same projector pixel and the same time bin, sample by sample. Two
-/// crossed polarizers, or a block of glass, transmit nothing.
+/// Tests an ideal polarizer directly in front of a scanner's pinhole. The polarizer halves every element of
+/// T, direct and indirect, in the same projector pixel and time bin, sample by sample. Two crossed
+/// polarizers, or a block of glass, transmit nothing.
 #[test]
 fn a_filter_near_the_pinhole_halves_everything() {
     let bare = corner(4, "");
-    // A sheet is an additional interaction.
+    // A sheet is an additional interaction, so the maximum depth increases by 1.
     let filtered = corner(5, &in_front(&scanner(), 0.001, "p"));
     for slice in ["all", "t"] {
         let (a, b): (Tensor, Tensor) = (bare.mean(slice), filtered.mean(slice));
@@ -191,7 +195,7 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert_eq!(bare.mean("all").axes[2].kind, V);
     assert_eq!(bare.mean("all").axes[3].kind, U);
     let dark = |sheets: &str| corner(6, sheets).field("all", Field::Mean);
-    // Off the axis, crossed sheets are not exactly crossed for the ray.
+    // Away from the optical axis, crossed sheets are not exactly crossed for the ray.
     let crossed = dark(&(in_front(&scanner(), 0.001, "p") + &in_front(&scanner(), 0.002, "p2")));
     let most = bare.mean("all").data.iter().copied().fold(0.0, f32::max);
     assert!(crossed.data.iter().all(|v| v.abs() < 0.01 * most), "crossed sheets");
@@ -199,8 +203,8 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert!(dark(&block).data.iter().all(|v| *v == 0.0), "glass bends light");
 }
 
-/// Tests that a path of `max_depth` 2 has one interaction. With a sheet in between, the wall's interaction
-/// exceeds this depth.
+/// Tests that a path of `max_depth` 2 has one interaction. With a sheet between projector and wall, the
+/// wall's interaction exceeds a `max_depth` of 2.
 #[test]
 fn sheets_count_for_max_depth() {
     let sheets = in_front(&scanner(), 0.1, "p");
@@ -210,8 +214,8 @@ fn sheets_count_for_max_depth() {
     assert!((sum(&direct) / sum(&filtered) - 2.0).abs() < 1e-4);
 }
 
-/// Tests that sheets also transmit light of point emitters, and that blends of a sheet and a hole transmit
-/// light according to their fractions.
+/// Tests that sheets transmit light of point emitters. Tests that blends of a sheet and a black material
+/// transmit light according to their fractions.
 #[test]
 fn points_shine_through_blends() {
     let lamp = lamp();
@@ -236,8 +240,8 @@ fn points_shine_through_blends() {
     assert!(bare > 0.0 && (through / want - 1.0).abs() < 1e-5, "{through} is not {want}");
 }
 
-/// Tests the frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the
-/// projector) has the sign of "counter-clockwise looking toward the source".
+/// Tests the frames of the helper functions. Unpolarized light behind a sheet at 45° (up-right, seen from the
+/// projector) must have the sign of "counter-clockwise looking toward the source".
 #[test]
 fn helper_frames_have_the_sign_of_the_conventions() {
     let lamp = lamp();

@@ -1,7 +1,7 @@
-//! Compares doubling with published values: Coulson's tables, Siewert's spheroids, Chandrasekhar's
-//! atmosphere; and invariants of doubling.
+//! Compares doubling with published values: Coulson's tables, Siewert's spheroids, and Chandrasekhar's
+//! atmosphere. Tests invariants of doubling.
 //!
-//! Values of the tables have all their printed digits.
+//! Reference values have all printed digits of the tables.
 
 use crate::doubling::{Slab, phase_matrix, rayleigh};
 use crate::optics::{M, assert_close};
@@ -9,9 +9,12 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// Compares I, Q, U of light that leaves the top of a Rayleigh slab with all digits of the tables of Coulson,
-/// Dave & Sekera (1960), as recomputed by Natraj, Li & Yung (2009, ApJ 691, 1909). The slab has τ = 0.5 over
-/// a black ground, under a sun of flux π at cos θ0 = 0.2. Signs of Q and U are those of Sunstone's frames.
+/// Compares I, Q and U of light that leaves the top of a Rayleigh slab with all digits of the tables of
+/// Coulson, Dave & Sekera (1960). Natraj, Li & Yung (2009, ApJ 691, 1909) recomputed the tables of Coulson,
+/// Dave & Sekera.
+///
+/// The slab has τ = 0.5 over a black ground, under a sun of flux π at cos θ0 = 0.2. The signs of Q and U are
+/// those of Sunstone's frames.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_table_of_coulson() {
@@ -50,8 +53,9 @@ fn wigner(m: f64, n: f64, first: f64, mu: f64) -> Vec<f64> {
     out
 }
 
-/// Returns the scattering matrix of Siewert's (2000, JQSRT 64, 227) problem IIA, randomly oriented oblate
-/// spheroids, from his expansion coefficients (α1, β1, α2, α3, α4, β2 for l = 0 … 11).
+/// Returns the scattering matrix of randomly oriented oblate spheroids, which is problem IIA of Siewert
+/// (2000, JQSRT 64, 227). The function uses Siewert's expansion coefficients (α1, β1, α2, α3, α4, β2 for l =
+/// 0 … 11).
 fn spheroids(mu: f64) -> Elements<f64> {
     const A1: [f64; 12] = [
         1.0, 2.104_031, 2.095_158, 1.414_939, 0.703_593, 0.235_001, 0.064_039, 0.012_837, 0.002_010,
@@ -97,9 +101,9 @@ fn spheroids(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Compares I, Q and U of light that leaves the top of a slab of [`spheroids`] with Siewert's tables, for τ =
-/// 1 and ϖ = 0.973527, under a sun of flux π at cos θ0 = 0.6. All six distinct elements of the matrix
-/// contribute.
+/// Compares I, Q and U of light that leaves the top of a slab of [`spheroids`] with Siewert's tables. The
+/// slab has τ = 1 and ϖ = 0.973527, under a sun of flux π at cos θ0 = 0.6. All six distinct elements of the
+/// matrix contribute.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn doubling_matches_the_tables_of_siewert() {
@@ -119,16 +123,17 @@ fn doubling_matches_the_tables_of_siewert() {
         let m: M = slab.reflected(mu, mu0, f64::to_radians(phi)) * PI;
         for (i, want) in want.into_iter().enumerate() {
             let got = m[(i, 0)];
-            // Half a unit of the last printed digit, also of the coefficients.
+            // The tolerance includes half a unit of the last printed digit, and the rounding of the
+            // coefficients.
             let tolerance = 1e-6 * f64::abs(want) + if i == 0 { 6e-7 } else { 6e-8 };
             assert!((got - want).abs() < tolerance, "{phi}°, μ = {mu}, s{i}: {got} is not {want}");
         }
     }
 }
 
-/// Tests that light that leaves a thick Rayleigh slab at the bottom has the distribution of Chandrasekhar's
-/// atmosphere with a constant net flux (Radiative Transfer, 1950, table XXIV: intensities in and
-/// perpendicular to the meridian plane).
+/// Tests light that leaves a thick Rayleigh slab at the bottom. The distribution must equal that of
+/// Chandrasekhar's atmosphere with a constant net flux (Radiative Transfer, 1950, table XXIV). The table
+/// lists intensities in the meridian plane and perpendicular to this plane.
 #[test]
 fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     let table = [
@@ -154,7 +159,7 @@ fn thick_slabs_match_the_atmosphere_of_chandrasekhar() {
     }
 }
 
-/// Tests doubling with the closed form of single scattering, and with the reciprocity and energy conservation
+/// Compares doubling with the closed form of single scattering. Tests the reciprocity and energy conservation
 /// of multiple scattering.
 #[test]
 fn doubling_keeps_its_invariants() {
@@ -164,7 +169,7 @@ fn doubling_keeps_its_invariants() {
     let thin = Slab::new(&spheroids, [tau, 0.8], 8, &[mu, mu0], &orders, 4);
     for (got, up) in [(thin.reflected(mu, mu0, phi), 1.0), (thin.transmitted(mu, mu0, phi), -1.0)] {
         let want = phase_matrix(&spheroids, [up * mu, phi], [-mu0, 0.0]) * (0.8 * tau / mu);
-        // The second scattering contributes about 10 τ of the first.
+        // Second scattering contributes about 10 τ times the light of single scattering.
         assert_close(&got, &want, 2e-4, "single scattering");
     }
     let slab = Slab::new(&spheroids, [3.0, 1.0], 14, &[mu, mu0], &[0, 1, 2], 18);
@@ -172,16 +177,19 @@ fn doubling_keeps_its_invariants() {
     let back = d * slab.reflected(mu0, mu, -phi).transpose() * d * (mu0 / mu);
     assert_close(&slab.reflected(mu, mu0, phi), &back, 1e-6, "reciprocity of reflection");
     let back = d * slab.transmitted(mu0, mu, -phi).transpose() * d * (mu0 / mu);
-    // Seen from below, upside down.
+    // The matrix X changes the frames, because the slab is seen from below.
     let x = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0));
     assert_close(&slab.transmitted(mu, mu0, phi), &(x * back * x), 1e-6, "reciprocity of transmission");
     let [up, down] = slab.shares(mu0);
     assert!((up + down - 1.0).abs() < 2e-6, "{up} + {down}");
 }
 
-/// Tests light that polystyrene spheres in vacuum reflect from a slab of optical depth 4 at normal incidence,
-/// by Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of
-/// polarized light transport into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
+/// Tests the light that a slab of polystyrene spheres in vacuum reflects at normal incidence. The slab has
+/// optical depth 4.
+///
+/// The reference is Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte
+/// Carlo programs of polarized light transport into scattering media: part I", table of reflectances; 632.8
+/// nm, index 1.59).
 #[test]
 fn reflectance_of_spheres_matches_ramella_roman() {
     for (diameter_nm, want) in [(1000.0, 0.447_99), (2000.0, 0.293_01)] {

@@ -1,5 +1,5 @@
-//! Tests crystals with rough faces: facets alone, the smooth crystal as the limit of small roughness, and
-//! retardance on every kind of path.
+//! Tests crystals with rough faces. The tests cover facets alone, the smooth crystal as the limit of small
+//! roughness, and retardance on every kind of path.
 
 use crate::crystals::{QUARTZ, Slab, way};
 use crate::materials::{
@@ -18,7 +18,7 @@ use sunstone::transport::material::{Lanes, Materials};
 /// Mean of the ordinary and the extraordinary refractive index.
 const MEAN: f64 = 1.55;
 
-/// Returns one crystal with index 0. `keys` contains all keys except the optic axis.
+/// Returns a single crystal, which has index 0. `keys` contains all keys except the optic axis.
 fn crystal(keys: &str) -> Materials {
     let text = format!(
         "wavelengths_nm = [450, 550, 633, 660]\n[materials]\na.crystal = {{ axis = [1, 2, 2], {keys} }}\n"
@@ -32,7 +32,7 @@ fn of(roughness: f64) -> Materials {
     crystal(&format!("n_o = 1.5, n_e = 1.6, roughness = {roughness}"))
 }
 
-/// Returns the directions from outside and from inside.
+/// Returns two directions from outside and two from inside.
 fn seen_from() -> [Vec3A; 4] {
     [toward(0.9, 1.4), toward(0.3, 1.4), -toward(0.9, 1.4), -toward(0.4, 1.4)]
 }
@@ -48,7 +48,8 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
             assert!(compared > 1000, "{name}: only {compared} samples");
         }
     }
-    // The indices are the material's constants; one wavelength continues.
+    // The indices are the constants of the material, so the crystal is dispersive and one wavelength
+    // continues.
     let quartz = crystal("name = \"quartz\", roughness = 0.3");
     for (case, wo) in seen_from().into_iter().enumerate() {
         follow_density(&format!("quartz {case}"), &quartz, wo, 10 + case as u32, 12);
@@ -72,7 +73,8 @@ fn facets_are_reciprocal() {
     assert!(pairs > 100, "{pairs} pairs see each other");
 }
 
-/// Tests that matrices of facets are realizable, and that the crystal is only inside its face.
+/// Tests that matrices of facets are realizable. Tests that the crystal is on the inner side of its face, and
+/// not on the outer side.
 #[test]
 fn matrices_are_realizable_and_the_crystal_is_inside() {
     let m = crystal("name = \"calcite\", roughness = 0.3");
@@ -102,8 +104,8 @@ fn matrices_are_realizable_and_the_crystal_is_inside() {
     assert!(checked > 10_000, "{checked}");
 }
 
-/// Tests that a slab of quartz of 16 waves between nearly smooth faces is the wave plate between
-/// Fresnel faces, in all elements: within five standard errors plus the effect of the roughness.
+/// Tests a slab of quartz of 16 waves between nearly smooth faces. The slab is the wave plate between Fresnel
+/// faces, in all elements. The tolerance is five standard errors plus the effect of the roughness.
 #[test]
 fn nearly_smooth_faces_are_smooth() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -121,8 +123,8 @@ fn nearly_smooth_faces_are_smooth() {
         assert!((g - w).abs() < bound, "element {k}: {g} is not {w} ± {}\n{got}{want}", error[k]);
     }
     assert!(error[0] < 0.02 * want[0], "{error}");
-    // Negative controls: glass of the mean index, which has no retardance, and rough faces, which scatter
-    // most light elsewhere.
+    // The negative controls are glass of the mean index, which has no retardance, and rough faces, which
+    // scatter most light in other directions.
     let glass = slab.expected(DVec3::Z, QUARTZ, 550.0);
     let off = |m: &M| (0..16).filter(|k| (m[*k] - got[*k]).abs() > 5.0 * error[*k] + 2e-3 * want[0]).count();
     assert!(off(&glass) > 3, "{got}{glass}");

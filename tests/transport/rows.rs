@@ -1,5 +1,5 @@
-//! Tests light via several mirrors in sequence, or through curved glass, to a wall that is seen in a mirror.
-//! The references are rays traced in f64, and light subpaths to the same wall seen directly.
+//! Tests light that reaches a wall via several mirrors in sequence, or through curved glass. The wall is seen
+//! in a mirror. The references are rays traced in f64, and light subpaths to the same wall seen directly.
 
 use crate::manifold::{ALBEDO, Meridian, through_ball};
 use crate::mirrors::{Plane, comes_at, image, off_ball, to_camera};
@@ -10,10 +10,11 @@ use std::f64::consts::PI;
 use sunstone::tensor::axes::AxisKind::Bounces;
 use sunstone::transport::scene::Integrator;
 
-/// The mirror in which walls are seen: so small that it reflects no light to the wall.
+/// The mirror in which the camera sees walls. The mirror is so small that it reflects no light to the wall.
 const VIEW: Plane = (DVec3::NEG_X, -1.5);
 
-/// Returns a camera that sees a point in that mirror through one pixel, and the mirror.
+/// Returns a camera that sees a point in the mirror [`VIEW`] through one pixel, and the scene-file text of
+/// the mirror.
 fn seen(origin: DVec3, point: DVec3, focal: f64, half: f64) -> (Device, String) {
     let to = image(VIEW, point);
     let camera = Device::look_at(origin.to_array(), to, [1, 1], focal);
@@ -47,9 +48,9 @@ fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     (of(r.mean("m")), of(r.std_error("m")))
 }
 
-/// Returns the radiance and optical length of every path to distance `rho` from an axis, for a lamp that
-/// points along the axis. Rays lie in a plane with the axis and start at an angle to the axis
-/// (`Meridian::rho` is signed).
+/// Returns the radiance and the optical length of every path to distance `rho` from an axis. The lamp points
+/// along the axis. Rays lie in a plane with the axis and start at an angle to the axis (`Meridian::rho` is
+/// signed).
 fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
     let n = 20_001;
     let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
@@ -77,16 +78,17 @@ fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64
     out
 }
 
-/// Tests that a glass sphere directs a lamp's light to a wall in front of the sphere's focus on three paths,
-/// and behind the focus inverted. Without any one of the paths the sum would be wrong.
+/// Tests that a glass sphere directs a lamp's light to a wall. In front of the sphere's focus, the light
+/// takes three paths. Behind the focus, the image is inverted. Without any one of the paths, the sum would be
+/// wrong.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn every_path_through_a_ball_is_found() {
     for (wall, rho, count, spp) in
         [(-0.42, 0.008, 3, 150_000), (-1.0, 0.2, 1, 60_000), (-1.0, 0.55, 1, 60_000)]
     {
-        // The straight line to the last point misses the sphere. For the other points, the lamp is so narrow
-        // that all its light hits the sphere.
+        // The straight line to the last point misses the sphere. For all earlier points, the lamp is so
+        // narrow that all its light hits the sphere.
         let beside = rho > 0.5;
         let lamp =
             Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], if beside { 100.0 } else { 190.0 });
@@ -114,7 +116,8 @@ fn every_path_through_a_ball_is_found() {
     }
 }
 
-/// Tests that a mirror sphere reflects light to a flat mirror and then to a wall, as to the wall's image.
+/// Tests a mirror sphere that reflects light to a flat mirror and then to a wall. The reference is light from
+/// the sphere to the mirror image of the wall.
 #[test]
 fn a_ball_and_a_flat_mirror_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
@@ -147,8 +150,9 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
 }
 
-/// Returns the light by light subpaths on a piece of wall seen directly, and by manifold connections on the
-/// wall seen in the mirror, divided by the mirror's reflectance.
+/// Returns two values of the light on a piece of wall. The first value uses light subpaths, with the wall
+/// seen directly. The second value uses manifold connections, with the wall seen in the mirror, and is
+/// divided by the mirror's reflectance.
 fn both(
     objects: &str,
     lamp: &Device,
@@ -172,14 +176,15 @@ fn both(
     [seen, over(mirrored)]
 }
 
-/// Checks that both agree, and are so precise that a missing fraction `share` would be detected.
+/// Checks that two values of the light agree. Checks that the values are so precise that the test would
+/// detect a missing fraction `share`.
 fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     let sigma = x.hypot(y);
     assert!((a - b).abs() < 5.0 * sigma, "{a} ± {x}, {b} ± {y}");
     assert!(5.0 * sigma < share * a, "{a} ± {sigma} is too little known");
 }
 
-/// Tests light that is reflected by two mirror spheres, one after the other.
+/// Tests light that two mirror spheres reflect in sequence.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn two_balls_in_a_row() {
@@ -191,14 +196,15 @@ fn two_balls_in_a_row() {
     agree(both(&objects, &lamp, origin, point, 3, [1_500_000, 100_000]), 0.3);
 }
 
-/// Tests that a wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the
-/// light of a small emitting sphere, which camera paths hit at random, and unlike a flat mirror.
+/// Tests a wavy mirror, whose waves are a normal map. The mirror reflects a point's light onto a wall like
+/// the light of a small emitting sphere, which camera paths hit at random. The result must differ from that
+/// of a flat mirror.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_mirror_under_a_normal_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("waves.png");
-    // Normals are tilted at random by up to 0.1 rad.
+    // The normals are tilted at random by up to 0.1 rad.
     let mut state = 7_u32;
     let mut tilt = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -248,8 +254,8 @@ fn a_mirror_under_a_normal_map() {
     let met = of(&camera, &ball, 1.0, Integrator::Path, 3_000_000);
     agree([met, found], 0.2);
     assert!((found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1), "waves do nothing");
-    // The same wall seen directly, which light subpaths reach. The mirror is tilted by 0.3 rad, so that
-    // reflection about the untilted normal would be detected.
+    // Light subpaths contribute if the camera sees the wall directly. The mirror is tilted by 0.3 rad, so
+    // that the test would detect reflection about the untilted normal.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 500_000);
@@ -257,7 +263,8 @@ fn a_mirror_under_a_normal_map() {
     agree([met, found], 0.2);
 }
 
-/// Tests calcite between lamp and wall: both refracted rays are traced separately, from one end to the other.
+/// Tests calcite between lamp and wall. The tracer must trace the two refracted rays separately, from the
+/// lamp to the wall and in reverse.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_crystal_with_double_images() {

@@ -1,5 +1,5 @@
-//! Tests large scenes and small gaps: renders are exact if single precision suffices, and other scenes are
-//! refused.
+//! Tests large scenes and small gaps. If single precision suffices for a scene, the render is exact.
+//! Otherwise, the program refuses the scene.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{render_scene, render_text};
@@ -10,8 +10,9 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Returns the scene-file text of a white wall at distance `z` from the camera along the rotated z axis, and
-/// of the object `front` at distance `gap` in front of the wall. Both have size `size`.
+/// Returns the scene-file text of a white wall and of the object `front`. The wall is at distance `z` from
+/// the camera along the rotated z axis. `front` is at distance `gap` in front of the wall. The wall and the
+/// object have the size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera =
         Device::look_at([0.0; 3], turn * DVec3::new(0.03 * size, 0.02 * size, z), [4, 4], 30.0 * z / size);
@@ -40,8 +41,8 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
         + "[[slices]]\nname = \"m\"\nbounces = true\n"
 }
 
-/// Returns the light that passed the sheet twice, or the pane's faces four times, and was reflected by the
-/// wall in between.
+/// Returns the light that the wall reflects. The light passes the sheet twice, or the pane's faces four
+/// times.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
     scene.change_settings(|s| s.manifold |= front == "pane");
@@ -50,8 +51,8 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     image.data.iter().map(|v| f64::from(*v)).sum()
 }
 
-/// Tests that a sheet or pane a micrometre in front of a wall transmits as much light as at a larger
-/// distance, in scenes of 1, 10 and 100 m, or that the scene is refused with the gap in the message. A sheet
+/// Tests a sheet or pane a micrometre in front of a wall, in scenes of 1, 10 and 100 m. The object transmits
+/// as much light as at a larger distance, or the scene is refused with the gap in the message. A sheet
 /// slightly farther away than the message requires is rendered.
 #[test]
 fn gaps_of_a_micrometre_work_or_are_refused() {
@@ -85,7 +86,8 @@ fn gaps_of_a_micrometre_work_or_are_refused() {
             };
             let touching = at(0.0).unwrap_or_else(|e| panic!("{what} on the wall: {e}"));
             assert!(touching.notes.iter().any(|n| n.contains("touches")), "{what}: {:?}", touching.notes);
-            // A pane that touches the wall within single precision has no air behind it, which is noted.
+            // A pane that touches the wall within single precision has no air behind it. The scene has a note
+            // about the contact.
             if front == "null" || scene.notes.iter().any(|n| n.contains("into the other object")) {
                 continue;
             }
@@ -102,8 +104,8 @@ fn gaps_of_a_micrometre_work_or_are_refused() {
     assert!(works >= 4, "{works}");
 }
 
-/// Tests that, for a rectangle of 200 m under a lamp, radiance is accurate to 1e-6 and times to 0.01 ps at
-/// all positions.
+/// Tests a rectangle of 200 m under a lamp. Radiance is accurate to 1e-6, and times are accurate to 0.01 ps,
+/// at all positions.
 #[test]
 fn two_hundred_metres_are_exact() {
     let lamp = DVec3::new(8.0, -6.0, 48.0);
@@ -115,7 +117,7 @@ fn two_hundred_metres_are_exact() {
     ] {
         let to = lamp - target;
         // At the point of specular reflection, the first derivative of time with respect to the position on
-        // the wall is zero. The position has the single precision of the camera's directions.
+        // the wall is zero. The position on the wall has the single precision of the camera's directions.
         let origin = target + DVec3::new(-to.x, -to.y, to.z) * 1.25;
         let camera = Device::look_at(origin.to_array(), target, [1, 1], 9e8);
         let cos = to.z / to.length();

@@ -1,5 +1,9 @@
-//! Tests media and their boundaries with known results: single scattering by quadrature, absorption
-//! by Beer and Lambert, boundaries without effect, furnaces, travel times.
+//! Tests media and their boundaries with known results:
+//! - single scattering by quadrature
+//! - absorption by Beer and Lambert
+//! - boundaries without effect
+//! - furnaces
+//! - travel times
 
 use crate::doubling::{Scattering, rayleigh, scattered};
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
@@ -23,7 +27,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// Returns the two distances, at least 0, between which a ray is inside the shape.
+    /// Returns the two distances between which a ray is inside the shape. Each distance is at least 0.
     fn inside(self, p: DVec3, dir: DVec3) -> [f64; 2] {
         let [from, to] = match self {
             Self::Ball { centre, radius } => {
@@ -68,7 +72,7 @@ struct Cloud<'a> {
     absorption: f64,
     index: f64,
     matrix: Scattering<'a>,
-    /// The phase function in the syntax of scene files.
+    /// The phase function in scene-file syntax.
     phase: String,
 }
 
@@ -80,8 +84,9 @@ impl Cloud<'_> {
         )
     }
 
-    /// Returns the light scattered once toward a camera ray, and its distribution over time. The light leaves
-    /// a point with intensity 1/cos³ of the angle to the axis, or with intensity 1 without an axis.
+    /// Returns the light scattered once toward a camera ray, and the distribution of this light over time.
+    /// With an axis, light leaves a point with the intensity 1/cos³ of the angle to the axis. Without an
+    /// axis, the intensity is 1.
     fn seen(&self, camera: &Device, lamp: &Device, has_axis: bool) -> (M, Vec<f64>) {
         const N: u32 = 4000;
         let dir = camera.forward;
@@ -140,8 +145,8 @@ fn henyey_greenstein(mu: f64) -> Elements<f64> {
 }
 
 /// Tests all 16 elements and the time bins of single scattering against quadrature. The camera is outside or
-/// inside the medium, the light is a projector or a point, and another object of the same medium may be
-/// inside.
+/// inside the medium, and the light is a projector or a point. The medium may contain another object of the
+/// same medium.
 #[test]
 fn single_scattering_is_a_quadrature() {
     const SPP: u32 = 100_000;
@@ -217,7 +222,7 @@ fn single_scattering_is_a_quadrature() {
             let (got, sigma) = (f64::from(mean.at(&at)), f64::from(sigma.at(&at)));
             if *value > 0.02 * want[(0, 0)] {
                 compared += 1;
-                // The rule assigns each step to a single bin.
+                // The quadrature rule assigns each step to a single bin.
                 assert!(
                     (got - value).abs() < 5.0 * sigma + 2e-3 * value,
                     "case {seed}, bin {bin}: {got} is not {value} ± {sigma:.1e}"
@@ -228,7 +233,7 @@ fn single_scattering_is_a_quadrature() {
     }
 }
 
-/// Renders a rough gold plate below the origin, which is lit and seen through the object `before`.
+/// Renders a rough gold plate below the origin. The plate is lit and seen through the object `before`.
 fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     let text = head(64, 6, 5)
         + &camera.keys("camera")
@@ -241,8 +246,8 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     render_text(&text)
 }
 
-/// Tests that empty null boundaries, and clear media behind them, have no effect except on travel time.
-/// Absorbing media follow Beer and Lambert in both directions.
+/// Tests empty null boundaries, and clear media behind null boundaries. The boundaries and media must affect
+/// travel time only. Absorbing media follow Beer and Lambert in each direction.
 #[test]
 fn null_boundaries_have_no_effect() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
@@ -276,8 +281,8 @@ fn null_boundaries_have_no_effect() {
     }
 }
 
-/// Tests that a glass sphere with a clear medium inside equals a glass sphere. With an absorbing medium,
-/// the transmission through its centre is known.
+/// Tests that a glass sphere with a clear medium inside equals a glass sphere. With an absorbing medium, the
+/// transmission through the sphere's centre is known.
 #[test]
 fn refractive_boundaries_are_those_of_glass() {
     let camera = Device::look_at([0.4, 0.3, 2.2], DVec3::new(0.0, 0.1, 0.4), [8, 8], 14.0);
@@ -299,7 +304,8 @@ fn refractive_boundaries_are_those_of_glass() {
         }
     }
     assert!(through > 32, "only {through} pixels see light");
-    // Normal incidence in the furnace: R + (1 - R)² A (1 + R A + R² A² + …), with A = exp(-a d).
+    // At normal incidence in the furnace, the radiance is R + (1 - R)² A (1 + R A + R² A² + …), with A =
+    // exp(-a d).
     let reflectance = 0.04;
     let passed = f64::exp(-1.3 * 0.8);
     let want = reflectance + (1.0_f64 - reflectance).powi(2) * passed / (1.0 - reflectance * passed);
@@ -316,9 +322,9 @@ fn refractive_boundaries_are_those_of_glass() {
     assert!((got - want).abs() < 5.0 * sigma && sigma < 0.01, "{got} is not {want} ± {sigma}");
 }
 
-/// Tests that in a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays
-/// unpolarized: in every sample if nothing polarizes and wavelengths do not share paths, otherwise on
-/// average.
+/// Tests that, in a furnace, a lossless medium is invisible behind any boundary, and that unpolarized light
+/// stays unpolarized. If nothing polarizes light and wavelengths do not share paths, every sample must be
+/// exact. If something polarizes light or wavelengths share paths, the mean over samples must be correct.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);
@@ -358,7 +364,7 @@ fn lossless_media_vanish_in_the_furnace() {
                 variance += f64::from(error.at(&at)).powi(2);
             }
             let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
-            // Facets lose the light of second reflections.
+            // Rough facets lose the light of second reflections.
             let lost = if material == rough && i == 0 { 0.02 } else { 0.0 };
             assert!(
                 off < 5.0 * sigma + 1e-4 && off > -5.0 * sigma - 1e-4 - lost,

@@ -1,5 +1,6 @@
-//! Tests that slices that keep few projector pixels s' per camera pixel use additional paths, which give the
-//! same light as random paths with far smaller standard errors.
+//! Tests slices that keep few projector pixels s' per camera pixel. The renderer uses additional paths for
+//! slices with few s'. The additional paths give the same light as random paths, with far smaller standard
+//! errors.
 
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::array::Tensor;
@@ -9,11 +10,11 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
-/// Camera and projector pixels per row, samples per camera pixel.
+/// Number of camera pixels per row, and number of projector pixels per row.
 const SIZE: usize = 16;
 const SPP: u32 = 512;
 
-/// A slice with all projector pixels s' separate, for which only random paths give values.
+/// A slice that resolves all projector pixels s'. All values of the slice come from random paths.
 const ALL: &str = r#"
 [[slices]]
 name = "matrices"
@@ -44,8 +45,8 @@ polarization = "mueller"
 bounces = true
 "#;
 
-/// A band about the epipolar line of each camera pixel: with s' resolved, by random paths, and with s'
-/// summed, by additional paths.
+/// A slice with a band about the epipolar line of each camera pixel. The slice resolves s' and uses random
+/// paths.
 const ALONG: &str = r#"
 [[slices]]
 name = "along"
@@ -66,7 +67,7 @@ fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
     room_of(SIZE as u32, slices, seed, spp)
 }
 
-/// Returns the room with a projector of `projector` pixels per row.
+/// Renders the room with a projector of `projector` pixels per row.
 fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
@@ -86,19 +87,19 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
 /// Indices along some axes.
 type Index = Vec<(AxisKind, usize)>;
 
-/// Returns the s' that a slice keeps for camera pixel (x, y): column, row, and the index along the slice's
-/// own axes.
+/// Returns the s' that a slice keeps for camera pixel (x, y). Each entry has the column and row of s', and
+/// the index along the slice's own axes.
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
         "block" => (0..4).map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)])).collect(),
-        // Axes that are resolved have been summed before.
+        // The caller has already summed over the resolved axes.
         "band" => vec![([0, 0], vec![])],
         _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
     }
 }
 
-/// Largest relative standard error of an intensity from random paths. A larger value means few hits, for
+/// Largest relative standard error of an intensity from random paths. A larger value is due to few hits, for
 /// which errors are unreliable.
 const KNOWN: f64 = 0.15;
 
@@ -108,9 +109,9 @@ const LEAST_ERROR: f64 = 0.1;
 /// Minimum number of compared elements.
 const LEAST: u32 = 6;
 
-/// Compares the sums over the image of each element, without direct light if it is separate. Returns the
-/// largest difference, in standard errors, if the second render is multiplied by `factor`, and the mean ratio
-/// of the variances of the intensity.
+/// Compares the sums over the image of each element, without direct light if direct light is separate.
+/// `factor` multiplies the second render. Returns the largest difference in standard errors, and the mean
+/// ratio of the variances of the intensity.
 fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f64; 2] {
     let rest: Vec<AxisKind> = [T, Bounces, StokesOut, StokesIn, Wavelength].into();
     let lengths: Vec<usize> = rest.iter().map(|k| few[0].extent(*k)).collect();
@@ -138,7 +139,8 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
                 }
             }
         }
-        // A matrix is compared if its intensities, which come first, are reliable at all wavelengths.
+        // The function compares a matrix if its intensities, which come first, are reliable at all
+        // wavelengths.
         let first = index.iter().all(|(kind, i)| !matches!(kind, StokesOut | StokesIn) || *i == 0);
         let matrix = number / (lengths[2] * lengths[3] * lengths[4]);
         if first {
@@ -149,7 +151,8 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
             continue;
         }
         elements += 1;
-        // Elements to which almost no path contributes have no random error.
+        // The random error of elements to which almost no path contributes is zero, so a minimum error is
+        // used.
         let wavelength = number % lengths[4];
         let mut error = (squares[0] + squares[1]).sqrt();
         if first {
@@ -166,7 +169,8 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
     [worst, ratio / count]
 }
 
-/// Compares both methods with 512 samples for each of 256 pixels. The negative control counts paths twice.
+/// Compares random and additional paths with 512 samples for each of 256 pixels. The negative control counts
+/// paths twice.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn drawn_projector_pixels_agree_with_the_full_slice() {
@@ -184,12 +188,12 @@ fn drawn_projector_pixels_agree_with_the_full_slice() {
     }
 }
 
-/// Compares both methods for bands about epipolar lines.
+/// Compares random and additional paths for bands about epipolar lines.
 #[test]
 fn drawn_bands_agree_with_the_full_slice() {
     let (by_chance, drawn) = (room_of(WIDE, ALONG, 1, SPP), room_of(WIDE, BAND, 2, SPP));
     let [mean, mut error] = of(&by_chance, "along");
-    // No path of a sample is in two columns with the same number of bounces: variances (nearly) add.
+    // No path of a sample is in two columns with the same number of bounces, so the variances (nearly) add.
     error.data.iter_mut().for_each(|e| *e *= *e);
     let mut error = error.sum(U);
     error.data.iter_mut().for_each(|e| *e = e.sqrt());
@@ -202,7 +206,7 @@ fn drawn_bands_agree_with_the_full_slice() {
     assert!(ratio > 1.2, "variances fall by {ratio} alone");
 }
 
-/// Tests that a slice with few s' does not change other slices of the render.
+/// Tests that a slice with few projector pixels s' does not change the remaining slices of the render.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn other_slices_keep_their_bits() {

@@ -1,5 +1,5 @@
-//! Tests polarizer and retarder sheets, and coated mirrors: closed forms for renders, and their matrices
-//! alone.
+//! Tests polarizer sheets, retarder sheets and coated mirrors. The tests compare renders with closed forms.
+//! Further tests check the matrices without a render.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, of_image, project,
@@ -16,8 +16,8 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// Returns the scene-file text of a sheet of half width 0.2 about `centre`: its u direction is `u`, its
-/// normal `u × v`.
+/// Returns the scene-file text of a sheet of half width 0.2 about `centre`. The u direction of the sheet is
+/// `u`, and its normal is `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     let corner = centre - (u + v) * 0.2;
     format!(
@@ -28,8 +28,9 @@ pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     )
 }
 
-/// Returns the camera on the z axis at z = 2 above a white wall at z = 0, which the projector
-/// illuminates from the side; +x is image right, +y image up. `sheets` are between camera and wall.
+/// Returns the Stokes vector of a white wall at z = 0, which the projector illuminates from the side. The
+/// camera is on the z axis at z = 2, with +x as image right and +y as image up. `sheets` are between camera
+/// and wall.
 fn column(materials: &str, sheets: &str) -> Matrix4x1<f64> {
     let lamp = Device::look_at([-0.8, 0.0, 0.3], DVec3::ZERO, [3, 3], 8.0);
     let wall = format!(
@@ -54,8 +55,8 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Tests Malus's law for two sheets, which transmit ½cos² of the angle between them, and the light is
-/// polarized along the sheet near the camera.
+/// Tests Malus's law for two sheets, which transmit ½cos² of the angle between them. The light is polarized
+/// along the sheet near the camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
@@ -67,7 +68,7 @@ fn malus_by_two_sheets() {
     }
 }
 
-/// Tests the transmittance T and the extinction ε of polarizers: crossed sheets transmit T²ε of unpolarized
+/// Tests the transmittance T and the extinction ε of polarizers. Crossed sheets transmit T²ε of unpolarized
 /// light, and a single sheet transmits T(1 + ε)/2.
 #[test]
 fn a_polarizer_leaks() {
@@ -79,8 +80,9 @@ fn a_polarizer_leaks() {
     stokes(both, [0.0064, 0.0, 0.0, 0.0], "crossed");
 }
 
-/// Tests that a quarter-wave sheet at 45° over a polarizer at 0° produces right circular light, at -45° left.
-/// A half-wave sheet mirrors the plane of polarization. From behind, angles denote the same lines in space.
+/// Tests quarter-wave and half-wave sheets over a polarizer at 0°. A quarter-wave sheet at 45° produces right
+/// circular light, and at -45° left circular light. A half-wave sheet mirrors the plane of polarization. Seen
+/// from behind, angles of a sheet denote the same lines in space.
 #[test]
 fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";
@@ -89,7 +91,7 @@ fn retarders_have_the_pinned_signs() {
     stokes(column(&quarter("angle_deg = 45"), &over), [0.5, 0.0, 0.0, 0.5], "right");
     stokes(column(&quarter("angle_deg = -45"), &over), [0.5, 0.0, 0.0, -0.5], "left");
     stokes(column(&quarter("angle_deg = 90"), &over), [0.5, 0.5, 0.0, 0.0], "along");
-    // 550 nm is the scene's wavelength.
+    // The wavelength of the scene is 550 nm.
     let nm = format!("{polarizer}q.retarder = {{ retardance_nm = 137.5, angle_deg = 45 }}\n");
     stokes(column(&nm, &over), [0.5, 0.0, 0.0, 0.5], "by nanometres");
     let world = quarter("axis = [1, 1, 0.3]");
@@ -97,7 +99,8 @@ fn retarders_have_the_pinned_signs() {
     let half = format!("{polarizer}q.retarder = {{ retardance_deg = 180, angle_deg = 30 }}\n");
     let (s, c) = 120_f64.to_radians().sin_cos();
     stokes(column(&half, &over), [0.5, 0.5 * c, 0.5 * s, 0.0], "half wave");
-    // Rotated by 180° about its u axis, the sheet has its line at -45° for the camera; a world axis stays.
+    // If the sheet is rotated by 180° about its u axis, its line is at -45° for the camera. An axis that is
+    // given in world space does not change.
     let behind = sheet(DVec3::Z * 1.3, DVec3::X, -DVec3::Y, "q") + &level(1.0, "p");
     stokes(column(&quarter("angle_deg = 45"), &behind), [0.5, 0.0, 0.0, -0.5], "behind");
     stokes(column(&world, &behind), [0.5, 0.0, 0.0, 0.5], "world axis behind");
@@ -117,7 +120,7 @@ pub fn retarder(delta: f64) -> M {
     M::new(1., 0., 0., 0., 0., 1., 0., 0., 0., 0., c, s, 0., 0., -s, c)
 }
 
-/// Tests all 16 elements of a tilted polarizer and a tilted retarder in front of rough gold, from both sides.
+/// Tests all 16 elements of a tilted polarizer and a tilted retarder in front of rough gold, from each side.
 #[test]
 fn tilted_sheets_in_front_of_metal() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.3, -0.5, 1.9));
@@ -181,7 +184,8 @@ fn a_coated_mirror_in_front_of_metal() {
         + &sheet(DVec3::ZERO, DVec3::X, DVec3::Y, "m")
         + &sheet(target, u, v, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    // The ratio of the tangential fields, layer by layer, is proportional to q for s and to q/n² for p.
+    // The ratio of the tangential fields is computed layer by layer. The ratio is proportional to q for s and
+    // to q/n² for p.
     let sin2 = Complex::new(0.75, 0.0);
     let root = |n: Complex<f64>| (n * n - sin2).sqrt();
     let film = Complex::new(n_film, 0.0);
@@ -224,9 +228,11 @@ fn direction(stream: &mut Stream) -> Vec3A {
     DVec3::new(s * phi.cos(), s * phi.sin(), z).as_vec3a()
 }
 
-/// Tests, for any direction, sheet and wavelength, that light passes straight, that the matrix is realizable
-/// and transmits at most the incident light, and that with Δ = diag(1, 1, -1, 1) the matrix of the reversed
-/// ray is Δ Mᵀ Δ (the sign of s2 changes with the direction of view).
+/// Tests sheets for any direction, sheet and wavelength:
+/// - Light passes straight through the sheet.
+/// - The matrix is realizable and transmits at most the incident light.
+/// - The matrix of the reversed ray is Δ Mᵀ Δ with Δ = diag(1, 1, -1, 1), because the sign of s2 changes with
+///   the direction of view.
 #[test]
 fn sheets_are_realizable_and_reciprocal() {
     let set = materials(
@@ -246,7 +252,7 @@ fn sheets_are_realizable_and_reciprocal() {
             continue;
         }
         let id = case % 5;
-        // An axis perpendicular to the ray, the same from both sides.
+        // Selects an axis perpendicular to the ray, which is the same from each side.
         let x = sunstone::optics::polarization::frame::perpendicular(wo);
         let lobe = |wo: Vec3A| {
             let sampled = set
@@ -279,7 +285,7 @@ fn sheets_are_realizable_and_reciprocal() {
 }
 
 /// Compares the retardance of a tilted wave plate with the exact phases of the two plane waves in a uniaxial
-/// plate of tiny birefringence (both obey Snell's law with their own normal component of the wave vector).
+/// plate of tiny birefringence. Each wave obeys Snell's law with its own normal component of the wave vector.
 #[test]
 fn a_tilted_plate_has_the_exact_retardance() {
     let (n_o, n_e) = (1.55 - 5e-5, 1.55 + 5e-5);
@@ -310,7 +316,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
     let d0 = 50_f64.to_radians();
     assert!(least < 0.8 * d0 && most > 1.2 * d0, "{least} to {most}");
-    // In the principal planes the axes are those of the sheet.
+    // In the principal planes, the axes are those of the sheet.
     for angle in [0.0_f32, 0.4, 1.2] {
         for axis in [optic.as_vec3a(), at.ns.cross(optic.as_vec3a())] {
             let wo = at.ns * angle.cos() + axis * angle.sin();
@@ -325,7 +331,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
 }
 
-/// Tests that errors in the keys of sheets are reported with location and fix.
+/// Tests that the program reports errors in the keys of sheets with location and fix.
 #[test]
 fn errors_have_position_and_fix() {
     for (text, words) in [
@@ -380,7 +386,7 @@ fn errors_have_position_and_fix() {
     assert!(error.to_string().contains("cover 380 to 1000 nm"), "{error}");
 }
 
-/// Tests that names of the optical constants give the same materials as their values.
+/// Tests that names of optical constants give the same materials as the values of the constants.
 #[test]
 fn named_constants_equal_their_values() {
     let set = materials(
@@ -401,9 +407,11 @@ fn named_constants_equal_their_values() {
     assert!((mirror.films[0].k.to_array()[0] - 0.063).abs() < 2e-3, "SiO absorbs in the blue");
 }
 
-/// Tests that a surface that is partly a sheet is as bright as its other part alone times this part's
-/// fraction: lit by a point, by the projector and by an emitting disk, with both integrators, with and
-/// without the tracking of media that a null material requires.
+/// Tests a surface that is partly a sheet and partly another material. The brightness of the surface is the
+/// fraction of the second part, times the brightness of a surface of the second material.
+///
+/// The light is a point, the projector or an emitting disk. The test uses each integrator, with and without
+/// the tracking of media that a null material requires.
 #[test]
 fn partial_sheets_are_as_bright_as_their_other_part() {
     let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\

@@ -14,7 +14,7 @@ use sunstone::transport::scene::Integrator;
 /// Camera pixels per row.
 const SIZE: usize = 16;
 
-/// Returns the means and errors of every pixel and wavelength.
+/// Returns the means and the errors of every pixel and wavelength.
 fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 2] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(file);
     let all = std::fs::read_to_string(&path).expect("the scene");
@@ -22,7 +22,7 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     let mut text = all[..first].to_owned();
     let size = if text.contains("[96, 96]") { 96 } else { 128 };
     for _ in 0..2 {
-        // Camera, then projector.
+        // Replaces the resolution of the camera, then that of the projector.
         text =
             edit(&text, &format!("resolution = [{size}, {size}]"), &format!("resolution = [{SIZE}, {SIZE}]"));
     }
@@ -41,8 +41,9 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     })
 }
 
-/// Renders with both integrators. Totals may differ by 5 standard errors and by the fraction `most`. Pixels
-/// may differ by 5 standard errors; the z² of pixels with reliable errors may have the mean `spread`.
+/// Renders a scene with each of the two integrators. Totals may differ by 5 standard errors and by the
+/// fraction `most`. Pixels may differ by 5 standard errors. The mean of z² over pixels with reliable errors
+/// may be up to `spread`.
 fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
     let factor = samples_factor();
     let [[a, e], [b, f]] = [
@@ -70,8 +71,9 @@ fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
         assert!(diff.abs() < most, "{file}: totals differ by {diff}, more than {most}");
         assert!(known >= 16.0, "{file}: only {known} pixels are known");
         assert!(largest < 5.0 || spread > 1.2, "{file}: a pixel is {largest} sigma off");
-        // z² has a variance of 3 if errors are known to a fifth. They are too small where light is rare, as
-        // for bidirectional paths in stone and flesh: there single pixels are not significant.
+        // If errors are known to a fifth, z² has a variance of 3. Errors are too small where light is rare,
+        // as for bidirectional paths in stone and flesh. Where light is rare, single pixels are not
+        // significant.
         assert!(chi2 < spread * known + 5.0 * (3.0 * known).sqrt(), "{file}: chi² {chi2} of {known} pixels");
     }
 }
@@ -94,9 +96,9 @@ fn fruits() {
     compare("fruits/scene.toml", [256, 64], 0.5, 1.5);
 }
 
-/// Compares both integrators for light that leaves rough stone toward the projector's pinhole. Few
-/// bidirectional samples contribute, and errors are too small until such samples occur. (Camera paths connect
-/// to the pinhole: `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
+/// Compares the two integrators for light that leaves rough stone toward the projector's pinhole. Few
+/// bidirectional samples contribute. Until a contributing sample occurs, the error estimate is too small.
+/// (Camera paths connect to the pinhole: `strategies::strategies_agree_on_light_that_leaves_rough_stones`.)
 #[test]
 fn statue() {
     compare("sss_statue/scene.toml", [256, 64], 0.1, 3.0);

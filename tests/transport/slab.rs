@@ -1,9 +1,10 @@
-//! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, all 16 elements.
+//! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, in all 16 elements.
 //!
-//! The slab is a wide cube with a null boundary, z = -τ to 0, with a mean free path of 1 m. A projector so
-//! far away that its light is parallel illuminates it, and a single ray sees it. Media have index 1; spheres
-//! have the relative index and the wavelength in water of Ramella-Roman, Prahl & Jacques (2005, Opt. Express
-//! 13, 4420): 1.59 in 1.33, 632.8 nm.
+//! The slab is a wide cube with a null boundary, from z = -τ to 0, with a mean free path of 1 m. A distant
+//! projector illuminates the slab with parallel light, and a single ray sees the slab.
+//!
+//! Media have index 1. Spheres have the relative index and the wavelength in water of Ramella-Roman, Prahl &
+//! Jacques (2005, Opt. Express 13, 4420): 1.59 in 1.33, 632.8 nm.
 
 use crate::doubling::{Slab, direction, horizontal, rayleigh};
 use crate::optics::{Device, M, amplitudes, head, mueller, project, samples_factor, turn};
@@ -16,7 +17,7 @@ use sunstone::transport::medium::size_distribution::SizeDistribution;
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
-/// Half width of the slab in metres, so large that no light returns from its sides.
+/// Half width of the slab in metres. The slab is so wide that no light returns from its sides.
 const HALF: f64 = 40.0;
 /// Distance of the projector in metres.
 const FAR: f64 = 2e4;
@@ -36,7 +37,7 @@ pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     }
 }
 
-/// Returns the phase function of a medium file: spheres of a diameter, or Rayleigh's.
+/// Returns the phase function of a medium file: that of spheres of one diameter, or Rayleigh's.
 pub fn phase(diameter_nm: Option<f64>) -> String {
     match diameter_nm {
         None => "phase.rayleigh = {}\n".to_owned(),
@@ -48,24 +49,26 @@ pub fn phase(diameter_nm: Option<f64>) -> String {
     }
 }
 
-/// Directions of illumination and view: signed cosines of the directions of travel against z, and azimuths in
+/// Directions of illumination and view. A direction of travel has a signed cosine against z and an azimuth in
 /// degrees.
 #[derive(Clone, Copy, Debug)]
 struct View {
     mu_in: f64,
     phi_in: f64,
-    /// Signed cosine of the direction of view against z; negative if the slab is seen from below.
+    /// Signed cosine of the direction of view against z. The cosine is negative if the slab is seen from
+    /// below.
     mu: f64,
     phi: f64,
 }
 
-/// Returns the mean radiance per unit irradiance and its standard errors from the tracer, and the
-/// mean from doubling, all in the frames of camera and projector, which are rotated by `rolls`.
+/// Returns the mean radiance per unit irradiance and its standard errors from the tracer, and the mean
+/// radiance from doubling. All values refer to the frames of camera and projector, which are rotated by
+/// `rolls`.
 fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
 
-/// Returns the values of [`both`] for a slab below an object, through which connections are made.
+/// Returns the values of [`both`] for a slab below an object. The tracer connects through the object.
 fn both_under(
     over: &str,
     phase: &str,
@@ -152,7 +155,7 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
 }
 
 /// Compares Rayleigh slabs under oblique light with doubling. The slabs are lossless or absorbing, and are
-/// seen from both sides.
+/// seen from each side.
 #[test]
 fn rayleigh_slabs_match_doubling() {
     let light = [0.6, 25.0];
@@ -167,8 +170,8 @@ fn rayleigh_slabs_match_doubling() {
     }
 }
 
-/// Compares slabs of spheres of 1 and 2 µm with doubling. Circular polarization is created and preserved, and
-/// most light is scattered forward.
+/// Compares slabs of spheres of 1 and 2 µm with doubling. The spheres create and preserve circular
+/// polarization, and scatter most light forward.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_match_doubling() {
@@ -187,9 +190,10 @@ fn mie_slabs_match_doubling() {
     }
 }
 
-/// Compares lossless Rayleigh slabs from thin to thick with doubling, including Coulson's case (τ = 0.5, a
-/// sun at cosine 0.2; [`crate::published_slabs`] compares doubling with Coulson's table). The variable
-/// `SAMPLES` multiplies the numbers of samples.
+/// Compares lossless Rayleigh slabs from thin to thick with doubling. The slabs include Coulson's case (τ =
+/// 0.5, a sun at cosine 0.2). [`crate::published_slabs`] compares doubling with Coulson's table.
+///
+/// The variable `SAMPLES` multiplies the numbers of samples.
 #[test]
 fn rayleigh_slabs_of_all_depths() {
     let factor = samples_factor();
@@ -206,10 +210,12 @@ fn rayleigh_slabs_of_all_depths() {
 }
 
 /// Tests all 16 elements of lossless slabs of small spheres (asymmetry 0.82) and large spheres. The slabs are
-/// thin or thick, are lit along the normal, and are seen from both sides at several angles. Doubling is the
-/// reference; [`crate::published_slabs`] compares it with Ramella-Roman's table of spheres, and here doubling
-/// must lose no light. The negative control is light scattered by the other spheres. The variable `SAMPLES`
-/// multiplies the numbers of samples.
+/// thin or thick, are lit along the normal, and are seen from each side at several angles.
+///
+/// The reference is doubling, which must lose no light. [`crate::published_slabs`] compares doubling with
+/// Ramella-Roman's table of spheres. The negative control is light scattered by spheres of the wrong size.
+///
+/// The variable `SAMPLES` multiplies the numbers of samples.
 #[test]
 fn mie_slabs_to_depth_8() {
     mie_slabs(&[
@@ -219,8 +225,8 @@ fn mie_slabs_to_depth_8() {
     ]);
 }
 
-/// Tests that subpaths are not biased toward the light all the way. With such a bias, the result would be 14
-/// % too dark at 9000 samples, because the tails of the distribution would not be sampled.
+/// Tests that subpaths are not biased toward the light at every step. With a bias at every step, the result
+/// would be 14 % too dark at 9000 samples, because the tails of the distribution would not be sampled.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mie_slabs_of_depth_32() {
@@ -274,8 +280,8 @@ fn pane(mu: f64) -> [M; 2] {
     [matrix(all(once, once)), matrix(all([0.0; 3], [1.0; 3]))]
 }
 
-/// Compares a Rayleigh slab under a pane, through which light enters and leaves, with adding and doubling.
-/// The tracer uses manifold connections through the pane and bidirectional paths.
+/// Compares a Rayleigh slab under a pane with adding and doubling. Light enters and leaves through the pane.
+/// The tracer uses manifold connections through the pane, and bidirectional paths.
 #[test]
 fn slabs_under_glass_match_adding() {
     let over = format!(
@@ -284,7 +290,7 @@ fn slabs_under_glass_match_adding() {
     let bare = Slab::new(&rayleigh, [1.0, 1.0], 16, &[0.8, 0.9, 0.6], &[0, 1, 2], 16);
     let slab = bare.under(pane);
     let [own, through] = pane(0.6);
-    // No light is lost, and the pane returns a quarter to a tenth of the upward light.
+    // No light is lost. The pane returns a quarter to a tenth of the upward light.
     assert!((own[(0, 0)] + through[(0, 0)] - 1.0).abs() < 1e-12);
     let factor = samples_factor();
     for (seed, out) in [[0.9, 70.0], [0.6, -150.0]].into_iter().enumerate() {

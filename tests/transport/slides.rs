@@ -1,16 +1,17 @@
-//! Compares images that spots and projectors project onto a plane with closed forms, with both integrators.
+//! Tests images that spots and projectors project onto a plane. The references are closed forms. The tests
+//! use each integrator.
 
 use crate::lights::{check, m00, text};
 use crate::support::render_text;
 use glam::{DVec2, DVec3};
 
-/// Tests that a spot and a projector project an image of four squares. The irradiance of a projector is
+/// Tests a spot and a projector that project an image of four squares. The irradiance of a projector is
 /// constant on a plane perpendicular to its axis.
 #[test]
 fn images_are_projected() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("squares.exr");
-    // Top row first.
+    // The top row is first.
     image::Rgb32FImage::from_fn(2, 2, |i, j| image::Rgb([(1 + i + 2 * j) as f32; 3]))
         .save(&file)
         .expect("a file");
@@ -19,7 +20,7 @@ fn images_are_projected() {
     let slide = format!(
         "slide = {{ {image}, irradiance = 2, fov_x_deg = 60, pose.look_at = {{ origin = [0.1, 0.1, 2], target = [0.1, 0.1, 0] }} }}"
     );
-    // Right in its image is -y.
+    // Right in the spot's image is -y.
     let spot = format!(
         "spot = {{ position = [0.1, 0.1, 2], direction = [0, 0, -1], intensity = 3, cutoff_deg = 40, beam_deg = 40, {image}, \
          up = [1, 0, 0] }}"
@@ -35,7 +36,7 @@ fn images_are_projected() {
             let inverse = cos.powi(3) / (height * height);
             check(&emitter(&spot), 3.0 * inverse * square(-y, x), 0.02, &format!("spot, {what}"));
         }
-        // Outside the frustum, which ends 1.155 m from the axis.
+        // The point is outside the frustum, which ends 1.155 m from the axis.
         let beyond = text(integrator, 200, 2, [axis.x, axis.y + 1.2], &format!("[[emitters]]\n{slide}\n"));
         assert_eq!(m00(&render_text(&beyond)).0, 0.0, "{integrator}");
     }

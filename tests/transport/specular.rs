@@ -1,4 +1,4 @@
-//! Tests all 16 elements of light from a lit surface via chains of mirrors, and Malus's law.
+//! Tests all 16 elements of light from a lit surface via chains of mirrors. Tests Malus's law.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate,
@@ -13,8 +13,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const SILVER: Complex<f64> = Complex::new(0.06, 3.6);
 const ALPHA: f64 = 0.4;
 
-/// Renders camera → mirrors at `points` → rough gold at the last point ← projector. Compares the result with
-/// the product of matrices and with the path length.
+/// Renders the path from the camera via mirrors at `points` to rough gold at the last point, which the
+/// projector lights. Compares the result with the product of matrices and with the path length.
 fn check_chain(points: &[DVec3], tilt: DVec3, what: &str) {
     let camera = Device::ray(points[0].to_array(), points[1]).rolled(0.7);
     let last = points.len() - 2;
@@ -24,7 +24,7 @@ fn check_chain(points: &[DVec3], tilt: DVec3, what: &str) {
         "[materials]\nsilver.conductor = {{ n = 0.06, k = 3.6 }}\n\
          gold.rough_conductor = {{ {GOLD_KEYS}, alpha = {ALPHA} }}\n"
     );
-    // Light travels backwards through the list.
+    // Light travels backwards through the list of points.
     let way = |from: usize, to: usize| (points[to] - points[from]).normalize();
     let mut product = M::identity();
     let mut x_out = project(camera.right, way(1, 0));
@@ -94,7 +94,7 @@ fn malus_by_two_brewster_reflections() {
     assert!(amplitudes(brewster.cos(), eta)[1].norm() < 1e-12);
     let (s, c) = (2.0 * brewster).sin_cos();
     let (p1, p2) = (DVec3::ZERO, p(0.0, 0.0, 0.6));
-    // Light travels along -z to the first plate and leaves it in the plane y = 0.
+    // Light travels along -z to the first plate, and leaves the plate in the plane y = 0.
     let eye = p(-s, 0.0, -c) * 0.8 * -1.0;
     let camera = Device::ray(eye.to_array(), p1).rolled(0.3);
     let d_out = (eye - p1).normalize();
@@ -103,7 +103,7 @@ fn malus_by_two_brewster_reflections() {
         let turned = DMat3::from_rotation_z(phi.to_radians());
         let p3 = p2 + turned * p(s, 0.0, c) * -0.7;
         let toward = (p2 - p3).normalize();
-        // The lamp is off the line of sight, 1 m from the screen, which faces it.
+        // The lamp is off the line of sight, 1 m from the screen. The screen faces the lamp.
         let lamp = p3 + (toward + turned * p(0.0, 0.5, 0.0)).normalize();
         let facing = (lamp - p3).normalize();
         let text = head(SPP, 5, 7)
@@ -116,19 +116,19 @@ fn malus_by_two_brewster_reflections() {
             + &plate(p2, p(0.0, 0.0, -1.0) - toward, 0.02, "glass")
             + &plate(p3, facing, 0.02, "white")
             + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-        // Each sample is a separate replicate. The spread over samples then gives the number of samples that
+        // Each sample is a separate replicate, so the spread over samples gives the number of samples that
         // hit light.
         let text = text.replacen("[render]", &format!("[render]\nreplicates = {SPP}"), 1);
         let r = render_text(&text);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
-        // Screen of radiance 1; both plates reflect only s; Stokes vector of the s-direction in the camera's
-        // frame.
+        // The screen has radiance 1, and each plate reflects s light only. `shape` is the Stokes vector of s
+        // light in the camera's frame.
         let malus = phi.to_radians().cos().powi(2);
         let full = reflectance * reflectance / 2.0;
         let axis = turn(d_out, s1, project(camera.right, d_out));
         let shape = axis * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0);
-        // A sample that hits both reflections always has the same value; any other sample is zero. The mean
-        // and the standard error give this value and its frequency.
+        // All samples that both plates reflect have the same value, and all other samples are zero. The mean
+        // and the standard error determine the nonzero value and its frequency.
         let mean = got[(0, 0)];
         if malus < 1e-9 {
             assert!(mean < 1e-9, "crossed plates pass {mean}");

@@ -38,8 +38,8 @@ fn direction(theta_deg: f32, phi_deg: f32) -> Vec3A {
     Vec3A::new(s * cp, s * sp, c)
 }
 
-/// Tests realizability by Cloude's criterion on 12 × 12 × 24 directions: each eigenvalue is at least -1e-5
-/// M00.
+/// Tests realizability by Cloude's criterion for 12 × 12 × 24 directions. Each eigenvalue must be at least
+/// -1e-5 M00.
 #[test]
 fn stand_ins_are_realizable() {
     let set = stand_ins();

@@ -1,4 +1,5 @@
-//! Tests standard errors: over many seeds, deviations from the mean over seeds agree with the stated errors.
+//! Tests standard errors. Over many seeds, deviations from the mean over seeds must agree with the stated
+//! errors.
 
 use crate::bidirectional::{FOG, WALLS};
 use crate::optics::head;
@@ -8,7 +9,7 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Number of seeds, unless the variable `SEEDS` sets it.
+/// Number of seeds, unless the environment variable `SEEDS` sets another number.
 const SEEDS: u64 = 20;
 /// Minimum number of elements for a variance.
 const LEAST: f64 = 48.0;
@@ -30,11 +31,13 @@ name = "epipolar"
 projector = { nonepipolar = { half_width_px = 0.5 } }
 "#;
 
-/// Computes z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) because the mean over
-/// seeds includes the seed itself. An element has enough hits if its standard error varies by less than 15 %
-/// from seed to seed: for n samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n. The
-/// distribution of a few bright hits is not Gaussian. The selection does not depend on deviations, so it
-/// cannot favour small ones.
+/// Tests z = (mean - mean over seeds) / standard error. The factor √(S/(S-1)) accounts for the mean over
+/// seeds, which includes the seed itself.
+///
+/// The test excludes elements with few hits, because the distribution of a few bright hits is not Gaussian.
+/// An element has enough hits if its standard error varies by less than 15 % from seed to seed. For n samples
+/// of kurtosis κ, the variation is ½ √((κ - 1)/n), so κ < 0.09·n. The selection does not depend on
+/// deviations, so it cannot favour small deviations.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_between_seeds_are_as_stated() {
@@ -66,8 +69,8 @@ fn deviations_of_drawn_s_primes_are_as_stated() {
     honest("drawn s'", &mut scene, 1.0);
 }
 
-/// Tests the standard errors in a room. Most elements of this slice are hit at random, so the number of
-/// excluded elements is irrelevant.
+/// Tests standard errors in a room. Random paths hit most elements of the slices, so the number of excluded
+/// elements is irrelevant.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     scene.change_settings(|s| s.replicates = replicates);
@@ -78,7 +81,7 @@ fn room(integrator: Integrator, replicates: u32) {
 /// Largest fraction of excluded elements if all elements receive light.
 const LEFT_OUT: f64 = 0.01;
 
-/// Returns the scene-file text of the camera and projector in front of a box of 2 m, and slices that resolve
+/// Returns the scene-file text of the camera and the projector in front of a box of 2 m. The slices resolve
 /// time, pixel s' and polarization.
 fn box_of(spp: u32, depth: u32, more: &str) -> String {
     format!(
@@ -96,13 +99,14 @@ fn box_of(spp: u32, depth: u32, more: &str) -> String {
     )
 }
 
-/// Tests standard errors of bidirectional paths, whose splats count as samples of the pixels that they hit.
+/// Tests standard errors of bidirectional paths, whose splats count as samples of the pixels that the splats
+/// hit.
 #[test]
 fn deviations_of_bidirectional_paths_are_as_stated() {
     honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
-/// Tests standard errors of light scattered in a medium around a ball, with bidirectional paths.
+/// Tests standard errors of light that a medium around a ball scatters, with bidirectional paths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_in_media_are_as_stated() {
@@ -114,8 +118,8 @@ fn deviations_in_media_are_as_stated() {
     honest("media", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Tests standard errors of light polarized by multiple scattering: a Rayleigh slab of depth 4, seen from
-/// below.
+/// Tests standard errors of light that multiple scattering polarizes. The scene is a Rayleigh slab of depth
+/// 4, seen from below.
 #[test]
 fn deviations_of_slabs_are_as_stated() {
     let text = head(512, 1000, 0)
@@ -129,8 +133,9 @@ fn deviations_of_slabs_are_as_stated() {
     honest("slab", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Tests manifold connections through glass and over a mirror, weighted against subpaths. (Intensities only:
-/// few paths contribute to polarization by a mirror, so short renders cannot estimate its error.)
+/// Tests manifold connections through glass and over a mirror, weighted against subpaths. The test compares
+/// intensities only. Few paths contribute to polarization by a mirror, so short renders cannot estimate the
+/// error of the polarization.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_manifolds_are_as_stated() {
@@ -204,7 +209,7 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
             "{what}, {name}: {dropped} of {} elements have too few hits",
             elements + dropped
         );
-        // With few elements the variance is only known to this precision: 5 sigma.
+        // `unsure` is five standard errors of the variance, which is large for few elements.
         let unsure = 5.0 * (2.0 / n).sqrt();
         let window = 0.8 * (1.0 - unsure)..1.25 * (1.0 + unsure);
         assert!(window.contains(&variance), "{what}, {name}: z has variance {variance}, not in {window:?}");

@@ -1,5 +1,5 @@
-//! Tests that disabling a sampling strategy does not change light that other strategies also sample, and that
-//! this light is less noisy if all strategies are enabled.
+//! Tests the effect of disabling a sampling strategy. Light that other strategies sample must not change. If
+//! all strategies are enabled, light that several strategies sample must be less noisy.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -20,8 +20,7 @@ fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     render_scene(&scene)
 }
 
-/// Returns the scene-file text of a ball of stone in front of a wall, and a point light next to the
-/// projector.
+/// Returns the scene-file text of a ball of stone in front of a wall. A point light is next to the projector.
 fn stone(spp: u32, seed: u64, ior: &str, medium: &str) -> String {
     devices(spp, 60, seed as u32)
         + DIFFUSE
@@ -40,14 +39,14 @@ fn noise(r: &Rendered) -> f64 {
     sum(&error.data) / sum(&mean.data)
 }
 
-/// Returns the largest difference of two renders' light in standard errors: of all light, and of the light of
-/// one to four bounces.
+/// Returns the largest difference between the light of two renders, in standard errors. The function compares
+/// all light, and the light of one to four bounces.
 fn apart(a: &Rendered, b: &Rendered) -> f64 {
     let [a, b] = [a, b].map(|r| {
         let (mean, error) = (r.mean("m"), r.std_error("m"));
         let bounces = mean.extent(AxisKind::Bounces);
         let mut sums = vec![[0.0; 2]; bounces];
-        // Matrices of three wavelengths; the first three numbers are M00.
+        // Each pixel has the matrices of three wavelengths. The first three numbers are M00.
         for i in (0..mean.data.len()).filter(|i| i % 48 < 3) {
             let [light, variance] = &mut sums[i / 48 % bounces];
             *light += f64::from(mean.data[i]);
@@ -64,8 +63,9 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
     deviations.fold(0.0, f64::max)
 }
 
-/// Returns the largest deviation, in standard errors, of elements with errors below 1/20 in both renders, and
-/// the number of these elements. Errors of other elements, which have few random samples, are unreliable.
+/// Returns the largest deviation, in standard errors, of elements with errors below 1/20 in each of two
+/// renders, and the number of such elements. Elements with larger errors have few random samples, so their
+/// errors are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {
@@ -81,10 +81,11 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     (most, count)
 }
 
-/// Tests that, for light that leaves a stone through its rough surface, next-event estimation through the
-/// surface and random paths agree in every element, number of bounces, projector pixel and time bin. Their
-/// light equals that of bidirectional paths, and differs if the medium absorbs 50 % more. For equal numbers
-/// of samples, next-event estimation has at most a tenth of the variance.
+/// Tests light that leaves a stone through its rough surface. Next-event estimation through the surface and
+/// random paths agree in every element, number of bounces, projector pixel and time bin.
+///
+/// The light of the two methods equals that of bidirectional paths, and differs if the medium absorbs 50 %
+/// more. For equal numbers of samples, next-event estimation has at most a tenth of the variance.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn strategies_agree_on_light_that_leaves_rough_stones() {
@@ -110,7 +111,7 @@ fn strategies_agree_on_light_that_leaves_rough_stones() {
     }
 }
 
-/// Tests that, without one strategy of bidirectional paths whose paths other strategies also sample, the
+/// Disables a strategy of bidirectional paths. The remaining strategies sample the same paths. Tests that the
 /// weights still sum to one.
 #[test]
 #[ignore = "slow: tools/check --all"]

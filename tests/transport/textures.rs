@@ -1,5 +1,5 @@
-//! Tests the orientation of albedo images, sRGB decoding, the channel per wavelength, and bilinear filtering
-//! with repetition.
+//! Tests the orientation of albedo images, sRGB decoding, the image channel of each wavelength, and bilinear
+//! filtering with repetition.
 
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
@@ -18,8 +18,9 @@ fn linear(c: u8) -> f64 {
 }
 
 /// Tests that a plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with
-/// texels, so a pixel is the mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis,
-/// also across the border. The test uses 20,000 samples per pixel and 5 standard errors (plus 1e-5 for f32).
+/// texels, so a pixel is the mean of the bilinear filter over a texel. Along each axis, and across the
+/// border, the weights are 1/8, 6/8 and 1/8. The test uses 20,000 samples per pixel and 5 standard errors
+/// (plus 1e-5 for f32).
 #[test]
 fn a_textured_plane_shows_its_picture() {
     let dir = tempfile::tempdir().unwrap();
@@ -52,7 +53,7 @@ name = "image"
     let picture = picture();
     for y in 0..4_i32 {
         for x in 0..4_i32 {
-            // 450 nm uses blue, 550 nm green, 660 nm red.
+            // 450 nm uses blue, 550 nm uses green, and 660 nm uses red.
             for (lane, channel) in [(0, 2), (1, 1), (2, 0)] {
                 let mut want = 0.0;
                 for (dx, wx) in [(-1, 0.125), (0, 0.75), (1, 0.125)] {

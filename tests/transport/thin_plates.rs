@@ -1,6 +1,6 @@
-//! Tests that thin plates of glass, and rough glass, polarize light, which users of other programs asked
-//! for (Mitsuba 3's issue 1512, "why does the dielectric material display polarization information,
-//! while roughdielectric and thindielectric do not?").
+//! Tests that thin plates of glass, and rough glass, polarize light. Users of other programs requested
+//! polarization by thin plates (Mitsuba 3's issue 1512, "why does the dielectric material display
+//! polarization information, while roughdielectric and thindielectric do not?").
 
 use crate::optics::{
     Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, surface_at, turn,
@@ -18,19 +18,19 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// Returns a Mueller matrix from the amplitudes of s and p, times a power factor.
+/// Returns a Mueller matrix from the amplitudes of s and p, multiplied by a power factor.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {
     let (a, b, c) = ((s * s + p * p) / 2.0, (s * s - p * p) / 2.0, s * p);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c) * factor
 }
 
-/// Returns the reflection and transmission of a plate in s frames: the matrices of the orders, one
-/// by one, from Fresnel's amplitudes.
+/// Returns the reflection and transmission of a plate in s-frames. The function sums the matrices of the
+/// orders, one by one, from Fresnel's amplitudes.
 fn orders(cos: f64, n: f64) -> [M; 2] {
     let cos_t = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let outer = amplitudes(cos, Complex::new(n, 0.0)).map(|z| z.re);
     let inner = amplitudes(cos_t, Complex::new(1.0 / n, 0.0)).map(|z| z.re);
-    // Born & Wolf 1.5.2 (20), in both directions.
+    // Born & Wolf 1.5.2 (20) gives the amplitudes in each direction.
     let enter = [2.0 * cos / (cos + n * cos_t), 2.0 * cos / (n * cos + cos_t)];
     let leave = [2.0 * n * cos_t / (n * cos_t + cos), 2.0 * n * cos_t / (cos_t + n * cos)];
     let mut r = of_amplitudes(outer[0], outer[1], 1.0);
@@ -55,7 +55,7 @@ fn surface() -> Surface {
     surface_at(n, Vec3A::new(0.9, 0.2, -0.1), [0.0; 2])
 }
 
-/// Returns directions at all angles of incidence, from both sides.
+/// Returns directions at all angles of incidence, from each side.
 fn directions(n: Vec3A) -> impl Iterator<Item = (f64, Vec3A)> {
     let (x, y) = (perpendicular(n), n.cross(perpendicular(n)));
     (0..178).map(move |i| {
@@ -72,7 +72,7 @@ fn f64s(m: [[f32; 4]; 4]) -> M {
 }
 
 /// Tests that the closed forms equal the sums over all orders, for any incidence, index and wavelength. The
-/// reflected and the transmitted power sum to 1, and the matrices are realizable and reciprocal.
+/// reflected power and the transmitted power sum to 1. The matrices are realizable and reciprocal.
 #[test]
 fn plates_are_the_sum_of_their_orders() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -99,7 +99,8 @@ fn plates_are_the_sum_of_their_orders() {
             let all = got[0] + got[1];
             assert!((all[(0, 0)] - 1.0).abs() < 1e-5 && all[(0, 1)].abs() < 1e-5, "{all}");
             polarized = polarized.max((got[0][(0, 1)] / got[0][(0, 0)]).abs());
-            // The reverse: between exchanged directions, in frames of the light that travels backward.
+            // The reverse matrix is between exchanged directions, in frames of the light that travels
+            // backward.
             let back = lobe(r.wi, Lobe::Reflected);
             let x = [perpendicular(wo), perpendicular(r.wi)];
             let forth = f64s(r.scatter.between(wo, x[0], r.wi, x[1]).lane(lane));
@@ -113,7 +114,8 @@ fn plates_are_the_sum_of_their_orders() {
     assert!(polarized > 0.999, "at Brewster's angle all is s: {polarized}");
 }
 
-/// Tests that under glass in water the plate is a film of air, totally reflecting beyond the critical angle.
+/// Tests that, under glass in water, the plate is a film of air, which reflects totally beyond the critical
+/// angle.
 #[test]
 fn a_gap_reflects_totally() {
     let set = materials("gap.thin_dielectric = { ior = 1, exterior_ior = 1.5 }\n");
@@ -131,7 +133,7 @@ fn a_gap_reflects_totally() {
     }
 }
 
-/// Tests that lobes are sampled in proportion to their power, with compensating weights, and that all
+/// Tests that lobes are sampled in proportion to their power, with compensating weights. Tests that all
 /// wavelengths continue together.
 #[test]
 fn lobes_are_sampled_by_their_power() {
@@ -163,8 +165,8 @@ fn lobes_are_sampled_by_their_power() {
     assert!(off < 5.0 * (n * p * (1.0 - p)).sqrt(), "{taken:?}, p = {p}");
 }
 
-/// Tests that a window pane in front of the camera and another pane in front of the projector each act once,
-/// as in the closed form.
+/// Tests a window pane in front of the camera and another pane in front of the projector. Each pane acts
+/// once, as in the closed form.
 #[test]
 fn panes_in_front_of_both_devices_act_once() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.4, -0.3, 1.6));
@@ -196,8 +198,8 @@ fn panes_in_front_of_both_devices_act_once() {
     assert!(want[(1, 0)].abs() > 0.05 * want[(0, 0)] && want[(0, 1)].abs() > 0.05 * want[(0, 0)]);
 }
 
-/// Tests that, in a render of rough glass, light from a facet has Fresnel's matrix, all 16 elements, almost
-/// completely s-polarized at Brewster's angle.
+/// Tests that, in a render of rough glass, light from a facet has Fresnel's matrix in all 16 elements. At
+/// Brewster's angle, the light is almost completely s-polarized.
 #[test]
 fn rough_glass_is_polarized() {
     let brewster = 1.5_f64.atan();

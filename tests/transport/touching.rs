@@ -24,7 +24,7 @@ fn table(z: f64) -> String {
     )
 }
 
-/// Returns the scene's text, seen from above.
+/// Returns the text of a scene that is seen from above.
 fn text(objects: &str, more: &str) -> String {
     let camera = Device::ray([0.1, 0.2, 4.0], DVec3::new(0.1, 0.2, 0.0));
     head(60_000, 80, 3) + more + &camera.keys("camera") + MATERIALS + objects + SKY
@@ -45,7 +45,7 @@ fn fresnel(cos: f64, n: f64) -> f64 {
 }
 
 /// Tests a wide glass block on a table under uniform illumination 1. A diffuse base below an interface shows
-/// (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with the interface's hemispherical reflectances
+/// F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')) (Saunderson 1942). The interface's hemispherical reflectances are
 /// r from outside and r' = 1 - (1 - r)/n² from inside. The light in the glass hits the table for any rounding
 /// of the heights.
 #[test]
@@ -60,7 +60,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     let f = fresnel(1.0, n);
     let want = f + (1.0 - f) * albedo * (1.0 - r) / (n * n * (1.0 - albedo * inside));
     for z in [0.0, 0.1, -0.3] {
-        // The table's height is rounded differently from the block's.
+        // The rounding of the table's height differs from that of the block's height.
         for off in [0.0, 1e-7, -1e-7] {
             let (got, error, notes) = seen(&(block("block", "glass", z, z + 1.0) + &table(z + off)));
             assert!(
@@ -75,7 +75,8 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// Tests that a table looks the same with and without a non-refracting boundary, which is shifted.
+/// Tests that a table looks the same with and without a non-refracting boundary on it. The program shifts the
+/// boundary.
 #[test]
 fn a_boundary_that_does_not_refract_is_shifted() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));
@@ -83,7 +84,7 @@ fn a_boundary_that_does_not_refract_is_shifted() {
     assert!(notes.len() == 1 && notes[0].contains("away from the other object"), "{notes:?}");
 }
 
-/// Tests glass on glass. With air in between, two pieces of glass differ from a single piece: the scene is
+/// Tests glass on glass. With air in between, two pieces of glass differ from a single piece. The scene is
 /// refused, or rendered with a note.
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {

@@ -1,5 +1,5 @@
-//! Tests features that users of other programs requested in public and did not get. Two more features have
-//! separate files: [`crate::projector_sheets`] and [`crate::thin_plates`].
+//! Tests features that users of other programs requested in public and did not receive. Two more features
+//! have separate files: [`crate::projector_sheets`] and [`crate::thin_plates`].
 
 use crate::optics::{Device, GOLD_KEYS, assert_close, ggx_factor, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_text};
@@ -24,9 +24,11 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a sphere at the origin, with
-/// camera and projector 50 m away and 9° to either side, was black under the projector if its material was a
-/// measured table. Tests that the sphere equals one of the metal from which the table was made.
+/// Covers Mitsuba 3's issue 1067, "Rendering problem with measured polarized material". A sphere at the
+/// origin was black under the projector if its material was a measured table. Camera and projector are 50 m
+/// away and 9° to either side.
+///
+/// Tests that the sphere equals a sphere of the metal from which the table was made.
 #[test]
 fn measured_materials_under_a_projector() {
     let folder = folder();
@@ -54,7 +56,7 @@ fn measured_materials_under_a_projector() {
     let mut lit = 0;
     for (x, y) in (0..256).map(|k| (k % 16, k / 16)) {
         let [got, want] = [&table, &source].map(|t| mueller(t, &[(Y, y), (X, x)]));
-        // At the rim the coarse table differs from its source.
+        // At the rim, the coarse table differs from its source.
         let from_centre = (x as f64 - 7.5).hypot(y as f64 - 7.5) / 7.0;
         if want[(0, 0)] > 0.0 && from_centre < 0.8 {
             assert_close(&got, &want, 0.03, &format!("pixel {x} {y}"));
@@ -68,7 +70,7 @@ fn measured_materials_under_a_projector() {
 #[cfg(target_os = "linux")]
 const REPORTED: &str = "SUNSTONE_TEST_RENDER";
 
-/// Runs the code of the child process that [`in_little_memory`] starts. This is not a test.
+/// Runs the code of the child process that [`in_little_memory`] starts. The function itself tests nothing.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "renders what another process tells it to"]
@@ -84,8 +86,8 @@ fn child_process_renders() {
     assert!(done.expect("a render").complete);
 }
 
-/// Renders a wall with a table of `counts` entries and 5 bands, under a projector, in a process with at most
-/// `limit_kib` of memory. Every entry has the same matrix, whose BRDF is 0.1.
+/// Renders a wall with a table of `counts` entries and 5 bands, under a projector. The render runs in a
+/// process with at most `limit_kib` of memory. Every entry has the same matrix, whose BRDF is 0.1.
 #[cfg(target_os = "linux")]
 fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     let folder = folder();
@@ -125,18 +127,18 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     }
 }
 
-/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a box.
-/// Tests that a render uses far less memory than the table's size, because the render maps the file: a table
-/// of 80 MB in a process with 32 MB.
+/// Covers Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a
+/// box. Tests that a render uses far less memory than the size of the table, because the render maps the
+/// file. The table has 80 MB, and the process has 32 MB.
 #[cfg(target_os = "linux")]
 #[test]
 fn measured_tables_need_little_memory() {
     in_little_memory([91, 53, 53], 32 << 10, 80_000_000);
 }
 
-/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)". Tests Stokes vectors and
-/// Mueller matrices of chosen wavelengths instead of RGB, for optical constants at four wavelengths: each
-/// lane has its own closed form, and a render of a single wavelength gives the same values.
+/// Covers Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)". Tests Stokes vectors
+/// and Mueller matrices of chosen wavelengths instead of RGB, for optical constants at four wavelengths. Each
+/// lane has a separate closed form. A render of a single wavelength gives the same values.
 #[test]
 fn every_wavelength_has_its_own_matrix() {
     let metals: [(f64, Complex<f64>); 4] = [
@@ -199,7 +201,7 @@ fn menagerie(seed: u32) -> Rendered {
     }
     for normal in [DVec3::X, DVec3::Y, DVec3::Z] {
         for side in [-1.0, 1.0] {
-            // Behind the camera the box is deeper.
+            // The box is deeper behind the camera.
             let at = if side * normal.z > 0.0 { 2.6 } else { 1.2 };
             text += &plate(normal * side * at, -normal * side, 3.0, "wall");
         }
@@ -218,9 +220,9 @@ fn menagerie(seed: u32) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives negative
-/// light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2 + M03 s3
-/// over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
+/// Covers Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives
+/// negative light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2
+/// + M03 s3 over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
 #[test]
 fn no_light_is_negative() {
     let (mut lit, mut full) = (0, 0);
@@ -245,7 +247,7 @@ fn no_light_is_negative() {
     assert!(lit > 20_000 && full > 200, "{lit} lit, {full} of them fully polarizing");
 }
 
-/// Renders a wall with a raised plate in front of the wall. Slices separate direct and indirect light.
+/// Renders a wall with a raised plate in front of the wall. The slices separate direct and indirect light.
 fn relief(camera: &Device, lamp: &Device) -> Rendered {
     let text = head(32, 3, 2)
         + &camera.keys("camera")
@@ -261,9 +263,10 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
-/// camera". Tests that `moment` over `sum` is, for every camera pixel, the projector pixel from which the
-/// light started, as computed from the geometry. (Users compare it with a decoded structured-light scan.)
+/// Covers Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
+/// camera". Tests that, for every camera pixel, `moment` over `sum` is the projector pixel from which the
+/// light started. The geometry gives the reference. (Users compare the result with a decoded structured-light
+/// scan.)
 #[test]
 fn moments_give_the_projector_pixel_of_each_camera_pixel() {
     let camera = Device::look_at([0.2, 0.1, 1.5], DVec3::ZERO, [40, 30], 60.0);
@@ -285,7 +288,8 @@ fn moments_give_the_projector_pixel_of_each_camera_pixel() {
                 assert!((f64::from(t.at(&at)) - total).abs() <= 1e-5 * light * 24.0);
             }
         }
-        // Direct light on the wall or the raised plate: projector positions of the pixel's corners.
+        // For direct light on the wall or the raised plate, computes the projector positions of the pixel's
+        // corners.
         let landing: Vec<Option<[u32; 2]>> =
             [(0.01, 0.01), (0.99, 0.01), (0.01, 0.99), (0.99, 0.99), (0.5, 0.5)]
                 .iter()
@@ -339,7 +343,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// Tests that moments give the projector pixel also if the slice resolves both polarizations.
+/// Tests that moments give the projector pixel if the slice resolves Mueller matrices.
 #[test]
 fn moments_resolve_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

@@ -1,1 +1,1 @@
-//! Unit tests of other crates: see Cargo.toml.
+//! Builds the unit tests of other crates. See Cargo.toml.

@@ -1,5 +1,5 @@
-//! Tests that every item of a Mitsuba scene is used, noted or refused: it adds an unknown item to every kind
-//! of element.
+//! Tests that the import uses, notes or refuses every item of a Mitsuba scene. The test adds an unknown item
+//! to every kind of element.
 
 use super::imported;
 
@@ -55,7 +55,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Items that no element has.
+/// Items that no element accepts.
 const ITEMS: [&str; 14] = [
     "<float name=\"zz\" value=\"1\"/>",
     "<integer name=\"zz\" value=\"1\"/>",
@@ -119,7 +119,8 @@ fn unknown_items_are_noted_or_refused_everywhere() {
     assert!(tried > 500, "{tried}");
 }
 
-/// Tests that each known item that affects Mitsuba's image changes the scene, produces a note or is refused.
+/// Tests each known item that affects Mitsuba's image. The item must change the scene, produce a note, or be
+/// refused.
 #[test]
 fn known_items_are_never_ignored_silently() {
     let folder = folder();

@@ -1,5 +1,5 @@
-//! Tests the import of cameras and emitters with images, and of media on grids: orthographic
-//! sensors, projectors, spots with a texture, heterogeneous media.
+//! Tests the import of cameras, of emitters with images, and of media on grids. The tests cover orthographic
+//! sensors, projectors, spots with a texture, and heterogeneous media.
 
 use super::{built, imported};
 use glam::Vec3A;
@@ -17,7 +17,7 @@ fn text(sensor: &str, emitter: &str) -> String {
     )
 }
 
-/// Writes an image with two rows of two squares: red, green; blue, white.
+/// Writes an image of four squares. The first row is red and green, and the second row is blue and white.
 fn squares(folder: &Path) {
     let rows = vec![255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255];
     let image = image::RgbImage::from_raw(2, 2, rows).unwrap();
@@ -26,7 +26,7 @@ fn squares(folder: &Path) {
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
 
-/// Tests that grids of extinction and albedo keep their separate boxes, and that a constant extinction is
+/// Tests that grids of extinction and albedo keep their separate boxes. Tests that a constant extinction is
 /// bounded by the unit cube.
 #[test]
 fn heterogeneous_media_keep_their_boxes() {
@@ -66,9 +66,9 @@ fn heterogeneous_media_keep_their_boxes() {
         assert!(same, "{found:?}, {want:?}");
     };
     let own = "<boolean name=\"use_grid_bbox\" value=\"true\"/>";
-    // A mean density of 0.75 over 1 m; at x = 0.7 the density is 0.95.
+    // The mean density over 1 m is 0.75. At x = 0.7, the density is 0.95.
     near(depths(&scene(&volume("sigma_t", ""))), [3.0, 0.0, 4.0 * 0.95 * 0.75]);
-    // The file's box is 2 m wide, so it also covers 1.5 m.
+    // The file's box is 2 m wide, so it includes the position 1.5 m.
     near(depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(), [3.0, 3.0, 4.0 * 0.95 * 0.75]);
     let both = volume("sigma_t", "") + &volume("albedo", "");
     near(depths(&scene(&both)), [3.0, 0.0, 4.0 * 0.95 * 0.95]);
@@ -79,8 +79,8 @@ fn heterogeneous_media_keep_their_boxes() {
     assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
 }
 
-/// Tests that the image of an orthographic sensor is twice as wide as the scale of `to_world`, and that its
-/// rays begin at the near plane.
+/// Tests that the image of an orthographic sensor is twice as wide as the scale of `to_world`. Tests that the
+/// rays of an orthographic sensor begin at the near plane.
 #[test]
 fn orthographic_sensors_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -97,7 +97,7 @@ fn orthographic_sensors_are_read() {
     assert!(camera.parallel, "{}", import.toml);
     assert_eq!((camera.origin, camera.resolution), (Vec3A::new(0.0, 0.0, 4.5), [40, 20]));
     assert!((camera.focal.x - 40.0 / 6.0).abs() < 1e-9, "{}", import.toml);
-    // The centre of the first pixel: to the left, which is +x here, and up.
+    // The centre of the first pixel is up and to the left, which is +x for this camera.
     let first = camera.at(glam::DVec2::splat(0.5));
     let want = Vec3A::new(3.0 - 0.075, 1.5 - 0.075, 4.5);
     assert!((first.origin - want).length() < 1e-5, "{}", first.origin);
@@ -125,8 +125,8 @@ fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
     [all[2], all[1], all[0]]
 }
 
-/// Tests that a projector with a colour image becomes an emitter of the scene, and that a white
-/// projector becomes the scene's projector.
+/// Tests that a projector with a colour image becomes an emitter of the scene. Tests that a white projector
+/// becomes the scene's projector.
 #[test]
 fn projectors_of_images_become_slides() {
     let folder = tempfile::tempdir().unwrap();
@@ -144,8 +144,8 @@ fn projectors_of_images_become_slides() {
     let [light] = &scene.points[..] else {
         panic!("{}", import.toml);
     };
-    // Mitsuba's right is -x of the emitter, which looks along +z with +y up; irradiances are π times the
-    // value in its file.
+    // Mitsuba's right is -x of the emitter, which points along +z with +y up. Irradiances are π times the
+    // value in Mitsuba's file.
     for (dir, colour) in [
         (Vec3A::new(0.5, 0.5, 1.0), [1.0, 0.0, 0.0]),
         (Vec3A::new(-0.5, 0.5, 1.0), [0.0, 1.0, 0.0]),
@@ -163,7 +163,8 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// Tests that the image of a spot covers the square around its cone. Up in the image is the emitter's +y.
+/// Tests that the image of a spot covers the square around the cone of the spot. Up in the image is the
+/// emitter's +y.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();
@@ -177,7 +178,8 @@ fn spots_project_textures() {
         panic!("{}", import.toml);
     };
     assert!(matches!(light.profile, Profile::Spot { .. }));
-    // As in Mitsuba's own `eval_direction`: u with +x, v with +y, and rows of an image from the top.
+    // As in Mitsuba's own `eval_direction`, u increases with +x, v increases with +y, and image rows start at
+    // the top.
     for (dir, colour) in [
         (Vec3A::new(-0.5, -0.5, 1.0), [1.0, 0.0, 0.0]),
         (Vec3A::new(0.5, -0.5, 1.0), [0.0, 1.0, 0.0]),

@@ -1,9 +1,10 @@
-//! Tests that features that Mitsuba lacks are refused by name, and that non-empty folders are not changed.
+//! Tests that the export refuses features that Mitsuba lacks, and names these features. Tests that the export
+//! does not change non-empty folders.
 
 use super::{ALL, exported, folder};
 use sunstone::scene::mitsuba::export::Export;
 
-/// Replacements of a passage of [`ALL`], and words of the message.
+/// Replacements of a passage of [`ALL`], each with words that the error message must contain.
 const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     ("cx = 13.5", "cx = 13.5\nfx = 30\nfy = 31", "non-square pixels of the camera"),
     ("cx = 13.5", "cx = 13.5\ndistortion.k1 = 0.01", "distortion of the camera"),
@@ -133,7 +134,7 @@ fn existing_files_are_replaced_only_on_request() {
     export.write(&out, true).unwrap();
     assert_eq!(std::fs::read_to_string(out.join("scene.xml")).unwrap(), export.xml);
     assert_eq!(std::fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
-    // If one file cannot be copied, no file is written.
+    // If the export cannot copy a file, it writes no files.
     std::fs::remove_file(folder.path().join("table.pbsdf")).unwrap();
     let fresh = folder.path().join("fresh");
     assert!(export.write(&fresh, false).is_err());

@@ -1,4 +1,5 @@
-//! Tests shapes that become mesh files next to the scene file: curves and signed-distance grids.
+//! Tests the import of shapes that become mesh files next to the scene file: curves and signed-distance
+//! grids.
 
 use super::{imported, imported_whole};
 use glam::Vec3A;
@@ -17,7 +18,7 @@ fn text(shape: &str) -> String {
     )
 }
 
-/// Returns the scene of an import after writing its files and reading them again.
+/// Writes the files of an import and reads the written files. Returns the resulting scene.
 fn written(folder: &Path, import: &Import) -> Scene {
     let toml = folder.join("scene.toml");
     import.write(&toml, true).unwrap();
@@ -30,7 +31,8 @@ fn met(scene: &Scene, origin: [f32; 3], dir: [f32; 3]) -> Option<(f32, Surface)>
     Some((hit.t, scene.geometry.surface(&ray, &hit)))
 }
 
-/// Returns a grid of 9 x 9 x 9 distances from a sphere of radius 0.3 around the centre of the unit cube.
+/// Returns a grid of 9 x 9 x 9 signed distances from a sphere of radius 0.3 around the centre of the unit
+/// cube.
 fn sphere() -> Vec<u8> {
     let mut out = b"VOL\x03".to_vec();
     [1_i32, 9, 9, 9, 1].iter().for_each(|v| out.extend(v.to_le_bytes()));
@@ -43,8 +45,8 @@ fn sphere() -> Vec<u8> {
     out
 }
 
-/// Tests that `to_world` moves points but does not scale radii (as Mitsuba's `bsplinecurve` and
-/// `linearcurve`).
+/// Tests that `to_world` moves points but does not scale radii, as in Mitsuba's `bsplinecurve` and
+/// `linearcurve`.
 #[test]
 fn curves_become_tubes_of_their_radius() {
     let folder = tempfile::tempdir().unwrap();
@@ -69,7 +71,7 @@ fn curves_become_tubes_of_their_radius() {
     }
 }
 
-/// Tests that equal shapes use the same file, and that a scene without generated shapes has no files.
+/// Tests that equal shapes use the same file. Tests that a scene without generated shapes has no files.
 #[test]
 fn equal_shapes_share_a_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -90,7 +92,7 @@ fn equal_shapes_share_a_file() {
 fn grids_of_distances_become_their_surface() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ball.vol"), sphere()).unwrap();
-    // Along the edge of four cells, the gradient of each deviates by 0.2 in two directions.
+    // Along the common edge of four cells, the gradient of each cell deviates by 0.2 in two directions.
     for (normals, least) in [("", -0.999), ("<string name=\"normals\" value=\"analytic\"/>", -0.95)] {
         let shape = format!(
             "<shape type=\"sdfgrid\"><string name=\"filename\" value=\"ball.vol\"/>{normals}\
@@ -109,7 +111,7 @@ fn grids_of_distances_become_their_surface() {
     assert!(e.to_string().contains("unsupported emitter"), "{e}");
 }
 
-/// Tests that each message gives the location in the scene, the file and the fault.
+/// Tests that each message states the location in the scene, the file and the fault.
 #[test]
 fn broken_curves_and_grids_are_refused_with_their_place() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,7 +130,7 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     }
 }
 
-/// Tests the import of a Python dictionary with its files in memory.
+/// Tests the import of a Python dictionary whose files are in memory.
 #[test]
 fn files_in_memory_are_imported() {
     let files: BTreeMap<String, Vec<u8>> = [("curve.txt".to_owned(), CURVE.into())].into();

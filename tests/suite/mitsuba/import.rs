@@ -1,4 +1,4 @@
-//! Tests hand-written scenes for Mitsuba: contents that are read, and errors with their locations.
+//! Tests the import of hand-written Mitsuba scenes: the imported contents, and errors with their locations.
 
 use super::{ALL, built, exported, imported, imported_whole};
 use glam::Vec3A;
@@ -33,7 +33,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 fn a_handwritten_scene_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let (import, scene) = built(folder.path(), HAND);
-    // The vertical field of view is the smaller one: 30° over 16 pixels.
+    // The vertical field of view is 30° over 16 pixels, and is smaller than the horizontal field of view.
     let focal = 8.0 / 15_f64.to_radians().tan();
     assert!((scene.camera.focal.x - focal).abs() < 1e-9);
     assert!((scene.camera.axes.x_axis - Vec3A::X).length() < 1e-6, "image right is +x, seen along -z");
@@ -42,7 +42,7 @@ fn a_handwritten_scene_is_read() {
     assert!(import.toml.contains("[materials.wall.diffuse]\nalbedo = [0.3, 0.2, 0.1]\n"), "{}", import.toml);
     let ray = |x: f32, y: f32| Ray { origin: Vec3A::new(x, y, 4.0), dir: Vec3A::NEG_Z };
     let depth = |x, y| scene.geometry.intersect(&ray(x, y), 100.0).map(|h| h.t);
-    // The shape is scaled along x and then rotated, so it is tall.
+    // The shape is scaled along x and then rotated, so the shape is tall.
     assert_eq!((depth(0.0, -1.9), depth(-1.1, 0.0)), (Some(5.0), None));
     assert!((depth(1.0, 2.0).unwrap() - 3.5).abs() < 1e-6);
     let define = BTreeMap::from([
@@ -57,7 +57,8 @@ fn a_handwritten_scene_is_read() {
     assert!(e.0[0].message.contains("`fow`"), "{e}");
 }
 
-/// For each fault: a passage of [`HAND`], its replacement, the line of the fault, and words of the message.
+/// For each fault, a passage of [`HAND`], the replacement of the passage, the line of the fault, and words of
+/// the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
     ("</scene>", "", 1, "invalid XML"),
@@ -110,7 +111,7 @@ fn unsupported_items_are_reported_with_their_position() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // A circle of references, and endlessly nested elements.
+    // Tests references that form a cycle, and elements that are nested endlessly.
     let text = HAND.replace("<rgb name=\"reflectance\" value=\"0.1, 0.2, 0.3\"/>", "");
     let text = text.replace(
         "<bsdf type=\"diffuse\">",
@@ -123,11 +124,11 @@ fn unsupported_items_are_reported_with_their_position() {
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
 }
 
-/// Tests that all faults are reported in order, each with the line of the fault.
+/// Tests that the import reports all faults in order, each with the line of the fault.
 #[test]
 fn all_errors_are_reported_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    // Faults in separate elements, from top to bottom.
+    // The faults are in separate elements, from top to bottom.
     let faults: Vec<_> = [3, 4, 10, 11, 12, 14, 17]
         .into_iter()
         .filter_map(|line| UNREADABLE.iter().find(|f| f.2 == line))
@@ -196,7 +197,8 @@ fn flipped_rectangles_face_the_other_way() {
     }
 }
 
-/// Returns 1 if the normals of a shape that is hit from outside point toward the ray's origin, otherwise -1.
+/// Returns 1 if the normals of a shape that is hit from outside point toward the ray's origin, and -1 if the
+/// normals point away.
 fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
@@ -209,11 +211,11 @@ fn facing(folder: &Path, shape: &str) -> f32 {
     -at.ns.dot(ray.dir).signum()
 }
 
-/// A pyramid with its tip towards +z.
+/// A pyramid whose tip points toward +z.
 const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
-/// Tests that orientations are those of Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
+/// Compares the orientations of shapes with Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`).
 /// Mirroring reverses the normals of spheres and of meshes with computed normals, but of no other shapes.
 /// `flip_normals` reverses the normals of all shapes.
 #[test]
@@ -223,7 +225,8 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
         + "f 1//1 2//2 5//5\nf 2//2 3//3 5//5\nf 3//3 4//4 5//5\nf 4//4 1//1 5//5\n";
     std::fs::write(folder.path().join("bare.obj"), format!("{TENT}{TENT_FACES}")).unwrap();
     std::fs::write(folder.path().join("normals.obj"), with_normals).unwrap();
-    // Content of the element, and the signs for no scale, x = -1, z = -1 and all three -1.
+    // Each case has the content of the element, and the signs for no scale, x = -1, z = -1, and -1 for all
+    // three axes.
     let bare = "<string name=\"filename\" value=\"bare.obj\"/>";
     let normals = "<string name=\"filename\" value=\"normals.obj\"/>";
     let flat = format!("{normals}<boolean name=\"face_normals\" value=\"true\"/>");
@@ -245,7 +248,8 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
         let scales = ["x=\"1\"", "x=\"-1\"", "z=\"-1\"", "x=\"-1\" y=\"-1\" z=\"-1\""];
         for (scale, sign) in scales.into_iter().zip(signs) {
             for (flip, turned) in [("false", 1.0), ("true", -1.0)] {
-                // A pyramid that a mirroring turns downwards is hit from below, through its open base.
+                // If mirroring turns a pyramid downwards, the ray hits the pyramid from below, through its
+                // open base.
                 let up = if kind == "obj" && scale.contains("z=") {
                     "<rotate x=\"1\" angle=\"180\"/>"
                 } else {
@@ -262,7 +266,7 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
 }
 
 /// Tests that meshes without normals are smooth, unless `face_normals` is set. Where two faces form a right
-/// angle, the normal at the edge points between the two face normals.
+/// angle, the normal at the edge is directed between the two face normals.
 #[test]
 fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -279,15 +283,15 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         scene.geometry.surface(&ray, &hit).ns
     };
-    // As in Mitsuba 3.9.1, although the faces belong to two groups.
+    // The expected normal is that of Mitsuba 3.9.1, although the faces belong to two groups.
     let expected = Vec3A::new(-0.007_091_65, 0.999_975, 0.0);
     assert!((normal("") - expected).length() < 1e-5, "{}", normal(""));
     let flat = normal("<boolean name=\"face_normals\" value=\"true\"/>");
     assert!((flat - Vec3A::new(-1.0, 1.0, 0.0).normalize()).length() < 1e-6, "{flat}");
 }
 
-/// Tests that names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note. Each included
-/// file is read according to its own version.
+/// Tests that the import upgrades names of Mitsuba 0.x to those of Mitsuba 3, with a note. Each included file
+/// is read according to the version in that file.
 #[test]
 fn old_files_are_upgraded() {
     let folder = tempfile::tempdir().unwrap();
@@ -307,7 +311,7 @@ fn old_files_are_upgraded() {
     let [a, b] = [&new, &old].map(|text| imported(folder.path(), text).unwrap());
     assert_eq!(a.toml, b.toml);
     assert!(b.notes.iter().any(|n| n.contains("Mitsuba 0.x")) && !a.notes.iter().any(|n| n.contains("0.x")));
-    // The same names are unknown in a file of Mitsuba 3.
+    // The old names are unknown in a file of Mitsuba 3.
     let e = imported(folder.path(), &HAND.replace("max_depth", "maxDepth")).unwrap_err();
     assert!(e.message.contains("`maxDepth`"), "{e}");
     let part = "<scene version=\"0.5.0\"><shape type=\"sphere\"><transform name=\"toWorld\"><translate x=\"3\"/>\
@@ -317,8 +321,8 @@ fn old_files_are_upgraded() {
     assert!(imported(folder.path(), &text).unwrap().toml.contains("3.0"));
 }
 
-/// Tests the search order if several folders contain a file: the last `<path>` has precedence over earlier
-/// ones, and the scene's own folder is searched last.
+/// Tests the search order if several folders contain a file. The last `<path>` has precedence over earlier
+/// `<path>` elements. The import searches the scene's own folder last.
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -342,16 +346,16 @@ fn paths_are_searched_as_in_mitsuba() {
     assert!(e.message.contains("does not exist"), "{e}");
 }
 
-/// Tests that a rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, with a
-/// note.
+/// Tests a rotation about an axis that is not of unit length. The rotation scales and shears as in Mitsuba 3,
+/// with a note.
 #[test]
 fn rotations_about_long_axes_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
     let turned = |op: &str| HAND.replace("<rotate z=\"1\" angle=\"90\"/>", op);
     let import = imported(folder.path(), &turned("<rotate x=\"2\" angle=\"90\"/>")).unwrap();
     assert!(import.notes.iter().any(|n| n.contains("<rotate>")), "{:?}", import.notes);
-    // cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0): x is scaled by 4, y becomes 2 z; before it, x was
-    // scaled by 2.
+    // The matrix is cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0). The matrix scales x by 4 and maps y
+    // to 2 z. An earlier transform scales x by 2.
     assert!(
         ["[8.0, 0.0", "[7.99999999999999"].iter().any(|row| import.toml.contains(row)),
         "{}",
@@ -364,7 +368,7 @@ fn rotations_about_long_axes_match_mitsuba() {
     assert!(e.message.contains("no axis"), "{e}");
 }
 
-/// Tests that the crop window of a film shows the same window of the full film's image.
+/// Tests that a film with a crop window shows the corresponding window of the full film's image.
 #[test]
 fn cropped_films_are_windows_of_the_whole_image() {
     let folder = tempfile::tempdir().unwrap();
@@ -381,7 +385,7 @@ fn cropped_films_are_windows_of_the_whole_image() {
     assert!(e.message.contains("crop window"), "{e}");
 }
 
-/// Tests that a film of mitransient becomes a slice of time bins in addition to the image;
+/// Tests that a film of mitransient becomes a slice of time bins in addition to the image. Tests that
 /// integrators of Mitsuba's Python package have a maximum depth of 6.
 #[test]
 fn transient_films_become_time_bins() {
@@ -398,7 +402,7 @@ fn transient_films_become_time_bins() {
     let TimeFile::Bins(bins) = &transient.time else {
         panic!("{}", import.toml);
     };
-    // 1 ns per bin; path lengths start at the near clipping plane, at 0.01 m.
+    // A bin is 1 ns wide. Path lengths start at the near clipping plane, at 0.01 m.
     assert!((*bins.bin_ps - 1000.0).abs() < 1e-6 && (bins.start_ps - 10_000.0).abs() < 1e-6, "{bins:?}");
     assert_eq!((*bins.bins, *import.scene.render.max_depth), (40, 6));
     assert!(import.notes.iter().any(|n| n.contains("near clipping plane")), "{:?}", import.notes);
@@ -409,7 +413,7 @@ fn transient_films_become_time_bins() {
 }
 
 /// Tests the approximations of the import. Facets have a single roughness above 0, which is the root of the
-/// product of the roughnesses along u and v. Numbers in images are luminances.
+/// product of the roughnesses along u and v. The import reads numbers in images as luminances.
 #[test]
 fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     let folder = tempfile::tempdir().unwrap();
@@ -432,7 +436,7 @@ fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
         (number("alpha", 0.0), "alpha = 0.001", "alpha below 0.001"),
         (
             squares("alpha_u", 0.25, 0.0625) + &squares("alpha_v", 1.0, 0.25),
-            // Mitsuba exchanges the squares where a number is required.
+            // Mitsuba exchanges the squares of a checkerboard where a number is required.
             "checkerboard = [0.125, 0.5]",
             "alpha_u and alpha_v",
         ),
@@ -457,7 +461,7 @@ fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     }
 }
 
-/// Tests that the import applies Mitsuba's defaults: unlimited paths, black lamps and grey shapes.
+/// Tests that the import applies Mitsuba's defaults, such as unlimited paths, black lamps and grey shapes.
 #[test]
 fn defaults_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -473,7 +477,7 @@ fn defaults_match_mitsuba() {
     assert!(lamp.contains("albedo = 0.0") && !lamp.contains("albedo = 0.5"), "{lamp}");
 }
 
-/// Tests that differences between integrators in counting path lengths are noted.
+/// Tests that the import notes differences between the path length counts of integrators.
 #[test]
 fn thin_glass_under_volumetric_integrators_is_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -486,7 +490,7 @@ fn thin_glass_under_volumetric_integrators_is_noted() {
     assert!(noted(&glass.replace("\"path\"", "\"volpath\"")));
 }
 
-/// Tests that references can name any top-level element, and that unreferenced elements are noted.
+/// Tests that references can name any top-level element. Tests that the import notes unreferenced elements.
 #[test]
 fn references_can_name_any_top_level_element() {
     let folder = tempfile::tempdir().unwrap();
@@ -510,7 +514,7 @@ fn references_can_name_any_top_level_element() {
     let text = text.replace("<ref id=\"gold\"/><ref id=\"lamp\"/>", "<ref id=\"gold\"/>");
     let notes = imported(folder.path(), &text).unwrap().notes;
     assert!(notes.iter().any(|n| n.contains("`lamp`") && n.contains("is not used")), "{notes:?}");
-    // A second sensor.
+    // Adds a second sensor.
     let two =
         HAND.replace("<bsdf type=\"conductor\"", "<sensor type=\"perspective\"/><bsdf type=\"conductor\"");
     let import = imported(folder.path(), &two).unwrap();

@@ -1,4 +1,4 @@
-//! Tests groups and instances (Mitsuba's `shapegroup` and `instance`) for import and export, files of
+//! Tests groups and instances (Mitsuba's `shapegroup` and `instance`) for import and export. Tests files of
 //! placements, and the messages of faults.
 
 use super::{exported, imported};
@@ -32,7 +32,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 </scene>
 "#;
 
-/// Asserts that rays hit the same surfaces in both scenes; returns the number of hits.
+/// Asserts that rays hit the same surfaces in two scenes. Returns the number of hits.
 fn same(a: &Scene, b: &Scene) -> usize {
     let mut stream = Stream::new(31, 0, 0);
     let (mut hits, mut apart) = (0, 0);
@@ -45,7 +45,7 @@ fn same(a: &Scene, b: &Scene) -> usize {
             g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h))
         });
         match (p, q) {
-            // In Mitsuba, mirroring turns shapes inside out, but not copies of groups.
+            // In Mitsuba, mirroring reverses the normals of shapes, but not of copies of groups.
             (Some(p), Some(q)) if p.ng.dot(q.ng).abs() > 0.999 => {
                 // Away from grazing incidence, rounding errors are small.
                 if p.ng.dot(ray.dir).abs() > 0.1 {
@@ -76,14 +76,15 @@ fn shape_groups_are_read() {
         let ray = Ray { origin: Vec3A::new(x, y, 9.0), dir: Vec3A::NEG_Z };
         scene.geometry.intersect(&ray, 100.0).map(|h| h.t)
     };
-    // Spheres of the first tree; of the second tree, on the left, 1 wide and 2 high; of the third tree.
+    // Tests the spheres of the first tree, of the second tree (on the left, 1 wide and 2 high), and of the
+    // third tree.
     assert!((meets(0.0, 1.0).unwrap() - 8.5).abs() < 1e-5);
     assert!(meets(2.5, 0.9).is_some() && meets(2.5, 1.1).is_none() && meets(2.2, 0.0).is_none());
     assert!((meets(-2.0, 0.0).unwrap() - 8.5).abs() < 1e-5);
-    // In the mirror image the cube is on the opposite side.
+    // In the mirror image, the cube is on the opposite side.
     assert!(meets(-2.7, -1.0).is_some() && meets(-1.3, -1.0).is_none());
-    // The same scene without instances. It has no uneven scales, because copies apply such scales to spheres
-    // and Mitsuba's spheres do not.
+    // Builds the same scene without instances and without uneven scales. Copies apply uneven scales to
+    // spheres, but Mitsuba's spheres do not.
     let even = HAND.replace(r#"<scale x="2" y="0.5"/>"#, r#"<scale value="2"/>"#);
     let import = imported(folder.path(), &even).unwrap();
     let scene = sunstone::scene::from_text(&path, &import.toml).unwrap();
@@ -191,7 +192,7 @@ fn built(folder: &Path, text: &str) -> Result<Scene, sunstone::base::locate::Inp
     sunstone::scene::from_text(&folder.join("scene.toml"), text)
 }
 
-/// Returns an array of f8 in NumPy's format, version 1.0.
+/// Returns an array of f8 values in NumPy's format, version 1.0.
 fn npy(shape: &str, by_column: bool, values: &[f64]) -> Vec<u8> {
     let order = if by_column { "True" } else { "False" };
     let mut head = format!("{{'descr': '<f8', 'fortran_order': {order}, 'shape': {shape}, }}");
@@ -232,7 +233,7 @@ fn placements_are_lists_or_arrays() {
     let one = [1., 0., 0., -2., 0., 1., 0., 0., 0., 0., 1., 0.];
     let two = [0.5, 0., 0., 1., 0., 0.7, 0., 0., 0., 0., -0.5, 0.];
     let rows = [one, two].concat();
-    // The same array, with the first index varying fastest.
+    // Writes the same array with the first index varying fastest.
     let columns: Vec<f64> = (0..24).map(|k| [one, two][k % 2][(k / 2 % 3) * 4 + k / 6]).collect();
     for bytes in [npy("(2, 3, 4)", false, &rows), npy("(2, 3, 4)", true, &columns)] {
         write(&bytes);

@@ -1,5 +1,5 @@
-//! Tests round trips: contents that Mitsuba can express are unchanged after export and import;
-//! other contents are refused by name.
+//! Tests round trips through Mitsuba's format. Contents that Mitsuba can express are unchanged after export
+//! and import. The export refuses contents that Mitsuba cannot express, by name.
 
 use glam::Vec3A;
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ mod import;
 mod instances;
 mod there_and_back;
 
-/// A scene with every material and every shape that Mitsuba can also express.
+/// A scene with all materials and shapes that Sunstone and Mitsuba can express.
 const ALL: &str = r#"
 wavelengths_nm = [550]
 [render]
@@ -114,7 +114,7 @@ name = "mueller"
 polarization = "mueller"
 "#;
 
-/// Returns a folder with the files that [`ALL`] refers to.
+/// Returns a folder with the files to which [`ALL`] refers.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -177,8 +177,8 @@ fn same_spectrum(a: Spectral, b: Spectral) {
     }
 }
 
-/// Asserts that two scenes are equal: devices, emitters, and the surfaces that rays hit, with all 16
-/// elements. Returns the number of hits and of compared matrices.
+/// Asserts that two scenes have equal devices, equal emitters, and equal matrices of the surfaces that rays
+/// hit, in all 16 elements. Returns the number of hits and the number of compared matrices.
 fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     assert_eq!(a.wavelengths, b.wavelengths);
     assert_eq!(a.settings.spp, b.settings.spp);
@@ -234,8 +234,8 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     (hits, matrices)
 }
 
-/// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because
-/// near the horizon the f32 rounding of moved shapes decides whether a matrix exists.
+/// Asserts that two matrices are equal. Returns whether both matrices exist. A missing matrix counts as zero,
+/// because near the horizon the f32 rounding of moved shapes decides whether a matrix exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
     let compared = a.is_some() && b.is_some();

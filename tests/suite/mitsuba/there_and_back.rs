@@ -1,4 +1,4 @@
-//! Tests that a scene is unchanged after an export to Mitsuba and an import of the result.
+//! Tests that a scene is unchanged after an export to Mitsuba and an import of the exported files.
 
 use super::{ALL, assert_same, exported, folder};
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ fn several_wavelengths_round_trip() {
         sunstone::scene::from_text(&path, &back.toml).unwrap(),
     );
     assert_same(&a, &b);
-    // A single wavelength exports the scene at that wavelength.
+    // With a single wavelength, the export contains the scene at that wavelength.
     let one = Export::from_text(&path, &text, Some(450.0)).unwrap();
     assert!(!one.xml.contains("450:"), "plain numbers for mono variants");
     assert!(one.xml.contains("name=\"intensity\" value=\"1\""), "{}", one.xml);
@@ -59,7 +59,7 @@ fn the_mirror_room_round_trips() {
     let toml = folder.path().join("back.toml");
     let back = Import::load(&out.join("scene.xml"), &toml, &BTreeMap::new()).unwrap();
     back.write(&toml, false).unwrap();
-    // The material of the knot has correlated masking in the scene; Mitsuba's masking is separable.
+    // The material of the knot has correlated masking in the scene, but Mitsuba's masking is separable.
     let text = std::fs::read_to_string(&path)
         .unwrap()
         .replace("alpha = 0.18", "alpha = 0.18, masking = \"separable\"");
