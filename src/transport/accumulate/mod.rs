@@ -22,7 +22,7 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Maximum number of cells of a pixel that a plain table indexes; more cells are indexed by a hash map.
+/// Maximum number of cells of a pixel that a plain table indexes. A hash map indexes larger numbers of cells.
 const DIRECT_CELLS: u64 = 1 << 16;
 
 /// Maps the key of a cell to the index of the cell among the cells of the current pixel.
@@ -34,9 +34,9 @@ enum CellIndex {
 /// One cell of the current pixel that has received contributions.
 struct Cell {
     key: u64,
-    /// Group of samples whose contributions have not been folded into the sums yet.
+    /// Group of samples whose contributions have not been added to the sums yet.
     group: u32,
-    /// Index in [`PixelSums::sums`] of the cell's first element; the cell has `extent` rows and columns.
+    /// Index in [`PixelSums::sums`] of the cell's first element. The cell has `extent` rows and columns.
     first: u32,
     extent: Extent,
 }
@@ -66,7 +66,7 @@ impl Sums {
 struct PixelSums {
     index: CellIndex,
     cells: Vec<Cell>,
-    /// Sums of the elements of all cells; contains only the elements that can be non-zero.
+    /// Sums of the elements of all cells. The list contains only the elements that can be non-zero.
     sums: Vec<Sums>,
     total: TotalSums,
 }
@@ -98,7 +98,7 @@ impl PixelSums {
         }
     }
 
-    /// Enlarges cell number `slot`, so that the cell also holds elements of `extent`.
+    /// Enlarges cell number `slot` so that the elements of `extent` also fit in the cell.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];
@@ -152,7 +152,7 @@ impl PixelSums {
     }
 
     /// Computes the mean and the variance of the mean of a pixel, and adds them to the tile with weights
-    /// 1/pixels and 1/pixels² (pixels are independent).
+    /// 1/pixels and 1/pixels², because pixels are independent.
     #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
@@ -280,7 +280,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts camera pixel (x, y). Returns false if no slice keeps the pixel, which is then already finished.
+    /// Starts camera pixel (x, y). Returns false if no slice keeps the pixel. A pixel that no slice keeps is
+    /// already finished.
     #[inline]
     pub(crate) fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
         self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
@@ -293,7 +294,8 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Sets the projector pixels s' of each slice's band for the current pixel; empty if there is no band.
+    /// Sets the projector pixels s' of each slice's band for the current pixel. The list is empty if there is
+    /// no band.
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {

@@ -13,17 +13,18 @@ pub struct Contribution {
     pub first: u32,
     /// Number of matrix rows and columns.
     pub extent: Extent,
-    /// Travel time in picoseconds; infinite for emitters whose light has no travel time.
+    /// Travel time in picoseconds, or infinity for emitters whose light has no travel time.
     pub time_ps: f64,
-    /// Row-major index of projector pixel s'; [`NO_PIXEL`] for light of other emitters.
+    /// Row-major index of projector pixel s', or [`NO_PIXEL`] for light of other emitters.
     pub pixel: u32,
-    /// Distance of s' from the epipolar line of s in projector pixels; set only if a slice is epipolar.
+    /// Distance of s' from the epipolar line of s in projector pixels. The value is set only if a slice is
+    /// epipolar.
     pub epipolar_px: f32,
     pub bounces: u32,
-    /// Path label as defined in [`tensor::label`]; unspecified if no slice has labels.
+    /// Path label as defined in [`tensor::label`]. The value is unspecified if no slice has labels.
     pub label: u8,
-    /// `EVERY`, or the index of the only slice to which the contribution counts, because the path was
-    /// sampled for an s' of this slice.
+    /// Index of the only slice that counts the contribution, if the path was sampled for an s' of that slice.
+    /// Otherwise, `EVERY`.
     pub slice: u32,
     /// Ratio of two densities of this path: the density of sampling the path for a given s', divided by the
     /// density of sampling the path for all slices. The probability of selecting s' is excluded from the
@@ -93,7 +94,8 @@ pub struct SlicePlan {
     pub(super) camera: [Vec<u32>; 2],
     /// Number of pixels averaged per index along `y` and `x` (1 unless the camera axes are binned).
     pub(super) per_index: [Vec<u32>; 2],
-    /// Index of each projector row along `v` and column along `u`, or [`DROPPED`]; empty if s' is unresolved.
+    /// Index of each projector row along `v` and column along `u`, or [`DROPPED`]. The lists are empty if s'
+    /// is unresolved.
     projector: [Vec<u32>; 2],
     projector_width: u32,
     pub(super) camera_width: u32,

@@ -10,7 +10,7 @@ use optics::spectrum::Spectral;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counted {
     pub samples: u32,
-    /// Number of groups; equal to `samples` unless samples are stratified.
+    /// Number of groups. The number equals `samples` unless samples are stratified.
     pub groups: u32,
 }
 
@@ -59,8 +59,8 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Verifies the variance for four groups, one without light, of two samples each at two wavelengths. The
-    /// variance of the mean of 0, 1, 2, 5 is 4.667/4.
+    /// Verifies the variance for four groups of two samples at two wavelengths, where one group has no light.
+    /// The variance of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_computed_over_groups() {
         let mut sums = TotalSums::default();

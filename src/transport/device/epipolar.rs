@@ -1,4 +1,5 @@
-//! Epipolar geometry of camera and projector: projector pixels s' that can directly illuminate point s.
+//! Epipolar geometry of camera and projector. The module finds the projector pixels s' that can directly
+//! illuminate the point that camera pixel s sees.
 //!
 //! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to an epipolar line in
 //! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves this line in the
@@ -73,7 +74,8 @@ fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
 }
 
 /// Coefficients a, b, c of the epipolar line a·x + b·y + c = 0 of one camera pixel. With lens distortion, x
-/// and y are normalized projector coordinates; otherwise, they are column and row, and a² + b² = 1.
+/// and y are normalized projector coordinates. Without lens distortion, x and y are column and row, and a² +
+/// b² = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarLine([f32; 3]);
 
@@ -227,7 +229,8 @@ mod tests {
                 if let Some((q, _)) = projector.project(p) {
                     seen += 1;
                     let pixel = q.y as u32 * 640 + q.x as u32;
-                    // The pixel centre is at most √½ pixel from the point; the line's curvature adds little.
+                    // The pixel centre is at most √½ pixel from the point. The line's curvature adds little
+                    // to the distance.
                     worst = worst.max(e.distance_px(line, pixel));
                 }
             }

@@ -1,9 +1,10 @@
 //! The projector: the pixel s' that illuminates a point, and the irradiance at the point.
 //!
 //! If all pixels have drive 1, the irradiance on the virtual plane at distance 1 m is the scene's irradiance
-//! E, for any lens distortion. A lens with a constant pupil preserves radiance; distortion moves pixel
+//! E, for any lens distortion. A lens with a constant pupil preserves radiance. Distortion moves pixel
 //! borders and thus changes the solid angle and the flux of a pixel. In a direction at angle θ to the axis,
-//! the radiant intensity is E / cos³θ. Mitsuba's `projector` emits π times as much for the same number.
+//! the radiant intensity is E / cos³θ. Mitsuba's `projector` emits π times as much light for the same value
+//! of E.
 
 use super::pinhole::Pinhole;
 use crate::geometry::many;

@@ -17,7 +17,7 @@ use wide::f32x4;
 #[repr(C, align(32))]
 pub struct Eight(pub [f32; 8]);
 
-/// Eight booleans. All bits of a true lane are set; all bits of a false lane are clear.
+/// Eight booleans. All bits of a true lane are set. All bits of a false lane are clear.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Mask(pub [u32; 8]);
@@ -85,7 +85,7 @@ impl Eight {
 }
 
 impl Mask {
-    /// Returns the lanes of `yes` where the mask is true, and of `no` elsewhere.
+    /// Returns the lanes of `yes` where the mask is true, and the lanes of `no` elsewhere.
     #[inline(always)]
     pub fn select(self, yes: Eight, no: Eight) -> Eight {
         let mut out = [0.0; 8];

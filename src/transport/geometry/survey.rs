@@ -1,6 +1,6 @@
 //! Computes conservative depth bounds for each small pyramid of directions from a point. The bounds are for
-//! the nearest primitive, for all other primitives, and for the primitive that occludes everything behind
-//! this primitive.
+//! the nearest primitive, for all other primitives, and for a primitive that occludes everything behind
+//! itself.
 
 use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;
@@ -36,11 +36,11 @@ const MANY: usize = 1 << 16;
 const SMALL: f32 = 0.5;
 /// Fraction of a sphere's angular radius within which all directions certainly hit the sphere.
 const WELL_INSIDE: f32 = 0.99;
-/// Angle beyond which the tangent is treated as infinite, radians: just below π/2, where the f32 tangent
-/// changes sign.
+/// Angle beyond which the tangent is treated as infinite, radians. The angle is just below π/2, where the f32
+/// tangent changes sign.
 const RIGHT_ANGLE: f32 = 1.57;
 
-/// The bounds of one pyramid; depths are measured along the axis of the pinhole, metres.
+/// The bounds of one pyramid. Depths are measured along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// The primitive that may be the nearest in the pyramid.
@@ -157,8 +157,8 @@ impl Survey {
         Some(())
     }
 
-    /// Adds the boxes of an instance's tree, opening each box that is too close. `place` maps points of the
-    /// group to the pinhole's coordinates (right, down, forward).
+    /// Adds the boxes of an instance's tree. Replaces each box that is too close by the boxes of its
+    /// children. `place` maps points of the group to the pinhole's coordinates (right, down, forward).
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -279,7 +279,8 @@ impl Survey {
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // No overlap: all corners are outside one edge. Full cover: all are inside all edges.
+                // The primitive and the pyramid do not overlap if all corners are outside one edge. The
+                // primitive covers the pyramid if all corners are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);

@@ -41,8 +41,8 @@ pub(super) struct Interface {
 }
 
 /// Returns the direction from which light is refracted into direction `wo`. `eta` is the index on the far
-/// side divided by that on the near side. Returns `None` under total reflection, or if shading and geometric
-/// normals disagree about the side.
+/// side divided by the index on the near side. Returns `None` under total internal reflection, or if shading
+/// and geometric normals disagree about the side.
 #[inline]
 fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
     let wi = refract(wo, n, eta)?.normalize();
@@ -50,7 +50,7 @@ fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Interface {
-    /// Returns the reflected or transmitted lobe; the refracted direction is that of wavelength `lane`.
+    /// Returns the reflected or transmitted lobe. The refracted direction is that of wavelength `lane`.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
         let Self { n, wo, .. } = *self;
@@ -63,7 +63,7 @@ impl Interface {
                 filling: None,
             });
         }
-        // Radiance divided by the squared index is invariant; both directions have equal transmittance.
+        // Radiance divided by the squared index is invariant. Both directions have equal transmittance.
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
@@ -90,7 +90,7 @@ impl Dielectric {
 
     /// Returns the direction on the other side from which light is refracted into direction `wo`, and the
     /// ratio of the index on the side of `wo` to the index on the other side. Returns `None` under total
-    /// reflection, or if shading and geometric normals disagree.
+    /// internal reflection, or if shading and geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
@@ -123,7 +123,7 @@ impl Dielectric {
     }
 
     /// Samples the wavelength that a refracted path keeps. Returns the lane of this wavelength, and the
-    /// weight with which the lane represents all live wavelengths.
+    /// weight by which the lane represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

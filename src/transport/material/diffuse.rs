@@ -30,7 +30,8 @@ impl Diffuse {
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
-        // Use `|` instead of `||`: each condition alone is unpredictable and would be a separate branch.
+        // Use `|` instead of `||`, because each condition alone is unpredictable and would be a separate
+        // branch.
         if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }

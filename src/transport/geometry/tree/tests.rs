@@ -113,7 +113,7 @@ fn trees_cover_everything() {
 
 #[test]
 fn equal_boxes_do_not_give_a_deep_tree() {
-    // Clustering takes quadratic time here, and the tree becomes too deep for the stack.
+    // For equal boxes, clustering takes quadratic time, and the tree becomes too deep for the stack.
     let equal = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 1000];
     let clustered = Binary::clustered(equal.len(), &|i| equal[i]);
     let tree = Tree::collapsed(&clustered, &fits, &mut |_| 0).expect("the tree is not empty");
@@ -123,8 +123,8 @@ fn equal_boxes_do_not_give_a_deep_tree() {
         let ends = (0..1000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // Test boxes with a common corner, with a common centre, without height, of zero size, long thin boxes
-    // that cross each other, and increasingly distant boxes.
+    // Test various sets of boxes: with a common corner, with a common centre, without height, of zero size,
+    // long thin boxes that cross each other, and increasingly distant boxes.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));
