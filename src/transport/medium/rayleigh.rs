@@ -8,7 +8,7 @@
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
 //!
-//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). Without absorption, ρ ≤ 1/2.
+//! King's factor is (6 + 3ρ)/(6 - 7ρ). Air has ρ = 0.028 (Young 1980). Without absorption, ρ ≤ 1/2.
 
 use super::scattered::{Angle, Elements};
 use std::f32::consts::PI;
@@ -19,9 +19,9 @@ pub const LARGEST_DEPOLARIZATION: f32 = 0.5;
 /// Rayleigh phase function with a depolarization factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rayleigh {
-    /// Fraction Δ of dipole scattering; see the module documentation.
+    /// Fraction Δ of dipole scattering (see the module documentation).
     dipole: f32,
-    /// Product Δ Δ'; see the module documentation.
+    /// Product Δ Δ' (see the module documentation).
     circular: f32,
 }
 
@@ -62,7 +62,7 @@ impl Rayleigh {
         }
     }
 
-    /// Samples a scattering angle with density [`Self::intensity`], by a uniform random number in [0, 1).
+    /// Samples a scattering angle with density [`Self::intensity`], from a uniform random number in [0, 1).
     /// Cardano's formula solves the cubic equation μ³ + p μ = q of the cumulative distribution.
     #[inline]
     pub fn sample(self, u: f32) -> Angle {

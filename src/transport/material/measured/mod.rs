@@ -1,7 +1,8 @@
 //! Measured materials: tables of Mueller matrices by Rusinkiewicz angles and wavelength, in `.pbsdf` files.
 //!
 //! The data are the isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of
-//! polarimetric reflectance" (the KAIST data set), or any file with the same layout. The submodules are:
+//! polarimetric reflectance" (the KAIST data set), or any file with the same layout. Tasks of the submodules:
+//!
 //! - [`table`] interpolates between entries,
 //! - [`rusinkiewicz`] defines the angles and Stokes frames,
 //! - `importance` samples directions,

@@ -1,11 +1,11 @@
-//! Mirrors in groups with too many instances to list. A point is sampled in two steps: first the instance,
-//! then the point.
+//! Mirrors in groups with too many instances to list. To sample a point, the code first samples the instance
+//! and then samples a point of the instance.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
 use optics::sampling::warp;
 
-/// The mirrors of groups, and the transforms of the groups' instances.
+/// The mirrors of groups, and the transforms of the instances of the groups.
 #[derive(Debug, Default)]
 pub(crate) struct Copied {
     /// Group, transform to the world, and cumulative area (m²) of each instance.
