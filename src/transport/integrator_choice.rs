@@ -1,8 +1,8 @@
 //! Chooses the integrator from the surfaces that the projector and the point emitters illuminate directly.
 //!
 //! The projector, point emitters and the camera have no spatial extent. Paths from the camera therefore never
-//! find light that the projector or a point emitter sends via a mirror or smooth glass. If one of these
-//! emitters directly illuminates a mirror or smooth glass, another integrator is needed.
+//! find light from the projector or a point emitter that a mirror or smooth glass has redirected. If the
+//! projector or a point emitter directly illuminates a mirror or smooth glass, another integrator is needed.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;

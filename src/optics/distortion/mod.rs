@@ -180,7 +180,7 @@ mod tests {
         near(with(|l| l.s3 = 1.0), 0.5, 0.25);
         near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
         // For a sensor tilted by τ about y, divide the rotated coordinate by the depth of the point on the
-        // sensor. Then multiply the result by cos τ.
+        // sensor. Multiply the quotient by cos τ.
         let t: f64 = 0.1;
         let (s, c) = t.sin_cos();
         let (x, z) = (0.5 * c - s, 0.5 * s + c);

@@ -164,8 +164,8 @@ impl Chain {
     }
 
     /// Multiplies the product on the right by the transpose of another product, which was built from the
-    /// emitter with transposed interactions. Both products must have the same frame for the light between
-    /// them.
+    /// emitter with transposed interactions. The two products must have the same frame for the light between
+    /// the subpaths.
     #[inline]
     pub fn times_transposed(&mut self, other: &Self) {
         let dot =

@@ -3,7 +3,7 @@
 use glam::{Mat3A, Vec3A};
 
 /// Returns cos 2θ and sin 2θ of the rotation from the basis vector `from` to the basis vector `to`. The light
-/// travels along `d`, and angles are counter-clockwise looking toward the source. Both basis vectors are unit
+/// travels along `d`, and angles are counter-clockwise looking toward the source. `from` and `to` are unit
 /// vectors perpendicular to `d`.
 #[inline]
 pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {

@@ -14,8 +14,8 @@ pub enum Scatter {
     /// Complete depolarization, f·e₀e₀ᵀ, which is the same in all frames.
     Depolarize(Spectral),
     /// A Fresnel block whose frame on both sides is the unit vector `s` perpendicular to the plane of
-    /// incidence. Wave plates and polarizers that do not deflect light also have this form, in the frame `s`
-    /// of their axis.
+    /// incidence. Wave plates and polarizers that do not deflect light have the form of a Fresnel block too,
+    /// in the frame `s` of their axis.
     Fresnel {
         block: FresnelBlock,
         /// Frame of the block, a unit vector.
@@ -90,9 +90,9 @@ impl Scatter {
     }
 
     /// Returns the same interaction for light in the opposite direction, from `wo` to `wi`. By reciprocity,
-    /// the matrix is D Mᵀ D with D = diag(1, 1, -1, 1), because a frame's second axis flips with the
-    /// direction of travel (Sekera 1966, "Scattering matrices and reciprocity relationships for various
-    /// representations of the state of polarization").
+    /// the matrix is D Mᵀ D with D = diag(1, 1, -1, 1). The factors D occur because a frame's second axis
+    /// flips with the direction of travel (Sekera 1966, "Scattering matrices and reciprocity relationships
+    /// for various representations of the state of polarization").
     #[inline]
     pub fn reversed(&self) -> Self {
         match self {

@@ -5,8 +5,8 @@
 //!
 //! > ρ_s = (q_i - q_j)/(q_i + q_j),  ρ_p = (η_j² q_i - η_i² q_j)/(η_j² q_i + η_i² q_j)
 //!
-//! From the substrate outward, the reflected amplitude of all layers below interface i–j is given by Airy's
-//! recursion (Born & Wolf 1999, 1.6.4 and 14.4; equivalent to the matrix form of Byrnes 2016,
+//! From the substrate outward, Airy's recursion gives the reflected amplitude of all layers below interface
+//! i–j (Born & Wolf 1999, 1.6.4 and 14.4). The recursion is equivalent to the matrix form of Byrnes (2016,
 //! arXiv:1603.02720):
 //!
 //! > r_i = (ρ + r_j e^{2iβ_j}) / (1 + ρ r_j e^{2iβ_j}),  β_j = 2π q_j d_j/λ.

@@ -50,8 +50,8 @@ fn make(bits: u32) -> Nets {
     out
 }
 
-/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. The result consists
-/// of the reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
+/// Returns the digits of point `j` of Sobol's sequence along the first or second axis. The result consists of
+/// the reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     // Digit 0 of the result is the most significant digit.
     let digit = |row: u32| {
@@ -60,7 +60,7 @@ fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
                 u32::from(row == column)
             } else {
                 // A binomial coefficient is odd if the binary digits of its lower number are a subset of
-                // those of its upper number (Lucas).
+                // those of the upper number (Lucas).
                 u32::from(row & !column == 0)
             };
             entry & j >> column

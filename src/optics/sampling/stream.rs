@@ -82,7 +82,7 @@ impl Strata {
     /// Returns the digits of the sample's point in the net of a pair of numbers.
     #[inline]
     fn point(&self, drawn: u64) -> u32 {
-        // Random bits select the net, permute its points, and shift both coordinates.
+        // Random bits select the net, permute the points, and shift both coordinates.
         let at = (drawn as usize & (POINTS - 1)) ^ self.index as usize;
         u32::from(self.nets[at]) ^ (drawn >> 32) as u32
     }
@@ -174,8 +174,8 @@ impl Stream {
         unit(raw)
     }
 
-    /// Returns two independent uniform random numbers in [0, 1). In a stratified stream, both are from the
-    /// same net.
+    /// Returns two independent uniform random numbers in [0, 1). In a stratified stream, the two numbers are
+    /// from the same net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];

@@ -122,7 +122,7 @@ impl PixelSums {
         }
         let slot = *entry as usize;
         if let ([value], 1) = (values, self.cells[slot].extent.count()) {
-            // Fast path, because most contributions have only one element, M00.
+            // This code is the fast path, because most contributions have only one element, M00.
             let cell = &mut self.cells[slot];
             let sums = &mut self.sums[cell.first as usize];
             if cell.group != group {
@@ -151,8 +151,8 @@ impl PixelSums {
         }
     }
 
-    /// Computes the mean and the variance of the mean of a pixel, and adds them to the tile with weights
-    /// 1/pixels and 1/pixels², because pixels are independent.
+    /// Computes the mean of a pixel and the variance of the mean. Adds the mean to the tile with the weight
+    /// 1/pixels. Adds the variance with the weight 1/pixels², because pixels are independent.
     #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
@@ -199,7 +199,7 @@ pub struct TileSums<'a> {
     plans: &'a [SlicePlan],
     slices: Vec<TileValues>,
     scratch: Scratch,
-    /// First camera pixel (x, y) of the tile, and one past the last in x and y.
+    /// First camera pixel (x, y) of the tile, and the position (x, y) one past the last pixel.
     pixels: [[u32; 2]; 2],
     /// Number of valid samples per pixel, row-major.
     counts: Vec<u32>,
@@ -233,7 +233,7 @@ pub struct TileAccumulator<'a> {
     /// Row-major index of the current camera pixel.
     pixel: u32,
     keeping: Vec<usize>,
-    /// True if some slice samples paths for selected projector pixels.
+    /// True if at least one slice samples paths for selected projector pixels.
     aimed: bool,
     /// Probability of each s' in the epipolar band of the current camera pixel, per slice (0 without a band).
     in_band: Vec<f32>,
@@ -348,7 +348,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes a pass over pixel (x, y). Passes are independent, so their means and variances are added.
+    /// Finishes a pass over pixel (x, y). Passes are independent, so the means and variances of the passes
+    /// are added.
     #[inline]
     pub fn end_pass(&mut self, x: u32, y: u32, n: Counted) {
         let slices = self.plans.iter().zip(&mut self.sums);

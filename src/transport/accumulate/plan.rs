@@ -23,12 +23,12 @@ pub struct Contribution {
     pub bounces: u32,
     /// Path label as defined in [`tensor::label`]. The value is unspecified if no slice has labels.
     pub label: u8,
-    /// Index of the only slice that counts the contribution, if the path was sampled for an s' of that slice.
-    /// Otherwise, `EVERY`.
+    /// Index of the only slice that counts the contribution, or `EVERY`. The index is set if the path was
+    /// sampled for an s' of that slice.
     pub slice: u32,
-    /// Ratio of two densities of this path: the density of sampling the path for a given s', divided by the
-    /// density of sampling the path for all slices. The probability of selecting s' is excluded from the
-    /// first density. The ratio is 0 if the path cannot be sampled for a given s'.
+    /// Density of sampling the path for a given s', divided by the density of sampling the path for all
+    /// slices. The probability of selecting s' is excluded from the first density. The ratio is 0 if the path
+    /// cannot be sampled for a given s'.
     pub rival: f32,
 }
 
@@ -39,7 +39,8 @@ pub struct Contributions<'a> {
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
     /// non-zero are stored, e.g. only M00 for depolarized light. Other samples share the buffer.
     pub elements: &'a mut Vec<Spectral>,
-    /// True if some slice needs path labels. Each kind of scattering lobe is then a separate contribution.
+    /// True if at least one slice needs path labels. Each kind of scattering lobe is then a separate
+    /// contribution.
     pub labelled: bool,
 }
 
@@ -87,7 +88,8 @@ pub(super) const DROPPED: u32 = u32::MAX;
 /// all threads.
 pub struct SlicePlan {
     slice: Slice,
-    /// Projector pixels for which the slice samples separate paths; `None` if there are too many.
+    /// Projector pixels for which the slice samples separate paths, or `None` if there are too many of these
+    /// pixels.
     selected: Option<Selected>,
     pub layout: SliceLayout,
     /// Index along `y` of each camera row and index along `x` of each camera column, or [`DROPPED`].

@@ -1,4 +1,5 @@
-//! The finished values of one slice in one tile, stored sparsely, and their conversion to chunks.
+//! The finished values of one slice in one tile, stored sparsely, and the conversion of these values to
+//! chunks.
 //!
 //! Most elements of a tensor are zero, for example in bins without light and in the matrices of unpolarized
 //! light. Only non-zero elements are stored, and chunks without values are skipped.
@@ -237,7 +238,8 @@ impl TileValues {
     /// crate. Loops over entries are therefore separate functions that do not depend on the sink.
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
         let (grid, placed) = self.placed(part);
-        // A chunk contains all matrix elements or, if there are too many, some of the rows and columns.
+        // A chunk contains all matrix elements or, if there are too many elements, a part of the rows and
+        // columns.
         let chunk = |kind| part.layout.find(kind).map_or(1, |i| part.layout.axes[i].chunk as u32);
         let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
         for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {

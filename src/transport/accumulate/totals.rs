@@ -1,8 +1,8 @@
 //! Variance of a pixel's total. The total is M00, summed over all entries of the slice for this pixel
 //! (including light outside the time window) and averaged over wavelengths.
 //!
-//! All elements of a pixel use the same samples and are correlated. The error of their sum therefore does not
-//! follow from the errors of the elements.
+//! All elements of a pixel use the same samples and are correlated. The error of the sum of these elements
+//! therefore does not follow from the errors of the elements.
 
 use optics::spectrum::Spectral;
 
@@ -14,7 +14,7 @@ pub struct Counted {
     pub groups: u32,
 }
 
-/// Sum of the totals of one pixel's sample groups, and sum of their squares.
+/// Sum of the totals of one pixel's sample groups, and sum of the squares of these totals.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TotalSums {
     pending: Spectral,

@@ -25,7 +25,7 @@ pub struct Epipolar {
     squares: Vec<Square>,
 }
 
-/// Margin of the search beyond the half width, in pixels. This margin exceeds the rounding error of the
+/// Margin of the search beyond the half width, in pixels. The margin `ROOM` exceeds the rounding error of the
 /// distance.
 const ROOM: f32 = 1.0;
 
@@ -203,7 +203,8 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that points seen by both devices are on the epipolar lines of their pixels, for all lenses.
+    /// Verifies that points seen by both devices are on the epipolar lines of the camera pixels, for all
+    /// lenses.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {

@@ -51,7 +51,7 @@ pub struct Pinhole {
     /// then in pixels per metre, and normalized coordinates are positions on that plane in metres.
     pub parallel: bool,
     /// Offset from the normalized coordinates of directions to those of image points. [`Self::through_lens`]
-    /// and [`Self::at`] set the offset. Without them, the offset is 0.
+    /// and [`Self::at`] set the offset. If the caller uses neither function, the offset is 0.
     shift: DVec2,
     /// Squared normalized radius beyond which no point is imaged, because the distortion would fold back.
     max_radius2: f64,
@@ -272,8 +272,8 @@ impl Pinhole {
         (pixels, local)
     }
 
-    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point,
-    /// or `None` if the point is behind the device or outside the image.
+    /// Returns the continuous pixel position and the device coordinates (right, down, forward) of a world
+    /// point. Returns `None` if the point is behind the device or outside the image.
     #[inline(always)]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);

@@ -23,7 +23,7 @@ pub struct Projector {
 /// Unoccluded light of the projector at N points.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrivals<const N: usize> {
-    /// Row-major index of the projector pixel s' that illuminates each point;
+    /// Row-major index of the projector pixel s' that illuminates each point, or
     /// [`OUTSIDE`](super::pinhole::OUTSIDE) for points outside the image.
     pub pixel: [u32; N],
     /// Unit directions from each point to the projector.
@@ -40,8 +40,8 @@ impl Projector {
     /// Returns the light of the projector at each of the points `p`, without occlusion.
     ///
     /// A coaxial camera sees each point in the pixel s' = s. For such a camera, the caller must set `pixel`
-    /// to s. Otherwise, rounding may move a point near a pixel border into the next pixel or out of the
-    /// image.
+    /// to s. Without this step, rounding may move a point near a pixel border into the next pixel or out of
+    /// the image.
     #[inline(always)]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);

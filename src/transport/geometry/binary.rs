@@ -1,9 +1,9 @@
 //! Binary trees over boxes, which are then collapsed to trees of width eight.
 //!
 //! Fewer than [`MANY`] boxes are clustered bottom-up (PLOC, Meister & Bittner 2018). Larger numbers of boxes
-//! are split top-down ([`super::binned`]). Both kinds of tree are then optimized by reinsertion (Meister &
-//! Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization"). The crate obvhs provides
-//! clustering and reinsertion.
+//! are split top-down ([`super::binned`]). Clustered trees and split trees are then optimized by reinsertion
+//! (Meister & Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization"). The crate
+//! obvhs provides clustering and reinsertion.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -31,7 +31,7 @@ pub(super) enum Part<'a> {
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
-    /// First primitive of each node in `order`, and one past the last.
+    /// First primitive of each node in `order`, and the index one past the last primitive.
     runs: Vec<[u32; 2]>,
 }
 

@@ -1,10 +1,10 @@
 //! Top-down construction of binary trees for large meshes (Wald 2007, "On fast construction of SAH-based
 //! bounding volume hierarchies").
 //!
-//! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic,
-//! evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray takes the same
-//! time for a full leaf and a partly filled leaf. Top-down splitting is much faster than bottom-up
-//! clustering. The subsequent optimization is also fast, because the tree has few leaves.
+//! Sets of boxes are split at minimum cost until the sets fit in a leaf. The cost is the surface area
+//! heuristic, evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray
+//! takes the same time for a full leaf and a partly filled leaf. Top-down splitting is much faster than
+//! bottom-up clustering. The subsequent optimization is also fast, because the tree has few leaves.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
 //! sets. The tree is therefore the same for any number of threads.
@@ -24,7 +24,7 @@ const BINS: usize = 16;
 const GRAIN: usize = 1 << 13;
 /// Number of entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
-/// Depth beyond which sets are halved in the order of their entries, which guarantees termination.
+/// Depth beyond which sets are halved in the order of their entries. This limit guarantees termination.
 const DEEP: usize = 48;
 /// Mask that is XORed into an index in a corner's fourth lane. Without the mask, small integers would be slow
 /// denormals.
@@ -131,9 +131,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid for `count` entries. `middles` are the bounds of twice their centres.
+    /// Creates a grid for `count` entries. `middles` are the bounds of twice the centres of the entries.
     fn new(middles: &Extent, count: usize) -> Self {
-        // Small sets are numerous and have few positions at which they can be split.
+        // Small sets are numerous and have few possible split positions.
         let bins = (4 + count / 4).min(BINS);
         let scale = |length: f32| if length > LEAST { bins as f32 / length } else { 0.0 };
         Self {
@@ -372,7 +372,7 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
 }
 
 /// Returns the nodes of all subtrees in level order. Large nodes come first, because the optimization starts
-/// with them.
+/// with large nodes.
 fn by_levels(part: &Part) -> Vec<Bvh2Node> {
     let mut nodes = vec![Bvh2Node::default()];
     // The source of each node in the list: a subtree, and the index of the node in the subtree.

@@ -43,7 +43,7 @@ pub struct GeometryBuilder {
     facets: bool,
 }
 
-/// A set of primitives that has its own tree.
+/// A set of primitives that has a separate tree.
 #[derive(Default)]
 struct Set {
     /// Each primitive is the index of a triangle among those of all meshes, or `QUADRIC | index` into
@@ -79,15 +79,15 @@ const NONE: u32 = u32::MAX;
 /// The triangle leaves of all trees.
 #[derive(Default)]
 struct Leaves {
-    /// Indices of the triangles in the leaves, with the flag [`PARALLELOGRAM`] where it applies.
+    /// Indices of the triangles in the leaves, with the flag [`PARALLELOGRAM`] for parallelograms.
     order: Vec<u32>,
     /// Index in `order` of the first triangle of each leaf.
     firsts: Vec<u32>,
 }
 
 impl Leaves {
-    /// Returns one pack of triangles per leaf. `skins` lists (end, width): the triangles of leaves before
-    /// `end` extend by `width` beyond their edges.
+    /// Returns one pack of triangles per leaf. `skins` is a list of pairs (end, width). The triangles of
+    /// leaves before `end` extend by `width` beyond their edges.
     fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
         let pack = |leaf: usize| {
             let first = self.firsts[leaf] as usize;

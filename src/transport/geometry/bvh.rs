@@ -91,7 +91,7 @@ pub struct Geometry {
     /// precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
-    /// True if texture coordinates are used. Otherwise, all texture coordinates are 0.
+    /// True if texture coordinates are used. If false, all texture coordinates are 0.
     pub(crate) textured: bool,
     /// True if surfaces need derivatives along both texture coordinates ([`Surface::bitangent`]).
     pub(crate) derivatives: bool,
@@ -276,7 +276,7 @@ impl Geometry {
 
     /// Returns the index of the object that was hit, as set by
     /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). All instances of a group have
-    /// the same object indices; [`Hit::owner`] distinguishes the instances.
+    /// the same object indices. [`Hit::owner`] distinguishes the instances.
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {

@@ -1,9 +1,9 @@
 //! Vectors of eight f32 lanes, to intersect a ray with eight boxes or triangles at a time.
 //!
 //! The operations are plain loops over arrays, which the compiler vectorizes. The loops use two vectors of
-//! four lanes on any processor, or one vector of eight lanes if the caller is compiled for AVX2 (see
-//! [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the results
-//! are bit-identical on all processors.
+//! four lanes on any processor. If the caller is compiled for AVX2, the loops use one vector of eight lanes
+//! (see [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the
+//! results are bit-identical on all processors.
 
 #![expect(
     clippy::needless_range_loop,

@@ -245,7 +245,7 @@ fn generic_code_is_bit_identical() {
 }
 
 /// Verifies that rays do not hit the surface that they leave, and that rays that enter a closed surface hit
-/// the inside of this surface. The instances have any size and are at any distance.
+/// the inside of this surface. The instances have various sizes and distances.
 #[test]
 fn rays_do_not_leak_through_closed_instances() {
     let mut stream = Stream::new(23, 0, 0);
@@ -301,7 +301,7 @@ fn an_optional_hit_is_no_larger_than_a_hit() {
     assert_eq!(Owner::WORLD.number(), None);
 }
 
-/// Verifies that a thousand instances need little more memory than one.
+/// Verifies that a thousand instances need little more memory than one instance.
 #[test]
 fn a_thousand_instances_take_the_memory_of_one() {
     let mesh = ball(100);

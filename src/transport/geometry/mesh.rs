@@ -132,7 +132,7 @@ impl Mesh {
 
     /// Removes triangles of zero area, whose corners are repeated or collinear within the precision of the
     /// stored positions. Returns the number of removed triangles. Triangles with an index out of range are
-    /// kept, so that [`Mesh::validate`] reports them.
+    /// kept, so that [`Mesh::validate`] reports these triangles.
     pub fn drop_degenerate(&mut self) -> usize {
         let before = self.indices.len();
         let positions = &self.positions;
@@ -212,7 +212,7 @@ impl Mesh {
 }
 
 /// Returns true if the area of the triangle is zero within the precision of f32 positions. Returns false for
-/// corners that are not finite, so that validation reports them.
+/// corners that are not finite, so that validation reports these corners.
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();

@@ -2,8 +2,9 @@
 //! is that of Möller & Trumbore (1997, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools
 //! 2).
 //!
-//! For a ray o + t d and edges e1, e2 from corner v0, let p = d × e2, s = o - v0 and q = s × e1. Then (t, u,
-//! v) = (q·e2, p·s, q·d) / (p·e1). A hit is inside if u, v ≥ 0 and u + v ≤ 1 (parallelogram: u, v ≤ 1).
+//! For a ray o + t d and edges e1, e2 from corner v0, let p = d × e2, s = o - v0 and q = s × e1. The solution
+//! is (t, u, v) = (q·e2, p·s, q·d) / (p·e1). A hit is inside if u, v ≥ 0 and u + v ≤ 1 (parallelogram: u, v ≤
+//! 1).
 
 use super::eight::{Eight, Mask};
 use super::ray::Ray;

@@ -1,8 +1,12 @@
 //! Spheres, disks and cylinders, intersected exactly in object space.
 //!
-//! In object space, the shapes are the unit sphere centred on the origin, the unit disk at z = 0 facing +z,
-//! and the open tube of radius 1 from z = 0 to z = 1 facing outward. An affine map transforms them to world
-//! space. There, the shapes may be ellipsoids and elliptic tubes.
+//! In object space, the shapes are:
+//! - the unit sphere centred on the origin,
+//! - the unit disk at z = 0 facing +z,
+//! - the open tube of radius 1 from z = 0 to z = 1, facing outward.
+//!
+//! An affine map transforms the shapes to world space. In world space, the shapes may be ellipsoids and
+//! elliptic tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -29,7 +33,7 @@ pub struct Quadric {
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world` times `facing`. This matrix transforms normals.
+    /// Inverse transpose of `to_world` times `facing`. The product transforms normals.
     normals: Mat3A,
     /// 1 if normals point outward, -1 if they point inward.
     facing: f32,
@@ -235,8 +239,8 @@ impl Quadric {
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
 
-    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point. Both derivatives are 0 at the poles of a
-    /// sphere. For a disk, only the tangent of [`Self::surface`] is returned.
+    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point. The derivatives ∂p/∂u and ∂p/∂v are 0 at
+    /// the poles of a sphere. For a disk, only the tangent of [`Self::surface`] is returned.
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
         let r = o.x.hypot(o.y);
@@ -343,7 +347,8 @@ impl Quadric {
     }
 }
 
-/// Returns the derivative of a normalized vector, given the vector before normalization and its derivative.
+/// Returns the derivative of a normalized vector, given the vector before normalization and the derivative of
+/// that vector.
 #[inline]
 pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     let length = v.length().max(f32::MIN_POSITIVE);

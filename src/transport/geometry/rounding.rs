@@ -21,8 +21,8 @@ use glam::{DVec3, Vec3A};
 /// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Fraction by which a line is shortened at its end. This fraction exceeds the rounding error of a distance
-/// on a ray.
+/// Fraction by which a line is shortened at its end. `END_GAP` exceeds the rounding error of a distance on a
+/// ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
 /// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a
@@ -51,8 +51,8 @@ pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
 
 /// Returns the rounding constant of a surface in an instance, from the constant `k` of the surface in group
 /// coordinates. The map to the world stretches lengths by at most `stretch`, and the inverse map by at most
-/// `back`. The function [`super::instance::stretch`] computes both bounds. Their product is 3 for maps that
-/// preserve angles.
+/// `back`. The function [`super::instance::stretch`] computes both bounds. The product of the two bounds is 3
+/// for maps that preserve angles.
 pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }

@@ -1,5 +1,5 @@
-//! Tests that rays start and end close to surfaces, do not hit the surface that they leave, and do not pass
-//! through other surfaces.
+//! Tests of rays near surfaces: rays must start and end close to surfaces, must not hit the surface that they
+//! leave, and must not pass through other surfaces.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;

@@ -18,10 +18,10 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// Minimum distance of primitives from the viewpoint, as a fraction of the scene's extent.
 const NEAR: f32 = 1e-3;
 /// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
-/// outline is a sliver, and rounding errors may change its orientation.
+/// outline is a sliver, and rounding errors may change the orientation of the outline.
 const SLIVER: f32 = 1e-5;
 /// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
-/// nearly edge-on and its depths are unreliable.
+/// nearly edge-on, and depths on the plane are unreliable.
 const EDGE_ON: f32 = 1e-3;
 /// Relative enlargement of spheres, to allow for rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
@@ -215,8 +215,8 @@ impl Survey {
         true
     }
 
-    /// Adds a primitive to a pyramid, with its minimum depth and the depth behind which it occludes
-    /// everything.
+    /// Adds a primitive to a pyramid, with its minimum depth and the depth behind which the primitive
+    /// occludes everything.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
         let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {

@@ -173,8 +173,8 @@ fn an_empty_scene_has_no_hits() {
 }
 
 /// Verifies that the AVX2 code, the generic code and the code for other processors (feature `portable`) give
-/// bit-identical hits. Sums, products, quotients and square roots are the only operations in all three, and
-/// every processor rounds them equally.
+/// bit-identical hits. Sums, products, quotients and square roots are the only operations in all three
+/// versions, and every processor rounds these operations equally.
 #[test]
 fn hits_are_bit_identical_on_all_processors() {
     let mut stream = Stream::new(21, 0, 0);

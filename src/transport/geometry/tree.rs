@@ -1,8 +1,8 @@
 //! A bounding volume hierarchy with eight boxes per node. A ray is tested against all eight boxes at once.
 //!
-//! A binary tree ([`super::binary`]) is collapsed to width eight by repeatedly opening the child with the
-//! largest surface area (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision,
-//! because in typical scenes decoding compressed boxes would take longer than reading full boxes.
+//! A binary tree ([`super::binary`]) is collapsed to width eight. The method repeatedly opens the child with
+//! the largest surface area (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full
+//! precision, because in typical scenes decoding compressed boxes would take longer than reading full boxes.
 
 use super::binary::{Binary, Part};
 use super::eight::Eight;
@@ -51,18 +51,19 @@ impl Node {
     }
 }
 
-/// The operations of a traversal at a leaf. This interface is a trait and not a closure, because a closure
-/// cannot be force-inlined into the loop that is compiled with particular target features.
+/// The operations of a traversal at a leaf. `Visit` is a trait and not a closure, because a closure cannot be
+/// force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
-    /// Processes leaf `leaf`. Hits beyond `end` are ignored. Returns the new `end`; a value of 0 or less
+    /// Processes leaf `leaf`. Hits beyond `end` are ignored. Returns the new `end`. A value of 0 or less
     /// stops the traversal.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
-    /// Announces that leaf `leaf` will probably be visited, so that it can be prefetched.
+    /// Announces that leaf `leaf` will probably be visited, so that the visitor can prefetch the leaf.
     fn expect(&self, leaf: u32);
 }
 
 /// Prefetches a value into the cache. With large meshes, the processor spends most of the time waiting for
-/// boxes and triangles to load. Those of children on the stack can be loaded during other work.
+/// boxes and triangles to load. The boxes and triangles of children on the stack can be loaded during other
+/// work.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]

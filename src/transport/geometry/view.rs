@@ -29,7 +29,7 @@ impl Pyramid {
         Self {
             leaf: bounds.leaf,
             others: (bounds.others.to_bits() >> 16) as u16,
-            // Round up. Infinity is excluded, because incrementing its bits would give NaN.
+            // Round up. Infinity is excluded, because incrementing the bits of infinity would give NaN.
             cover: if bounds.cover < f32::MAX / 2.0 {
                 (bounds.cover.to_bits() >> 16) as u16 + 1
             } else {
@@ -112,9 +112,9 @@ impl View {
         }
     }
 
-    /// Returns true if a hit is visible from the pinhole, false if it is occluded, and `None` if only a ray
-    /// can decide. `depth` is the distance from the pinhole to the hit along the forward axis, metres. `cell`
-    /// is the pyramid that contains the hit.
+    /// Returns true if a hit is visible from the pinhole, false if the hit is occluded, and `None` if only a
+    /// ray can decide. `depth` is the distance from the pinhole to the hit along the forward axis, metres.
+    /// `cell` is the pyramid that contains the hit.
     #[inline(always)]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
         let pyramid = self.pyramids.get(cell as usize)?;
@@ -131,7 +131,8 @@ impl View {
     #[inline(always)]
     pub(crate) fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
-        // The nearest primitive is known if it covers the pyramid in front of all other primitives.
+        // The nearest primitive is known if this primitive covers the pyramid in front of all other
+        // primitives.
         if pyramid.cover() < pyramid.others() { geometry.meet(ray, pyramid.leaf) } else { None }
     }
 }
@@ -224,8 +225,8 @@ mod tests {
         assert!(firsts > 27_000, "{firsts}");
     }
 
-    /// Verifies that the view decides the visibility of most points next to or in front of a large mesh, and
-    /// that these decisions agree with traced rays.
+    /// Verifies that the view decides the visibility of most points next to or in front of a large mesh. The
+    /// decisions must agree with traced rays.
     #[test]
     fn views_of_large_meshes_agree_with_rays() {
         let mut stream = Stream::new(13, 0, 0);

@@ -59,8 +59,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::intersect`] in scenes with instances. This function is separate to avoid
-        /// slowing down scenes without instances.
+        /// Returns [`Geometry::intersect`] in scenes with instances. The function is separate from
+        /// `intersect` to avoid slowing down scenes without instances.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>

@@ -27,7 +27,7 @@ struct Facet {
     /// Rounding constant of the triangle (see [`Surface::rounding`]).
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Fraction of the mesh's area in all triangles up to and including this one.
+    /// Fraction of the mesh's area in all triangles up to and including this triangle.
     until: f32,
 }
 
@@ -116,8 +116,8 @@ impl AreaLight {
         self.area
     }
 
-    /// Makes each triangle a separate light if there are more than two triangles and hits on them can be
-    /// distinguished. `numbered` is true if hits can be distinguished (see
+    /// Makes each triangle a separate light if there are more than two triangles and if hits on the triangles
+    /// can be distinguished. `numbered` is true if hits can be distinguished (see
     /// [`crate::geometry::bvh::Geometry::facet`]).
     pub(super) fn split(&mut self, numbered: bool) {
         self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
@@ -243,7 +243,7 @@ impl AreaLight {
         };
         let to = at - p;
         let wi = to.try_normalize()?;
-        // Offset the point from the surface, which would otherwise occlude it.
+        // Offset the point from the surface, because the surface would otherwise occlude the point.
         let off = rounding * UNIT * at.abs().max_element().max(to.length());
         let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);

@@ -1,9 +1,9 @@
 //! Extended and directional emitters: area lights, environment maps, distant light and beams.
 //!
 //! Paths from the camera reach area lights and the sky by two techniques: material sampling, and one
-//! connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
-//! Distant lights and beams have a single direction, which material sampling never finds. Every vertex is
-//! therefore connected to all of these lights.
+//! connection per vertex to a sampled light. The power heuristic combines the two techniques (Veach 1997,
+//! sect. 9.2). Distant lights and beams have a single direction, which material sampling never finds. Every
+//! vertex is therefore connected to all of these lights.
 
 pub mod area;
 pub mod bounds;
@@ -82,7 +82,7 @@ pub struct Found<'a> {
 
 impl Lights {
     /// Prepares light sampling. Area lights are sampled by their estimated contribution at a point. If there
-    /// are area lights, the sky is sampled with probability ½, because its occlusion is unknown.
+    /// are area lights, the sky is sampled with probability ½, because the occlusion of the sky is unknown.
     pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
         for (material, number) in self.of_material.iter().enumerate() {
             if let Some(light) = self.areas.get_mut(*number as usize) {

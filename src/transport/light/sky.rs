@@ -39,8 +39,8 @@ pub struct Sky {
     cells: usize,
     /// Radiance of each texel, top row first, W/(m² sr nm).
     pub texels: Vec<[f32; 4]>,
-    /// Cumulative fraction of the total weight at the end of each row, and at the end of each column within
-    /// its row.
+    /// Cumulative fraction of the total weight at the end of each row, and at the end of each column within a
+    /// row.
     rows: Vec<f32>,
     columns: Vec<f32>,
     /// Rotation or reflection from world axes to the map's local axes.

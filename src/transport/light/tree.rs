@@ -3,8 +3,8 @@
 //! The method is that of Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree
 //! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. The choice starts at the
 //! root and samples one child of each node. The probability of a child is proportional to an upper estimate
-//! of its contribution, intensity · cosθ · cosθ' / distance². A node has eight children, and their estimates
-//! are computed in eight SIMD lanes.
+//! of the child's contribution, intensity · cosθ · cosθ' / distance². A node has eight children, and the
+//! estimates of the children are computed in eight SIMD lanes.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;

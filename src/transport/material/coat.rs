@@ -1,4 +1,4 @@
-//! Transmission of light into and out of a dielectric coat, through the mean surface or through its facets.
+//! Transmission of light into and out of a dielectric coat, through the mean surface or through facets.
 //!
 //! The body of [`super::plastic`] is illuminated through the coat. There are three models of the power
 //! transmittance at angle θ:
@@ -11,9 +11,10 @@
 //!   one facet reflects (Mitsuba's `roughplastic`). The model loses light that hits a second facet: 2 % of
 //!   the light at α = 0.1, and two thirds at α = 1.
 //!
-//! Let D_v be the density of the normals h that are visible from `wo`. Then E = ∫ D_v F(wo·h) G2/G1 dh, and
-//! T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the transmission is a mean over facets too:
-//! Σ D_v T_b(wo·h) cos 2φ, where φ is the angle between the planes of incidence.
+//! Let D_v be the density of the normals h that are visible from `wo`. The directional albedo is E = ∫ D_v
+//! F(wo·h) G2/G1 dh, and the single-passage transmittance is T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The
+//! diattenuation of the transmission is a mean over facets too: Σ D_v T_b(wo·h) cos 2φ, where φ is the angle
+//! between the planes of incidence.
 //!
 //! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image. The tables
 //! are the texels of two [`Textures`] images.

@@ -9,16 +9,16 @@
 //! where ψ is the angle between the ray and the optic axis c (Born & Wolf 1999, 15.3.3). For a wave along k,
 //! the ordinary electric vector is along k × c, and the extraordinary electric vector is in the plane of k
 //! and c. The segment is therefore a retarder. k × c is the fast axis if δ > 0 (quartz) and the slow axis if
-//! δ < 0 (calcite). One matrix with signed δ covers both cases.
+//! δ < 0 (calcite). One matrix with signed δ covers quartz and calcite.
 //!
 //! A Gaussian spectral line of full width Δλ at half maximum averages e^{iδ(λ)} over the line. If δ(λ) is
 //! linear across the line with dδ/dλ = -δ/λ, the mean is e^{iδ}·e^{-(δ σ/λ)²/2} with σ = Δλ/√(8 ln 2). The
 //! cos δ and sin δ terms are therefore multiplied by
 //!
-//! > γ = exp(-(δ Δλ/λ)²/(16 ln 2)),
+//! > γ = exp(-(δ Δλ/λ)²/(16 ln 2)).
 //!
-//! so a plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) depolarizes all light that is not
-//! polarized along one of its axes.
+//! A plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) therefore depolarizes all light that is
+//! not polarized along an axis of the plate.
 //!
 //! The model neglects:
 //!
@@ -31,9 +31,9 @@
 //!
 //! The time of flight is computed with the mean index.
 //!
-//! The phase is computed in f64, but points are f32. At 1 m from the origin, points are rounded to 60 nm.
-//! This error corresponds to a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick plate
-//! matters, place the crystal within a few centimetres of the origin.
+//! The phase is computed in f64, but points are f32. At 1 m from the origin, points are rounded to 60 nm. The
+//! rounding error corresponds to a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick
+//! plate matters, place the crystal within a few centimetres of the origin.
 
 use super::dielectric::Dielectric;
 use super::filling::{Filling, NO_CRYSTAL};

@@ -63,7 +63,8 @@ impl Interface {
                 filling: None,
             });
         }
-        // Radiance divided by the squared index is invariant. Both directions have equal transmittance.
+        // Radiance divided by the squared index is invariant. Light in opposite directions has equal
+        // transmittance.
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
@@ -88,8 +89,8 @@ impl Dielectric {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
-    /// Returns the direction on the other side from which light is refracted into direction `wo`, and the
-    /// ratio of the index on the side of `wo` to the index on the other side. Returns `None` under total
+    /// Returns the direction on the far side from which light is refracted into direction `wo`. In addition,
+    /// returns the index on the side of `wo` divided by the index on the far side. Returns `None` under total
     /// internal reflection, or if shading and geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {

@@ -12,10 +12,11 @@
 //! of the extraordinary ray is perpendicular to S × c and to S.
 //!
 //! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
-//! polarizer along the wave's electric vector. The two rays are incoherent, as if the crystal were much
-//! thicker than the coherence length, or as if the beams were narrower than their separation. Because the
-//! faces are approximate, the total transmitted power has a relative error of about (n_e - n_o)²/2 (1 to 2 %
-//! for calcite). A projector inside such a crystal is treated as if it were inside glass.
+//! polarizer along the wave's electric vector. The two rays are incoherent. This treatment is exact if the
+//! crystal is much thicker than the coherence length, or if the beams are narrower than their separation.
+//! Because the faces are approximate, the total transmitted power has a relative error of about (n_e -
+//! n_o)²/2 (1 to 2 % for calcite). A projector inside a birefringent crystal is treated as a projector inside
+//! glass.
 //!
 //! At a surface, the wave to which a path from inside belongs is unknown. One of the two waves is therefore
 //! sampled, and the polarizers correct the result. For the wrong wave, the polarizers are crossed, and the
@@ -86,7 +87,7 @@ impl Optics {
     }
 
     /// Returns the two waves (ordinary first) that travel to the side of the unit normal `n` and have the
-    /// tangential index vector `t`. A wave is `None` if it is evanescent.
+    /// tangential index vector `t`. Evanescent waves are `None`.
     #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;

@@ -6,7 +6,7 @@ use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
 impl Materials {
-    /// Returns true if `is` holds for some material.
+    /// Returns true if `is` holds for at least one material.
     pub(crate) fn any(&self, is: impl Fn(&Self, u32) -> bool) -> bool {
         (0..self.list.len() as u32).any(|id| is(self, id))
     }

@@ -76,15 +76,15 @@ impl Materials {
             here.then_some((*kind, s))
         })?;
         let chance = brings(scatter) / all;
-        // If all lobes have intensity 0, any of them may be returned.
+        // If all lobes have intensity 0, the function may return any lobe.
         (chance > 0.0).then(|| (kind, scatter.scaled(Spectral::splat(1.0 / chance))))
     }
 
     /// Returns the path-label bits of a sampled direction.
     ///
     /// If several kinds of lobe contribute to the direction, one kind is sampled. The matrix in `sampled` is
-    /// then replaced by the matrix of this kind, divided by the density over all kinds and by the probability
-    /// of the kind.
+    /// then replaced by the matrix of the sampled kind. This matrix is divided by the density over all kinds
+    /// and by the probability of the kind.
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

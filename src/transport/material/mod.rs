@@ -123,7 +123,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Returns the material if it is a plain Lambertian surface, otherwise `None`.
+    /// Returns the material if the material is a plain Lambertian surface, otherwise `None`.
     #[inline(always)]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
         match &self.list[id as usize] {
@@ -176,8 +176,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate so that the code
-    /// for common materials can be inlined.
+    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate from `eval` so
+    /// that the code for common materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
@@ -245,8 +245,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate so that the
-    /// code for common materials can be inlined.
+    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate from `sample`
+    /// so that the code for common materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -313,7 +313,7 @@ impl Materials {
     /// Returns true if at least one material transmits light without deflection. Connections must then be
     /// tested for such materials.
     pub(crate) fn any_straight(&self) -> bool {
-        // Composite materials need no case, because the list also contains their components.
+        // Composite materials need no case, because the list contains the components too.
         self.list.iter().any(|m| {
             matches!(
                 m,

@@ -29,7 +29,8 @@ pub struct NormalMap {
 const LEAST_COS: f32 = 0.02;
 
 impl NormalMap {
-    /// Returns the surface with the perturbed normal. This normal stays on the side of the geometric normal.
+    /// Returns the surface with the perturbed normal. The perturbed normal stays on the side of the geometric
+    /// normal.
     #[inline]
     pub(super) fn turned(&self, materials: &Materials, at: &Surface) -> Surface {
         let mut n = if self.heights { self.raised(materials, at) } else { self.stored(materials, at) };

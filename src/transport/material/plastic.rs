@@ -11,8 +11,9 @@
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
 //! into the body may leave later. In this case, ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean
-//! internal reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true. Otherwise, it uses ρ' = ρ /
-//! (η² (1 - F)), which is proportional to ρ. For both formulas, a white body returns all light that enters.
+//! internal reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true. If `nonlinear` is false,
+//! Mitsuba's `plastic` uses ρ' = ρ / (η² (1 - F)), which is proportional to ρ. For both formulas, a white
+//! body returns all light that enters.
 //!
 //! An optional third lobe models light that is scattered once below the surface (Hwang et al. 2022, "Sparse
 //! ellipsometry"). The lobe ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i) has the form of the surface reflection,
@@ -68,8 +69,8 @@ pub enum Interreflection {
 pub struct SingleScatter {
     /// Factor ρ_s in [0, 1].
     pub albedo: Spectrum,
-    /// Width parameter α of the distribution of normals. This distribution and that of the surface are of the
-    /// same kind.
+    /// Width parameter α of the distribution of normals. The distribution is of the same kind as the
+    /// distribution of the surface.
     pub alpha: Scalar,
 }
 

@@ -1,10 +1,10 @@
 //! Polarizer sheets, linear or circular.
 //!
-//! A linear polarizer is dichroic, which means that it blocks the component of the electric vector along the
-//! absorbing axis a. With a' = a projected perpendicular to the ray d, the component along t = d × a' passes
-//! (Korger et al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`).
-//! At normal incidence, t is the transmission axis. In the frame of t, the matrix is a diattenuator with
-//! power transmittances T (along t) and ε·T (along a'):
+//! A linear polarizer is dichroic, that is, the polarizer blocks the component of the electric vector along
+//! the absorbing axis a. With a' = a projected perpendicular to the ray d, the component along t = d × a'
+//! passes (Korger et al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's
+//! `polarizer`). At normal incidence, t is the transmission axis. In the frame of t, the matrix is a
+//! diattenuator with power transmittances T (along t) and ε·T (along a'):
 //!
 //! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
 //!

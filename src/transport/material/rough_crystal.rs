@@ -6,7 +6,7 @@
 //!
 //! Approximations, in addition to those of [`super::crystal`]:
 //!
-//! - Paths through different facets add incoherently, each with its own matrix. Light that passes a rough
+//! - Paths through different facets add incoherently, each with a separate matrix. Light that passes a rough
 //!   face is therefore depolarized by the spread of retardances, without speckle.
 //! - Facets do not split light into ordinary and extraordinary rays. `split` requires smooth faces.
 //! - Light that would be scattered by several facets is absorbed, as in all rough materials.

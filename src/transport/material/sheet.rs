@@ -44,8 +44,8 @@ pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular 
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The light keeps its
-/// direction and its polarization.
+/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The direction and the
+/// polarization of the light do not change.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

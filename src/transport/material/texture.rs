@@ -66,7 +66,8 @@ impl Image {
         }
     }
 
-    /// Returns the index of the texel in column `i`, row `j`. Both numbers may be beyond the edges.
+    /// Returns the index of the texel in column `i`, row `j`. `i` and `j` may be beyond the edges of the
+    /// image.
     #[inline]
     fn texel(&self, i: i64, j: i64) -> usize {
         let along = |i: i64, n: u32| {

@@ -165,8 +165,8 @@ impl Sphere {
         self.sums.len()
     }
 
-    /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …. These are the coefficients of
-    /// π_n + τ_n and π_n - τ_n in S1.
+    /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …. The results are the
+    /// coefficients of π_n + τ_n and π_n - τ_n in S1.
     pub fn coefficients(&self) -> &[[C; 2]] {
         &self.sums
     }
@@ -367,8 +367,8 @@ mod tests {
             for (got, want) in [b / a, c / a, d / a].into_iter().zip(&want[1..]) {
                 assert!((got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3, "{deg}°: {got} {want}");
             }
-            // The geometric reflection by a sphere is isotropic. Its value per steradian is a quarter of the
-            // reflectance, in units of r².
+            // The geometric reflection by a sphere is isotropic. The reflected intensity per steradian is a
+            // quarter of the reflectance, in units of r².
             let brightness = 4.0 * a / 3000.0_f64.powi(2);
             assert!((brightness / want[0] - 1.0).abs() < 5e-3, "{deg}°: {brightness} {want:?}");
         }

@@ -1,7 +1,7 @@
 //! Tracks the medium of a path through nested or overlapping filled objects.
 //!
 //! Each filled object has a priority. Where several objects overlap, the object with the highest priority
-//! fills the space, and light ignores the boundaries of the other objects within this space (Schmidt & Budge
+//! fills the space. Within this space, light ignores the boundaries of the other objects (Schmidt & Budge
 //! 2002, "Simple nested dielectrics in ray traced images"). If priorities are equal, the object that was
 //! entered last fills the space. Nested objects therefore need no priorities.
 
@@ -13,7 +13,8 @@ pub const DEPTH: usize = 8;
 pub struct Boundary {
     /// Index of the medium inside.
     pub medium: u32,
-    /// Priority of the object. Among overlapping objects, the one with the highest priority fills the space.
+    /// Priority of the object. Among overlapping objects, the object with the highest priority fills the
+    /// space.
     pub priority: i32,
     /// Index of the first boundary of the same object. The surfaces of an object may have different
     /// materials, so light may enter through one boundary and leave through another.
@@ -46,7 +47,7 @@ impl Nest {
         filled.max_by_key(|b| b.priority).map(|b| b.medium)
     }
 
-    /// Returns true if boundary `id` is inside an object of higher priority. Such a boundary has no effect on
+    /// Returns true if boundary `id` is inside an object of higher priority and therefore has no effect on
     /// light.
     #[inline]
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {

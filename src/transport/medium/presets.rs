@@ -1,8 +1,8 @@
 //! Predefined media: milk, polystyrene beads in water, marble, skin.
 //!
-//! **Milk** consists of fat globules and casein micelles in water, after Frisvad, Christensen & Jensen 2007,
-//! "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60),
-//! with the parameters of Frisvad's program of 2009:
+//! **Milk** consists of fat globules and casein micelles in water. The model is that of Frisvad, Christensen
+//! & Jensen 2007, "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM
+//! TOG 26(3), 60). The parameters are those of Frisvad's program of 2009:
 //!
 //! - volume fraction of fat (w/0.915)/(100/1.030) and of casein 0.76 (w/1.11)/(100/1.030), where w is the
 //!   percentage by weight of fat or of protein,
@@ -20,8 +20,9 @@
 //!
 //! **Marble, skin**: the source is Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for
 //! subsurface light transport", table of figure 5. The table lists reduced scattering and absorption in red,
-//! green and blue. These values are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced
-//! scattering is μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with selectable g.
+//! green and blue. The values for red, green and blue are assigned to 650, 550 and 450 nm and interpolated
+//! linearly. Reduced scattering is μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with
+//! selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;

@@ -1,9 +1,9 @@
 //! Rayleigh scattering by molecules and by particles much smaller than the wavelength.
 //!
 //! The matrix is that of Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev.
-//! 16, eq. 2.15, but per steradian and with the normal of the scattering plane as first axis. The
-//! depolarization factor ρ is the ratio of parallel to perpendicular intensity at 90° for unpolarized
-//! incident light. Let Δ = (1 - ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ), and μ = cosθ:
+//! 16, eq. 2.15. In this module, the matrix is per steradian, and the first axis is the normal of the
+//! scattering plane. The depolarization factor ρ is the ratio of parallel to perpendicular intensity at 90°
+//! for unpolarized incident light. Let Δ = (1 - ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ), and μ = cosθ:
 //!
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.

@@ -8,10 +8,10 @@
 //!   is the effective radius a, and the area-weighted relative variance is the effective variance b < 1/2.
 //!
 //! Smooth distributions are integrated with the trapezoidal rule in ln r. For functions that vanish at both
-//! ends, this rule converges faster than any power of the step. The resonances of large transparent spheres
-//! are narrower than any grid step and limit the accuracy. With about 60 points per unit of the size
-//! parameter, the coefficients of a cloud are accurate to about 10⁻⁵. With 4 points, the coefficients are
-//! accurate to about 10⁻³.
+//! ends, the trapezoidal rule converges faster than any power of the step. The resonances of large
+//! transparent spheres are narrower than any grid step and limit the accuracy. With about 60 points per unit
+//! of the size parameter, the coefficients of a cloud are accurate to about 10⁻⁵. With 4 points, the
+//! coefficients are accurate to about 10⁻³.
 
 use optics::sampling::gamma::ln_gamma;
 use std::f64::consts::PI;

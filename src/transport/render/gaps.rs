@@ -20,11 +20,11 @@ use rayon::prelude::*;
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
-/// Maximum number of primitives whose points are tested. If there are more primitives, some are skipped.
+/// Maximum number of primitives whose points are tested. Beyond this number, primitives are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap. This minimum excludes wedges, because wedges
-/// are always thin at the edge.
+/// Minimum cosine between the normals on both sides of a gap. Wedges are excluded, because wedges are always
+/// thin at the edge.
 const PARALLEL: f32 = 0.95;
 
 /// Reciprocal of the maximum component difference between directions that count as equal.
@@ -33,8 +33,8 @@ const DIRECTIONS: f32 = 8.0;
 /// Minimum number of times that a gap must be found, because a single result may be at a rim.
 const LEAST_FINDS: usize = 3;
 
-/// Search distance behind a surface in units of δ/k. This distance exceeds the required width for any two
-/// surfaces.
+/// Search distance behind a surface in units of δ/k. The search distance exceeds the required width for any
+/// two surfaces.
 const SEARCHED: f32 = 1024.0;
 
 /// Tested points of a primitive: barycentric coordinates on a triangle or parallelogram, or random numbers

@@ -2,8 +2,8 @@
 //! with low contributions are often skipped. The weights of all other paths and connections are increased.
 //!
 //! In a medium, a few connections between subpaths contribute nearly all light of a pixel. A connection whose
-//! expected contribution x is below a threshold τ is made with probability x/τ. This choice adds at most τ x
-//! to the variance. The threshold is chosen so that the added variance is small compared with the variance of
+//! expected contribution x is below a threshold τ is made with probability x/τ. Roulette adds at most τ x to
+//! the variance. The threshold is chosen so that the added variance is small compared with the variance of
 //! the samples.
 
 use optics::polarization::chain::Chain;
@@ -14,7 +14,8 @@ use optics::spectrum::Spectral;
 pub(super) struct Odds {
     /// True if roulette has started. Before the start, only paths without light are terminated.
     pub plays: bool,
-    /// Throughput of a path that has lost no light. Such a path survives with probability `most`.
+    /// Throughput of a path that has lost no light. A path of this throughput survives with probability
+    /// `most`.
     pub full: f32,
     /// Maximum survival probability. The value is less than 1, so that all paths end.
     pub most: f32,
@@ -61,8 +62,8 @@ const ROUGH_FLOOR: f32 = 0.01;
 pub(super) struct Roulette(pub f32);
 
 impl Roulette {
-    /// Computes the threshold from the contributions of some camera samples. `media` is true for a scene with
-    /// media.
+    /// Computes the threshold from the contributions of a subset of the camera samples. `media` is true for a
+    /// scene with media.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
         // Samples that are not finite are discarded, as in the render.

@@ -1,7 +1,8 @@
 //! Straight connections between two points, and the light that they transmit.
 //!
-//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the line
-//! between two points is a path even if the line crosses such surfaces. The transmission of the line is
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light. The line
+//! between two points is therefore a path even if the line crosses sheets or index-matched boundaries. The
+//! transmission of the line is
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
@@ -56,8 +57,8 @@ pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     nest.medium(&scene.boundaries).map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
-/// Returns true if surfaces of material `id` have no effect on light. Such surfaces are boundaries between
-/// media with equal index, and boundaries inside an object of higher priority.
+/// Returns true if surfaces of material `id` have no effect on light. Two kinds of boundaries have no effect:
+/// boundaries between media with equal index, and boundaries inside an object of higher priority.
 #[inline]
 pub(super) fn has_no_effect(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)

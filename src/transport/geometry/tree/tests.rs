@@ -57,8 +57,11 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Verifies that each primitive is in one leaf, that leaves are valid, that boxes are tight, and that a ray
-/// visits all leaves whose boxes it hits.
+/// Verifies the structure and the traversal of a tree:
+/// - each primitive is in one leaf,
+/// - leaves are valid,
+/// - boxes are tight,
+/// - a ray visits all leaves whose boxes are hit.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);
@@ -123,8 +126,8 @@ fn equal_boxes_do_not_give_a_deep_tree() {
         let ends = (0..1000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // Test various sets of boxes: with a common corner, with a common centre, without height, of zero size,
-    // long thin boxes that cross each other, and increasingly distant boxes.
+    // Test sets of boxes with a common corner, with a common centre, without height, and of zero size. Then
+    // test long thin boxes that cross each other, and increasingly distant boxes.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));

@@ -51,8 +51,8 @@ pub(super) struct Importance {
 }
 
 impl Importance {
-    /// Tabulates the density. `entries` are the numbers of table entries along θ_d, θ_h and φ_d. These
-    /// numbers determine the number of cells.
+    /// Tabulates the density. `entries` are the numbers of table entries along θ_d, θ_h and φ_d. The numbers
+    /// of entries determine the number of cells.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));

@@ -1,7 +1,8 @@
 //! Measured materials: tables of Mueller matrices by Rusinkiewicz angles and wavelength, in `.pbsdf` files.
 //!
-//! The data are the isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of
-//! polarimetric reflectance" (the KAIST data set), or any file with the same layout. Tasks of the submodules:
+//! The data are the isotropic pBRDFs of the KAIST data set, or any file with the same layout. Baek et al.
+//! (2020) describe the data set in "Image-based acquisition and modeling of polarimetric reflectance". Tasks
+//! of the submodules:
 //!
 //! - [`table`] interpolates between entries,
 //! - [`rusinkiewicz`] defines the angles and Stokes frames,
@@ -34,8 +35,8 @@ pub struct Measured {
     pub table: u32,
 }
 
-/// Fraction of directions sampled with the cosine density. This density covers reflection that the averaged
-/// importance tables miss.
+/// Fraction of directions sampled with the cosine density. The cosine density covers reflection that the
+/// averaged importance tables miss.
 const COSINE_SHARE: f32 = 0.1;
 
 /// Returns the rotation from the local frame to world space. The local z axis is `n`, and `wo` is in the half

@@ -8,8 +8,8 @@
 //!
 //! The stored matrices use the same frame vector for both rays: the unit vector s = wi × wo/|wi × wo|,
 //! perpendicular to the plane of reflection. If p is the component of wi perpendicular to h, then s = p × h
-//! and p = h × s. φ_d is computed from s, so that φ_d and s remain consistent if wi and wo nearly coincide
-//! and rounding determines both.
+//! and p = h × s. The azimuth φ_d is computed from s, so that φ_d and s remain consistent if wi and wo nearly
+//! coincide.
 
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;

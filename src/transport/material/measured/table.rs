@@ -107,7 +107,7 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 impl Table {
     /// Opens a `.pbsdf` file and checks the structure and the axes. At least one entry must be valid.
     ///
-    /// Only a small part of a large file is read. Other data remain on disk until they are needed. The module
+    /// Only a small part of a large file is read. Other data remain on disk until needed. The module
     /// documentation describes the risk. For wavelengths outside the table, the nearest band is used, and a
     /// warning is logged once.
     ///
@@ -129,7 +129,7 @@ impl Table {
         if shape.len() != 6 || m.range.is_empty() {
             return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros"));
         }
-        // M is inside the file, so the product of its dimensions does not overflow.
+        // M is inside the file, so the product of the dimensions of M does not overflow.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
         let mut heads = [const { 0..0 }; 5];
         heads[0] = 0..file.header_end()?;
@@ -326,10 +326,10 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
         file.read_exact(&mut memory)?;
         return memory.make_read_only();
     }
-    // SAFETY: a map is unsound if its file changes while the map exists. This map is private (copy-on-write)
-    // and read-only. References into it are plain bytes, which have no invalid values, and all bounds come
-    // from the length of the map. The remaining risk is that truncation of the file during a render
-    // terminates the process.
+    // SAFETY: a map is unsound if its file changes while the map exists. The map `map` is private
+    // (copy-on-write) and read-only. References into the map are plain bytes, which have no invalid values,
+    // and all bounds come from the length of the map. The remaining risk is that truncation of the file
+    // during a render terminates the process.
     let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
     if file.metadata()?.len() != map.len() as u64 {
         return Err(io::Error::other("the file changed while it was opened"));
@@ -377,7 +377,7 @@ impl Sum {
         let mut there = true;
         for i in 0..16 {
             matrix[i] = f32::from_le_bytes(words[i]);
-            // This comparison is false for NaN.
+            // The comparison with `LIMIT` is false for NaN.
             there &= matrix[i].abs() < LIMIT;
         }
         if there {

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Returns the header and the axes of a file. They are all bytes before the data of field M.
+/// Returns all bytes of a file before the data of field M. These bytes are the header and the axes.
 fn head(axes: &Axes) -> Vec<u8> {
     let n = axes.angles().map(<[f32]>::len);
     let bands = axes.wavelengths_nm.len();
@@ -55,9 +55,10 @@ fn head(axes: &Axes) -> Vec<u8> {
 
 /// Writes a table.
 ///
-/// `fill` receives the index of a value of φ_d and a buffer for its entries, initially zero. The buffer
-/// contains row-major matrices with the shape [theta_d, theta_h, wavelength, 4, 4]. The elements are BRDF
-/// values (without the cosine) between s frames. NaN marks unknown values.
+/// `fill` receives the index of a value of φ_d and a buffer for the entries of this value. The elements of
+/// the buffer are initially zero. The buffer contains row-major matrices with the shape [theta_d, theta_h,
+/// wavelength, 4, 4]. The elements are BRDF values (without the cosine) between s frames. NaN marks unknown
+/// values.
 ///
 /// # Errors
 /// Returns a [`PbsdfError`] if the axes are invalid or too long, or if the file cannot be written.

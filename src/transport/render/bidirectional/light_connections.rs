@@ -49,7 +49,7 @@ impl Connector<'_> {
             chain,
             frame,
             density: 0.0,
-            // This field is unused, because connections are traced from the side of the camera.
+            // The field `filling` is unused, because connections are traced from the side of the camera.
             filling: Filling::VACUUM,
             nest: Nest::default(),
         };

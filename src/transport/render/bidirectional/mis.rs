@@ -1,18 +1,18 @@
 //! Multiple importance sampling weights of the strategies that can sample a path (Veach 1997, sect. 10.2).
 //!
 //! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
-//! vertices and a camera subpath with t vertices. Both ends count as vertices, so s + t = k + 2. The power
-//! heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of
-//! densities are products along the path. If the camera subpath samples vertex i instead of the light
-//! subpath, p changes by a factor. The factor is the ratio of the densities of this vertex from the camera
-//! and from the light.
+//! vertices and a camera subpath with t vertices. The ends of the path count as vertices, so s + t = k + 2.
+//! The power heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples.
+//! Ratios of densities are products along the path. If the camera subpath samples vertex i instead of the
+//! light subpath, p changes by a factor. The factor is the ratio of the densities of this vertex from the
+//! camera and from the light.
 //!
 //! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
-//! subpaths with hundreds of medium vertices come close to each other, many of their connections contribute.
-//! Otherwise, no connection contributes. On a path with m medium vertices, each connection of two subpaths
-//! therefore counts as 1/m of a sample. All connections together then count as one sample. This weight is the
-//! simplest form of the weights of Grittmann, Georgiev & Slusallek 2021, "Correlation-aware multiple
-//! importance sampling for bidirectional rendering algorithms".
+//! subpaths with hundreds of medium vertices come close to each other, many connections of these subpaths
+//! contribute. If the subpaths do not come close, no connection contributes. On a path with m medium
+//! vertices, each connection of two subpaths therefore counts as 1/m of a sample. All connections together
+//! then count as one sample. The factor 1/m is the simplest form of the weights of Grittmann, Georgiev &
+//! Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional rendering algorithms".
 
 use crate::strategy::{Strategies, Strategy};
 
@@ -31,8 +31,8 @@ pub(super) struct Densities {
 /// Number of samples of each strategy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Number of light subpaths per connection. This number is the probability that a light subpath starts at
-    /// the emitter of the path.
+    /// Number of light subpaths per connection. The number of light subpaths per connection is the
+    /// probability that a light subpath starts at the emitter of the path.
     pub light: f32,
     /// Number of light subpaths per camera pixel and sample. All of these subpaths are connected to the
     /// camera's pinhole.

@@ -4,8 +4,8 @@
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
-//! where M_z and M_y are the scattering matrices at the two vertices (with the cosines to the connection),
-//! and S are the matrices of sheets on the connection. The emitter and the camera's pinhole are vertices of
+//! where M_z and M_y are the scattering matrices at the two vertices, with the cosines to the connection. The
+//! Sᵢ are the matrices of sheets on the connection. The emitter and the camera's pinhole are vertices of
 //! their subpaths. If the light subpath has no other vertex, the connection is next-event estimation. If the
 //! camera subpath has no other vertex, the connection is a splat into the pixel that sees the light vertex.
 //! Paths that several strategies can sample are weighted by [`mis`].
@@ -50,10 +50,10 @@ use std::ops::Range;
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
 /// Fraction of samples in which camera and light subpaths are connected, if the media scatter light forward
-/// and are seen and lit through interfaces. In such scenes, subpaths are guided toward the apparent position
-/// of the opposite end. Connections from each medium vertex to this end find nearly all light. Connections
-/// between medium vertices ignore the forward peaks. These connections take a fifth of the time and find a
-/// tenth of the light.
+/// and are seen and illuminated through interfaces. In such scenes, subpaths are guided toward the apparent
+/// position of the opposite end. Connections from each medium vertex to this end find nearly all light.
+/// Connections between medium vertices ignore the forward peaks. Connections between medium vertices take a
+/// fifth of the time and find a tenth of the light.
 const RARELY: f32 = 0.04;
 
 /// Number of camera samples from which the roulette threshold is estimated.
@@ -85,7 +85,7 @@ pub struct Plan {
     light: Option<SharedLight>,
 }
 
-/// The subpaths of one camera sample, and the contributions to its pixel.
+/// The subpaths of one camera sample, and the contributions to the pixel of the sample.
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,

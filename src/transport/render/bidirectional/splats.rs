@@ -24,7 +24,8 @@ pub(crate) struct Splats {
 pub(crate) struct Splat {
     pub walk: WalkNumber,
     /// Density with which light passes the interfaces at the start of the subpath, if the path can be found
-    /// from the vertex behind the interfaces. Otherwise, the value is NaN (see [`super::connections::Seen`]).
+    /// from the vertex behind the interfaces. If no path is found, the value is NaN (see
+    /// [`super::connections::Seen`]).
     pub seen: f32,
     /// Weight of the vertex after roulette ([`crate::render::roulette`]).
     pub factor: f32,

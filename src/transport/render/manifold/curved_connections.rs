@@ -22,7 +22,7 @@ const MOST_TRIES: u32 = 1 << 16;
 
 impl Connector<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
-    /// samples, and appends the contributions. Such paths are found at random or lead through crystals. The
+    /// samples, and appends the contributions. The paths are found at random or lead through crystals. The
     /// caller must ensure that other strategies do not sample the paths ([`Self::reached`]).
     pub fn connect_alone(&mut self, camera: &[Vertex], source: usize) {
         if self.setup.mirrors.splits {

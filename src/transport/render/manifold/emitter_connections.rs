@@ -103,7 +103,7 @@ impl Connector<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter. These strategies are connections between two subpaths, and connections of a
+    /// mirrors to an emitter. The other strategies are connections between two subpaths, and connections of a
     /// light subpath to the camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Vertex]) -> bool {
@@ -203,9 +203,9 @@ impl Connector<'_> {
     }
 
     /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution is that
-    /// of a straight path. This contribution is the light `scattered` toward the end × the intensity `end` of
-    /// the end × n²/d², with refractive index n and distance d. The decision is repeated when the
-    /// transmittance of media is known. Returns the start, the route and the weight.
+    /// of a straight path. For a straight path, the contribution is the light `scattered` toward the end ×
+    /// the intensity `end` × n²/d². n is the refractive index, and d is the distance. The decision is
+    /// repeated when the transmittance of media is known. Returns the start, the route and the weight.
     #[inline]
     pub fn spin(
         &mut self,

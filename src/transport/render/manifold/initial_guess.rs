@@ -34,8 +34,8 @@ impl TracedGuess {
         self.over.len() + self.through.iter().sum::<usize>()
     }
 
-    /// Returns false if other strategies find the path. Such paths lead over one curved mirror, or over flat
-    /// mirrors alone.
+    /// Returns false if other strategies find the path. Other strategies find paths over one curved mirror,
+    /// and paths over flat mirrors alone.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());

@@ -14,9 +14,10 @@
 //! radiance scaled by the squared refractive indices. Without refraction, 1/J is 1/d². A light subpath
 //! samples the same path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
 //!
-//! A curved interface may have several specular paths, and the straight line leads to at most one of them.
-//! The path that is found from the straight line depends only on x. MIS weights ([`super::bidirectional`])
-//! can therefore account for this path. The other paths are sampled at random ([`curved_connections`]).
+//! A curved interface may have several specular paths, and the straight line leads to at most one of these
+//! paths. The path that is found from the straight line depends only on x. MIS weights
+//! ([`super::bidirectional`]) can therefore account for this path. The other paths are sampled at random
+//! ([`curved_connections`]).
 //!
 //! A path may also include [`mirrors`]. The initial guess for such a path is a given point on each mirror,
 //! and J has the same definition.
@@ -53,7 +54,8 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Maximum of 1 - cosine between the directions of equal paths. This value corresponds to a milliradian.
+/// Maximum of 1 - cosine between the directions of equal paths. The value of `SAME` corresponds to a
+/// milliradian.
 const SAME: f32 = 5e-7;
 
 /// Factor by which the offset of traced rays from their surface is increased. The offset of these rays is

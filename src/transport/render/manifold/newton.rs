@@ -64,7 +64,7 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
     let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
     let det = a * d - b * c;
-    // This condition also rejects NaN.
+    // The comparison with `partial_cmp` also rejects NaN.
     if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         return None;
     }

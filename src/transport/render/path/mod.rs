@@ -1,8 +1,8 @@
 //! Unidirectional path tracing from the camera, with next-event estimation to all emitters.
 //!
-//! A path carries the Mueller product from its current ray to the camera frame (for all wavelengths), the
-//! optical path length, and the number of surface interactions. Each connection to the projector ends at the
-//! single projector pixel s' that illuminates the vertex.
+//! A path stores the Mueller product from the current ray to the camera frame for all wavelengths. A path
+//! also stores the optical path length and the number of surface interactions. Each connection to the
+//! projector ends at the single projector pixel s' that illuminates the vertex.
 //!
 //! The projector and point emitters have no spatial extent, so only connections reach them. Connections cross
 //! sheets that transmit light without deflection ([`sheets`]). Smooth refracting interfaces block
@@ -83,7 +83,7 @@ struct Path {
     density: f32,
 }
 
-/// The paths of one camera pixel. These paths are traced in lockstep.
+/// The paths of one camera pixel. All paths of a pixel are traced in lockstep.
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
@@ -472,7 +472,7 @@ impl Path {
             }
             diffuse
         } else {
-            // `sampled` is modified in place, because it is large.
+            // `sampled` is modified in place, because `Sampled` is large.
             let mut sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
             let Some(sampled) = &mut sampled else {
                 return false;

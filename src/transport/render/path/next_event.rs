@@ -214,7 +214,7 @@ fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Co
         return connect_by_kind(at, to, known, out);
     }
     let &ShadingPoint { scene, state, surface, wo, .. } = at;
-    // `scatter` is used by reference, because it is large.
+    // `scatter` is used by reference, because the matrix is large.
     let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;

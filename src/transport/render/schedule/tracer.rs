@@ -160,7 +160,7 @@ impl Tracer {
                 let rays = self.walks.trace(scene, plan, pixel, samples);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
-            // This case does not occur, because all passes have been prepared.
+            // The remaining combinations do not occur, because all passes have been prepared.
             _ => (0, &mut [], &[]),
         }
     }

@@ -320,7 +320,7 @@ impl Emission {
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
                 density: self.density(scene, ends, source, dir),
-                // This field is unused, because connections are traced from the side of the camera.
+                // The field `filling` is unused, because connections are traced from the side of the camera.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),
             },

@@ -1,10 +1,10 @@
 //! Guiding in media. Subpaths are scattered toward targets at the opposite end more often than light is
 //! scattered.
 //!
-//! If a medium scatters light mostly forward, most light from a lit medium to a camera has had many small
-//! deflections and one large deflection. Small deflections are sampled from the phase function. If the phase
-//! function or a connection also sampled the large deflection, the few paths that contain this deflection
-//! would dominate.
+//! If a medium scatters light mostly forward, most light from an illuminated medium to a camera has had many
+//! small deflections and one large deflection. Small deflections are sampled from the phase function. If the
+//! phase function or a connection also sampled the large deflection, the few paths that contain this
+//! deflection would dominate.
 //!
 //! At a medium vertex, a subpath is therefore guided with probability [`SHARE`]. A guided subpath continues
 //! like light on a ray *from the opposite end* and not like light on the ray of the subpath. A camera subpath
@@ -293,8 +293,8 @@ mod tests {
         }
     }
 
-    /// Verifies that the density is that of the phase function alone in three cases: for subpaths from the
-    /// opposite end, in other media, and at a target.
+    /// Verifies that the density is that of the phase function alone for subpaths from the opposite end, in
+    /// other media, and at a target.
     #[test]
     fn other_subpaths_keep_the_density_of_the_medium() {
         let (media, guide) = guided();

@@ -1,4 +1,4 @@
-//! Importance sampling of start points on the projector's image. This distribution is for redirected light
+//! Importance sampling of start points on the projector's image. The distribution is for redirected light
 //! only. Most light subpaths start in cells whose rays first hit a mirror, a smooth interface or a crystal.
 //!
 //! The rays may miss small objects, so all cells have a non-zero density.

@@ -3,7 +3,7 @@
 //!
 //! With guiding in media ([`super::guide`]), few long subpaths have no guided scattering event, and each of
 //! these subpaths has a large weight. In a dense medium, much light has been scattered forty times. After
-//! forty events, one unguided subpath in twelve remains. This subpath has weight twelve, and the
+//! forty events, one unguided subpath in twelve remains. An unguided subpath has weight twelve, and its
 //! contributions are rare and large. A subpath of large weight is split at a scattering event, and both
 //! branches continue with independent random numbers.
 //!
@@ -26,7 +26,7 @@ const MOST: u32 = u8::BITS;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Splitting {
     Never,
-    /// All branches, one after another.
+    /// All branches, in sequence.
     All,
     /// Only the branch with this lineage ([`Branch::lineage`]).
     Follow(u8),

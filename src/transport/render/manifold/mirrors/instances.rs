@@ -27,7 +27,8 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // This area factor is exact for a uniform scale. An approximation suffices for all other maps.
+            // The area factor `grown` is exact for a uniform scale. An approximation suffices for all other
+            // maps.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))

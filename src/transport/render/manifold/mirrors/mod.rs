@@ -1,13 +1,13 @@
 //! The mirrors of a scene, and initial guesses for specular paths over mirrors (Zeltner, Georgiev & Jakob
 //! 2020, "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
-//! Because camera and emitter are points, no subpath and no straight connection samples the light of a
-//! surface that is lit via a mirror and seen in a mirror. [`manifold`](super) finds the specular path from a
+//! Camera and emitter are points. No subpath and no straight connection therefore samples the light of a
+//! surface that is illuminated and seen through mirrors. [`manifold`](super) finds the specular path from a
 //! good initial guess.
 //!
 //! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines the point of
 //!   reflection. Each group and each pair of groups therefore has one candidate path. Sequences of three or
-//!   more groups are tried only if no other strategy samples their light.
+//!   more groups are tried only if no other strategy samples the same light.
 //! - Curved mirrors: any number of specular paths may exist. One initial guess is sampled at random. If a
 //!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of further guesses
 //!   until the path is found again has the mean 1/p.
@@ -112,7 +112,7 @@ pub(crate) struct Mirrors {
     /// Estimate of the light from curved mirrors. `bright` includes the light through curved glass too.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] denotes all owners.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]. [`EVERY`] denotes all owners.
     groups: HashMap<Key, u32>,
     /// True if interfaces may shift the point of reflection.
     bent: bool,

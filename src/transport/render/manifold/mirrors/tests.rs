@@ -84,7 +84,7 @@ fn coplanar_parts_form_one_mirror() {
 }
 
 /// Verifies that a path over a flat mirror has equal angles of incidence and reflection. No path leads to the
-/// other side of the mirror, or via a point outside the mirror.
+/// other side of the mirror, or over a point outside the mirror.
 #[test]
 fn paths_over_a_flat_mirror_have_equal_angles() {
     let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
