@@ -98,7 +98,7 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
 
 /// Returns true if light of at least one point emitter hits a redirecting surface first.
 fn points_meet(tables: &SceneTables) -> bool {
-    // If there are many emitters, trace fewer rays from each.
+    // If there are many emitters, trace fewer rays from each emitter.
     let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
     let at = |i: u32| (i as f32 + 0.5) / side as f32;
     tables.points.iter().any(|point| {

@@ -21,14 +21,14 @@ pub struct Scene {
     pub(crate) filled: bool,
     /// A distance in metres that exceeds all distances between surfaces and devices.
     pub(crate) far: f32,
-    /// Light tree over the point emitters, if there are more than `MOST_POINTS`.
+    /// Light tree over the point emitters, if there are more than `MOST_POINTS` emitters.
     pub(crate) point_tree: Option<LightTree>,
     /// Reason for the choice of the integrator, or `None` if the scene file selects the integrator.
     why: Option<&'static str>,
 }
 
 /// Maximum number of point emitters for which each path vertex is connected to all point emitters. If there
-/// are more, each vertex is connected to one emitter that is chosen at random.
+/// are more emitters, each vertex is connected to one emitter that is chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -83,7 +83,8 @@ impl Scene {
         self.tables.variant = Some(variant);
     }
 
-    /// Returns the reason for the choice of [`Settings::integrator`], or `None` if the scene file chose it.
+    /// Returns the reason for the choice of [`Settings::integrator`], or `None` if the scene file selects the
+    /// integrator.
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }

@@ -3,7 +3,7 @@
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
 //! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ. After a depolarizing interaction, the
 //! product is the outer product of a column (camera side) and a row (projector side). The column and the row
-//! together have 8 numbers instead of 16. Usually, only two of these 8 numbers are non-zero.
+//! together have 8 numbers instead of 16. Usually, only two numbers of the column and the row are non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;

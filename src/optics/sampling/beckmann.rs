@@ -117,7 +117,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     // Uniform random numbers have 24 bits. At 0 and 1, slopes would be infinite.
     let [u, v] = u.map(|u| u.clamp(3e-8, 1.0 - f32::EPSILON));
-    // Stretch `wo` to α = 1, and rotate it into the xz plane.
+    // Stretch `wo` to α = 1, and rotate the result into the xz plane.
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z.max(1e-6)).normalize();
     let sin = (w.x * w.x + w.y * w.y).sqrt();
     let (c, s) = if sin > 0.0 { (w.x / sin, w.y / sin) } else { (1.0, 0.0) };

@@ -41,7 +41,7 @@ fn make(bits: u32) -> Nets {
             let [x, y] = [0, 1].map(|axis| scramble(sobol(j, axis, bits), bits, scrambles[axis as usize]));
             *point = (x | y << 8) as u16;
         }
-        // Fisher–Yates shuffle.
+        // Shuffle the net by the Fisher–Yates algorithm.
         for last in (1..net.len()).rev() {
             let other = (u64::from(random.next_u32()) * (last as u64 + 1)) >> 32;
             net.swap(last, other as usize);

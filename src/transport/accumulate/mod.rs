@@ -98,7 +98,7 @@ impl PixelSums {
         }
     }
 
-    /// Enlarges cell number `slot` so that the elements of `extent` also fit in the cell.
+    /// Enlarges cell number `slot` so that the cell has space for the elements of `extent`.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];

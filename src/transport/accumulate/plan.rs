@@ -212,7 +212,8 @@ impl SlicePlan {
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// Returns the projector pixels for which separate paths are sampled, or `None` if there are too many.
+    /// Returns the projector pixels for which separate paths are sampled, or `None` if there are too many
+    /// such pixels.
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }

@@ -6,8 +6,8 @@ use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
 /// Maximum fraction of the projector's pixels that a slice with separate paths may keep per camera pixel.
-/// Separate paths can double the render time. For a fraction of 1/16, this cost outweighs the variance
-/// reduction.
+/// Separate paths can double the render time. For a fraction of 1/16, the longer render time outweighs the
+/// variance reduction.
 const MOST: f64 = 1.0 / 64.0;
 
 /// Maximum fraction for bands around epipolar lines. Separate paths double the time and divide the variance
@@ -42,7 +42,7 @@ pub fn chance_in(band: &[u32]) -> f32 {
 }
 
 impl Selected {
-    /// Returns the projector pixels of a slice, or `None` if there are too many to sample separately.
+    /// Returns the projector pixels of a slice, or `None` if there are too many pixels to sample separately.
     pub(super) fn of(slice: &Slice, extents: &Extents) -> Option<Self> {
         let [w, h] = extents.projector?;
         let all = 0..w * h;

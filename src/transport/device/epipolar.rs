@@ -2,9 +2,9 @@
 //! illuminate the point that camera pixel s sees.
 //!
 //! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to an epipolar line in
-//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves this line in the
-//! projector's pixel grid. The distance of a pixel centre from the curve is computed to first order (Sampson
-//! distance), in distorted pixels.
+//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves epipolar lines in
+//! the projector's pixel grid. The distance of a pixel centre from the curve is computed to first order
+//! (Sampson distance), in distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -19,7 +19,7 @@ pub struct Epipolar {
     focal: DVec2,
     first: DVec2,
     /// Normalized x and y of each projector pixel, row-major, and the derivatives of x, then of y, with
-    /// respect to column and row. Empty for a lens without distortion.
+    /// respect to column and row. The list is empty for a lens without distortion.
     pixels: Vec<[f32; 6]>,
     /// Bounds of `pixels` in squares of `SIDE` × `SIDE` pixels, row-major.
     squares: Vec<Square>,

@@ -39,9 +39,9 @@ pub struct Arrivals<const N: usize> {
 impl Projector {
     /// Returns the light of the projector at each of the points `p`, without occlusion.
     ///
-    /// A coaxial camera sees each point in the pixel s' = s. For such a camera, the caller must set `pixel`
-    /// to s. Without this step, rounding may move a point near a pixel border into the next pixel or out of
-    /// the image.
+    /// A coaxial camera sees each point in the pixel s' = s. For a coaxial camera, the caller must set
+    /// `pixel` to s. With the computed `pixel`, rounding may move a point near a pixel border into the next
+    /// pixel or out of the image.
     #[inline(always)]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);

@@ -15,8 +15,8 @@ use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
 /// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py` and for a tenth of
-/// its triangles, top-down construction takes less than half of the processor time of clustering. The
-/// resulting tree also traces more rays per second.
+/// its triangles, top-down construction takes less than half of the processor time of clustering. The tree
+/// from top-down construction allows more rays per second.
 const MANY: usize = 1 << 16;
 /// Number of neighbours in each direction among which PLOC searches for the box to merge.
 const SEARCH: usize = 14;

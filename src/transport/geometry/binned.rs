@@ -4,7 +4,7 @@
 //! Sets of boxes are split at minimum cost until the sets fit in a leaf. The cost is the surface area
 //! heuristic, evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray
 //! takes the same time for a full leaf and a partly filled leaf. Top-down splitting is much faster than
-//! bottom-up clustering. The subsequent optimization is also fast, because the tree has few leaves.
+//! bottom-up clustering. The optimization of a split tree is fast, because the tree has few leaves.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
 //! sets. The tree is therefore the same for any number of threads.

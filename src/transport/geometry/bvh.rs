@@ -206,7 +206,7 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
 }
 
 impl Geometry {
-    /// Prefetches the triangles of a leaf. Quadrics are not prefetched, because there are few.
+    /// Prefetches the triangles of a leaf. Quadrics are not prefetched, because scenes have few quadrics.
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         if leaf & 1 == 0 {

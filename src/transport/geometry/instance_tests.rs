@@ -198,8 +198,8 @@ fn instances_equal_copies() {
         in_instances += usize::from(ha.owner != Owner::WORLD);
         kinds[a.material as usize] += 1;
         assert_eq!(hb.owner, Owner::WORLD);
-        // The copies of the distant group have the rounding errors of coordinates near 60 m. The instances do
-        // not.
+        // The copies of the distant group have the rounding errors of coordinates near 60 m. Points on the
+        // instances have smaller errors.
         assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
         // Adjacent flat triangles have different normals. At an edge, a ray may hit either triangle.
         if a.ng.dot(b.ng) < 0.99999 {

@@ -51,7 +51,8 @@ pub struct Quadric {
 /// "Precision improvements for ray/sphere intersection").
 ///
 /// `disc` is b² - a·c, computed by the caller. From inside a sphere (c < 0), two roots always exist. If
-/// rounding makes `disc` negative for such an origin, `disc` is replaced by its lower bound -a·c.
+/// rounding makes `disc` negative for an origin inside the sphere, `disc` is replaced by its lower bound
+/// -a·c.
 #[inline]
 fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 && c < 0.0 {

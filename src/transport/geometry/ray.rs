@@ -71,7 +71,8 @@ pub struct Surface {
 
 impl Surface {
     /// Returns the orthonormal frame with axes x (along ∂p/∂u), y, and z = `ns`. The frame maps local
-    /// directions to the world. Angles of polarizing elements and normal maps are relative to this frame.
+    /// directions to the world. Angles of polarizing elements and normal maps are relative to the tangent
+    /// frame.
     #[inline]
     pub fn tangent_frame(&self) -> Mat3A {
         let x = optics::polarization::frame::project(self.tangent, self.ns);

@@ -12,8 +12,9 @@
 //! therefore uses half of the bound, which exceeds the largest error of tens of millions of rays.
 //!
 //! A ray from point p starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where
-//! k is a constant of the surface. A ray toward a surface ends at the same distance from the surface, or at k
-//! u times the length of the ray if that is larger. Thinner gaps are reported ([`crate::render::gaps`]).
+//! k is a constant of the surface. A ray toward a surface ends at the larger of two distances from the
+//! surface. The first is the distance at which rays start, and the second is k u times the length of the ray.
+//! Thinner gaps are reported ([`crate::render::gaps`]).
 
 use super::ray::Surface;
 use glam::{DVec3, Vec3A};
@@ -25,8 +26,8 @@ pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 /// ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
-/// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a
-/// million may hit the surface that it leaves.
+/// Maximum rounding constant, which slivers and non-uniform maps may reach. On slivers and after non-uniform
+/// maps, one ray in a million may hit the surface that the ray leaves.
 const MOST: f32 = 128.0;
 
 /// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. The corners of a
@@ -61,8 +62,8 @@ pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
 /// to the intersection, metres. The ray starts at `from` and has the direction `dir`.
 ///
 /// Positions from the barycentric coordinates of a large triangle deviate from the ray by several units in
-/// the last place. In a scene of 100 m, the deviation is 50 µm, or 0.1 ps of travel time. The plane itself is
-/// more accurate than such a position within the plane.
+/// the last place. In a scene of 100 m, the deviation is 50 µm, or 0.1 ps of travel time. The distance to the
+/// plane is more accurate than the position within the plane.
 #[inline(always)]
 pub(crate) fn met(from: DVec3, dir: Vec3A, surface: &Surface) -> (DVec3, f64) {
     let (p, dir, ng) = (surface.p.as_dvec3(), dir.as_dvec3(), surface.ng.as_dvec3());

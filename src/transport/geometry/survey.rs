@@ -272,7 +272,7 @@ impl Survey {
         let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() { area.signum() } else { 0.0 };
         let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
         let height = normal.dot(corners[0]);
-        // Depths on a plane that is nearly edge-on are also unknown.
+        // Depths on a plane that is nearly edge-on are unknown too.
         let sloped = height.abs() > EDGE_ON * normal.length() * corners[0].length();
         let more = skin / least;
         let [columns, rows] = self.touched(bounds, more);

@@ -29,8 +29,8 @@ pub(super) struct Triangle {
     pub(super) rounding: f32,
 }
 
-/// Mask that is XORed into an index stored next to a vector. Vector arithmetic also processes the fourth
-/// component, and small integers would be slow denormal numbers.
+/// Mask that is XORed into an index stored next to a vector. Vector arithmetic includes the fourth component,
+/// and small integers would be slow denormal numbers.
 const INDEX: u32 = 0x4000_0000;
 
 #[inline(always)]

@@ -2,7 +2,7 @@
 //! pyramid of directions.
 //!
 //! The pinholes of projector and camera are fixed, and millions of rays start or end at these pinholes. Most
-//! pyramids contain a single primitive, or one primitive in front of all others. For such pyramids,
+//! pyramids contain a single primitive, or one primitive in front of all others. For pyramids of both kinds,
 //! visibility and first hits are known without tracing a ray. Pyramids that contain an edge require a ray.
 //! All bounds are conservative, so that the results equal those of traced rays.
 

@@ -73,8 +73,8 @@ impl Distant {
             return None;
         }
         // The rays of a diverging beam come from a point 1/spread behind the origin. The code starts rays at
-        // the plane through the origin. Path lengths are relative to a spherical wavefront that touches this
-        // plane at the origin.
+        // the plane through the origin. Path lengths are relative to a spherical wavefront that touches the
+        // plane through the origin.
         let growth = 1.0 + along * self.spread;
         let aside = (to - self.dir * along) / growth;
         let aside2 = aside.length_squared();

@@ -32,7 +32,7 @@ use tree::{Choice, LightTree};
 pub struct Drawn {
     /// Unit direction from the receiving point to the light.
     pub wi: Vec3A,
-    /// Point from which the light comes, metres. For distant light, this point is outside the scene.
+    /// Point from which the light comes, metres. For distant light, the position is outside the scene.
     pub position: Vec3A,
     /// Distance from the receiving point to `position`, metres.
     pub distance: f32,

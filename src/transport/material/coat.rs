@@ -5,7 +5,7 @@
 //!
 //! - smooth: the Fresnel transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
 //!   `pplastic`);
-//! - facets: the fraction of light that the facets do not reflect, T(θ) = 1 - E(θ), where E is the directional
+//! - facets: the fraction T(θ) = 1 - E(θ) of light that the facets do not reflect, where E is the directional
 //!   albedo of the coat. A coat over a white body reflects all light;
 //! - single passage: light that is refracted by one facet and not masked by another, and internal light that
 //!   one facet reflects (Mitsuba's `roughplastic`). The model loses light that hits a second facet: 2 % of

@@ -135,8 +135,8 @@ impl Crystal {
 
     /// Returns a delta lobe (see [`super::Materials::specular`]). `id` is the index of this material.
     ///
-    /// Inside a crystal that splits light, reflection and transmission each have two lobes. For such a
-    /// crystal, only the reflection on the outside is returned.
+    /// Inside a crystal that splits light, reflection and transmission each have two lobes. For a crystal
+    /// that splits light, only the reflection on the outside is returned.
     #[inline]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {

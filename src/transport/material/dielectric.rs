@@ -1,4 +1,4 @@
-//! Smooth dielectric interface: reflection and refraction, sampled in proportion to their power.
+//! Smooth dielectric interface. Reflection and refraction are sampled in proportion to power.
 //!
 //! Refraction scales radiance by the squared ratio of the indices. If the index depends on wavelength,
 //! refraction separates the wavelengths. The path then continues with a single, uniformly sampled wavelength,

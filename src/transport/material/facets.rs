@@ -5,7 +5,8 @@
 //! 13, 14, 16, 17). If facets reflect or refract all light, the BSDF times cosθ_i is
 //!
 //! - D·G2 / (4 cosθ_o) for reflection,
-//! - D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²) for refraction, Walter's eq. 21 with radiance scaled by 1/η².
+//! - D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²) for refraction, eq. 21 of Walter et al. with radiance
+//!   scaled by 1/η².
 //!
 //! Light that would be scattered by more than one facet is absorbed.
 

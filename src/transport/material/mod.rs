@@ -132,8 +132,8 @@ impl Materials {
         }
     }
 
-    /// Returns true if at least one lobe is not a delta lobe. Next-event estimation applies to such
-    /// materials.
+    /// Returns true if at least one lobe is not a delta lobe. Next-event estimation applies to materials with
+    /// such a lobe.
     #[inline(always)]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
@@ -282,7 +282,7 @@ impl Materials {
     }
 
     /// Returns a delta lobe that is not divided by a sampling probability. Returns `None` if the material has
-    /// no such lobe, or if the lobe carries no light.
+    /// no delta lobe of this kind, or if the lobe carries no light.
     ///
     /// If the material is dispersive, the wavelength lane `lane` determines the direction.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
@@ -310,8 +310,8 @@ impl Materials {
         }
     }
 
-    /// Returns true if at least one material transmits light without deflection. Connections must then be
-    /// tested for such materials.
+    /// Returns true if at least one material transmits light without deflection. Connections through these
+    /// materials must then be tested.
     pub(crate) fn any_straight(&self) -> bool {
         // Composite materials need no case, because the list contains the components too.
         self.list.iter().any(|m| {

@@ -3,7 +3,7 @@
 //!
 //! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer with equal
 //! reflectance (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is unchanged.
-//! Two materials that differ only in f are therefore *metamers*, which differ only in the polarization of the
+//! Two materials with different f are therefore *metamers*, which differ only in the polarization of the
 //! reflected light.
 
 use super::Materials;

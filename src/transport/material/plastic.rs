@@ -12,8 +12,8 @@
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
 //! into the body may leave later. In this case, ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean
 //! internal reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true. If `nonlinear` is false,
-//! Mitsuba's `plastic` uses ρ' = ρ / (η² (1 - F)), which is proportional to ρ. For both formulas, a white
-//! body returns all light that enters.
+//! Mitsuba's `plastic` uses ρ' = ρ / (η² (1 - F)), which is proportional to ρ. With either formula for
+//! interreflection, a white body returns all light that enters.
 //!
 //! An optional third lobe models light that is scattered once below the surface (Hwang et al. 2022, "Sparse
 //! ellipsometry"). The lobe ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i) has the form of the surface reflection,
@@ -47,7 +47,7 @@ pub struct Plastic {
     pub interreflection: Interreflection,
     /// Transmission of the coat's facets, or `None` if the smooth mean surface transmits the light.
     pub passage: Option<coat::Table>,
-    /// Lobe of light scattered once below the coat, or `None` if there is no such lobe.
+    /// Lobe of light scattered once below the coat, or `None` for a plastic without single scattering.
     pub single_scatter: Option<SingleScatter>,
 }
 

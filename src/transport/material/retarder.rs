@@ -6,13 +6,13 @@
 //!
 //! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. The optic axis c is in the
 //!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray and
-//!   c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t, because the path is longer by the factor
-//!   1/cosθ_t and n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born & Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c
+//!   c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t (Born & Wolf 1999, 15.3.3 and 15.4.1). The
+//!   path is longer by the factor 1/cosθ_t, and n_e(ψ) - n_o = (n_e - n_o) sin²ψ. The slow axis is c
 //!   projected perpendicular to the refracted ray. Refraction rotates the slow axis about s together with the
 //!   ray.
 //! - [`Tilt::Constant`]: δ = δ₀ at any incidence. The fast axis is projected perpendicular to the ray.
 //! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis as [`Tilt::Constant`], as in Mitsuba 3's `retarder`.
-//!   This model is not physical.
+//!   The cosine model is not physical.
 //!
 //! Reflection by the faces is neglected, but the transmittance may include the reflection loss.
 

@@ -106,8 +106,8 @@ impl RoughDielectric {
         }
     }
 
-    /// Samples a visible facet, then reflection or refraction in proportion to their power. The weight is
-    /// F·G2/G1.
+    /// Samples a visible facet, and then samples reflection or refraction in proportion to the power. The
+    /// weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

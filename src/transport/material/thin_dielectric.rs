@@ -8,8 +8,9 @@
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!
 //! (Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates";
-//! Mitsuba 3's `thindielectric` computes the same sum for unpolarized powers). Let r be the power
-//! reflectance of a face for s (or p), and x = ±√(r_s r_p) the element M22 of R. Then
+//! Mitsuba 3's `thindielectric` computes the same sum for unpolarized powers). Let r be the power reflectance
+//! of a face for s (or p), and x = ±√(r_s r_p) the element M22 of R. The corresponding values of the plate
+//! are
 //!
 //! > t̄ = (1 - r)/(1 + r), r̄ = r (1 + t̄);  M22: x̄_t = (1 - r_s)(1 - r_p)/(1 - x²), x̄_r = x (1 + x̄_t).
 //!

@@ -39,7 +39,7 @@ impl Rayleigh {
         self.dipole == 1.0
     }
 
-    /// Returns the element S11 at a scattering angle, per steradian. S11 is also the sampling density of
+    /// Returns the element S11 at a scattering angle, per steradian. S11 equals the sampling density of
     /// [`Self::sample`].
     #[inline]
     pub fn intensity(self, at: Angle) -> f32 {

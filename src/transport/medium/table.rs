@@ -216,7 +216,8 @@ impl Table {
             |f: fn(&FresnelBlock) -> Spectral| f(n[0]) * w0 + f(n[1]) * w1 + f(n[2]) * w2 + f(n[3]) * w3;
         let a = mix(|n| n.a).max(Spectral::ZERO);
         let (b, c, d) = (mix(|n| n.b), mix(|n| n.c), mix(|n| n.d));
-        // Interpolation may give a degree of polarization slightly above 1. Scale such a degree back to 1.
+        // Interpolation may give a degree of polarization slightly above 1. A degree of polarization above 1
+        // is scaled back to 1.
         let polarized = (b * b + c * c + d * d).sqrt().max(Spectral::splat(f32::MIN_POSITIVE));
         let f = (a / polarized).min(Spectral::ONE);
         FresnelBlock { a, b: b * f, c: c * f, d: d * f }

@@ -23,8 +23,8 @@ pub(super) struct DirectionSampling {
 }
 
 impl DirectionSampling {
-    /// Returns the record for a ray from a mirror, smooth glass or the camera. No connection can sample such
-    /// a ray.
+    /// Returns the record for a ray from a mirror, smooth glass or the camera. No connection can sample a ray
+    /// from a mirror, smooth glass or the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self { density: 0.0, from: Receiver::anywhere(from) }

@@ -71,7 +71,7 @@ fn check(bounds: &[Aabb]) {
 fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
     assert!(7 * tree.depth() + 8 <= STACK);
     assert_eq!(tree.extent(), union(bounds.iter().copied()));
-    // The leaves of a rejected tree also exist.
+    // The list includes the leaves of rejected trees.
     let mut used = vec![false; leaves.len()];
     let mut seen = vec![0; bounds.len()];
     for (aabb, child) in (0..tree.nodes.len()).flat_map(|n| tree.children(n as u32)) {

@@ -146,7 +146,7 @@ impl Axis {
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// Returns the interpolation position of the angle `x` in [-π, π] on a periodic axis. On such an axis,
+    /// Returns the interpolation position of the angle `x` in [-π, π] on a periodic axis. On a periodic axis,
     /// the last and the first entry are adjacent.
     #[inline]
     pub fn place_around(&self, x: f32) -> Between {

@@ -7,8 +7,8 @@
 //! Cells are evenly spaced in azimuth. The azimuth is measured from the plane of wo and n, and p is symmetric
 //! about this plane. In the coordinate q = 1 - cosθ_h, cells are narrower at small θ_h. A point that is
 //! uniform in (q, φ) in a cell is uniform in solid angle. One of the two adjacent values of θ_o is sampled
-//! with a probability equal to its linear weight, so the density is linearly interpolated. Dupuy & Jakob
-//! (2018) also sample measured BRDFs from tables.
+//! with a probability equal to the linear weight of the value, so the density is linearly interpolated. Dupuy
+//! & Jakob (2018) also sample measured BRDFs from tables.
 
 use super::axes::Axis;
 use glam::Vec3A;

@@ -1,10 +1,10 @@
 //! Half-vector and difference coordinates (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
 //! representation"), with the signs of Mitsuba's `measured_polarized`.
 //!
-//! Light arrives from `wi`, the viewer is in direction `wo`, and n is the normal. The half vector is h = (wi
-//! + wo)/|wi + wo|, and the polar angles are θ_h = ∠(n, h) and θ_d = ∠(h, wi). The azimuth φ_d of wi about h
-//! is 0 along t = b × h and increases toward b = n × h/|n × h|. The material is isotropic, so the azimuth of
-//! h is ignored.
+//! Light arrives from `wi`, the viewer is in direction `wo`, and the normal is n. The half vector of this
+//! pair is h = (wi + wo)/|wi + wo|, and the polar angles are θ_h = ∠(n, h) and θ_d = ∠(h, wi). The azimuth
+//! φ_d of wi about h is 0 along t = b × h and increases toward b = n × h/|n × h|. The material is isotropic,
+//! so the azimuth of h is ignored.
 //!
 //! The stored matrices use the same frame vector for both rays: the unit vector s = wi × wo/|wi × wo|,
 //! perpendicular to the plane of reflection. If p is the component of wi perpendicular to h, then s = p × h

@@ -2,8 +2,8 @@
 //!
 //! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger file
 //! is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to the
-//! missing pages terminates the process (SIGBUS on Unix). To replace such a file, rename a new file over the
-//! old one. Never overwrite the file in place.
+//! missing pages terminates the process (SIGBUS on Unix). To replace a mapped file, rename a new file to the
+//! name of the old file. Never overwrite the file in place.
 //!
 //! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic. The other angles and
 //! the wavelength are clamped to the ends of their axes. Entries are BRDF values (without the cosine) between
@@ -12,8 +12,8 @@
 //! NaN entries are holes. Measured data have holes where the light or the viewer is below the horizon. A
 //! value is interpolated from valid corners with renormalized weights. If no corner is valid, the value is 0.
 //! Matrices are used as measured, including matrices that noise makes slightly unphysical (a degree of
-//! polarization above 1). Interpolation is a convex sum and thus adds no other unphysical matrices. Only
-//! matrices with M00 < 0 are corrected. In such a matrix, the lane is set to zero.
+//! polarization above 1). Interpolation is a convex sum and thus adds no other unphysical matrices. If M00 <
+//! 0 in a lane, the matrix of this lane is set to zero. No other matrices are corrected.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -37,7 +37,7 @@ pub struct Options {
     pub wavelengths: Option<Wavelengths>,
 }
 
-/// Elements of at least this magnitude mark a hole, as NaN does.
+/// Elements of at least this magnitude mark a hole. NaN marks a hole too.
 const LIMIT: f32 = 1e9;
 
 /// Maximum size of a file that is read completely, in bytes.

@@ -204,7 +204,7 @@ impl<'a> Connector<'a> {
     }
 
     /// Returns true if the last vertices of two subpaths are in different media and light cannot pass between
-    /// the vertices in a straight line. The connection of such vertices is blocked, and no ray is traced.
+    /// the vertices in a straight line. In this case, the connection is blocked, and no ray is traced.
     #[inline]
     fn are_separated(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
         let (scene, z, y) = (self.scene, last(camera), last(light));

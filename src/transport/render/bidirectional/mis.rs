@@ -22,7 +22,8 @@ pub(super) struct Densities {
     pub own: f32,
     /// Density with which the subpath from the opposite side samples the vertex.
     pub other: f32,
-    /// False if the vertex scatters light into a single direction. No connection can end at such a vertex.
+    /// False if no connection can end at the vertex because the vertex scatters light into a single
+    /// direction.
     pub connects: bool,
     /// True if the vertex is a scattering event in a medium.
     pub particle: bool,

@@ -3,11 +3,12 @@
 //! Each part renders a subset of the tiles, but the vertices that the pixels of a part see may be on any
 //! light subpath. Each part therefore traces a share of the *subpaths* and sorts the visible vertices by the
 //! part that sees the vertices. Each part then reads the vertices that its pixels see from the files of all
-//! parts. A part may also trace shares that another part has not started or not finished.
+//! parts. In addition, a part may trace shares that another part has not started or not finished.
 //!
 //! A file depends only on scene, seed and share, and is written atomically. The result is therefore the same
 //! if a part stops, starts late or computes a share twice. No scheduler is needed, and no part waits
-//! indefinitely for a stopped part. Parts also share values that depend only on the scene and the seed.
+//! indefinitely for a stopped part. In addition, parts share values that depend only on the scene and the
+//! seed.
 
 use super::splat_file::{self, Extent, Parts};
 use super::{Counts, Splat, Splats, WalkNumber};

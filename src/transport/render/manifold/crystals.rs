@@ -61,7 +61,7 @@ impl<'a> CrystalSearch<'a> {
             let id = surface.material;
             let enters = surface.ng.dot(ray.dir) < 0.0;
             if scene.materials.splits(id) {
-                // The line must leave each crystal before it enters the next crystal.
+                // The line must leave each crystal before the line enters the next crystal.
                 if inside == enters {
                     return None;
                 }

@@ -130,7 +130,7 @@ impl Connector<'_> {
     }
 
     /// Decides by roulette whether to search for paths over curved surfaces. Returns the weight of the paths.
-    /// `glints` estimates the light of such paths.
+    /// `glints` estimates the light of paths over curved surfaces.
     fn spin_glints(&mut self, z: &Vertex, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

@@ -45,8 +45,8 @@ const LIGHT: usize = 1;
 
 /// Probability of searching for paths over flat mirrors. `PARTICLES` applies to medium vertices, and
 /// `IN_MEDIA` applies to surface vertices in a medium. Paths over flat mirrors are numerous and contribute
-/// little compared with light subpaths. In the example scene of a milky tank, a search for all such paths
-/// takes an eighth of the render time and finds a hundredth of the light.
+/// little compared with light subpaths. In the example scene of a milky tank, a search for all paths over
+/// flat mirrors takes an eighth of the render time and finds a hundredth of the light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
@@ -114,8 +114,8 @@ impl Connector<'_> {
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors, and appends the
     /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
-    /// sequences of three or more mirrors are also tried. If `alone` is false, the weights of other
-    /// strategies must account for these connections ([`Mirrors::flats_weigh`]).
+    /// sequences of three or more mirrors are tried too. If `alone` is false, the weights of other strategies
+    /// must account for these connections ([`Mirrors::flats_weigh`]).
     pub fn connect_over_flats(&mut self, camera: &[Vertex], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);

@@ -4,9 +4,9 @@
 //!
 //! A ray is traced from a point x through k interfaces, together with the derivatives with respect to the two
 //! angles of the direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction
-//! until the ray hits the emitter. The initial guess is the straight line, which also determines the number
-//! of interfaces. At the solution, the derivatives give the area A at the emitter that rays within a solid
-//! angle ω_x cover. For an emitter with intensity I, the light scattered at x is
+//! until the ray hits the emitter. The initial guess is the straight line. The straight line determines the
+//! number of interfaces. At the solution, the derivatives give the area A at the emitter that rays within a
+//! solid angle ω_x cover. For an emitter with intensity I, the light scattered at x is
 //!
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
@@ -19,8 +19,8 @@
 //! ([`super::bidirectional`]) can therefore account for this path. The other paths are sampled at random
 //! ([`curved_connections`]).
 //!
-//! A path may also include [`mirrors`]. The initial guess for such a path is a given point on each mirror,
-//! and J has the same definition.
+//! A specular path may include [`mirrors`]. The initial guess for a path over mirrors is a given point on
+//! each mirror. J is defined as for paths without mirrors.
 
 mod camera_connections;
 mod crystals;

@@ -1,12 +1,12 @@
 //! Unidirectional path tracing from the camera, with next-event estimation to all emitters.
 //!
-//! A path stores the Mueller product from the current ray to the camera frame for all wavelengths. A path
-//! also stores the optical path length and the number of surface interactions. Each connection to the
-//! projector ends at the single projector pixel s' that illuminates the vertex.
+//! A path stores the Mueller product from the current ray to the camera frame for all wavelengths. In
+//! addition, a path stores the optical path length and the number of surface interactions. Each connection to
+//! the projector ends at the single projector pixel s' that illuminates the vertex.
 //!
 //! The projector and point emitters have no spatial extent, so only connections reach them. Connections cross
 //! sheets that transmit light without deflection ([`sheets`]). Smooth refracting interfaces block
-//! connections. Light through such interfaces requires paths from the projector.
+//! connections. Light through smooth refracting interfaces requires paths from the projector.
 
 mod next_event;
 mod selected_pixels;

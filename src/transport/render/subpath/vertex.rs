@@ -232,8 +232,8 @@ impl Vertex {
         }
     }
 
-    /// Returns true if the vertex scatters light between all directions. Connections can end at such a
-    /// vertex.
+    /// Returns true if connections can end at the vertex because the vertex scatters light between all
+    /// directions.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {

@@ -39,12 +39,12 @@ type Key = (u32, Owner);
 const EVERY: Owner = Owner::instance(u32::MAX);
 
 /// Maximum number of mirrors in instances that are listed individually, like those of the world. If there are
-/// more, the mirrors of each group are listed once, and flat mirrors are sampled at random like curved
-/// mirrors.
+/// more mirrors, the mirrors of each group are listed once, and flat mirrors are sampled at random like
+/// curved mirrors.
 const MOST_LISTED: usize = 65536;
 
-/// Maximum number of planes of flat mirrors. If there are more, flat mirrors are sampled at random like
-/// curved mirrors.
+/// Maximum number of planes of flat mirrors. If there are more planes, flat mirrors are sampled at random
+/// like curved mirrors.
 const MOST_FLATS: usize = 2048;
 
 /// Maximum number of planes for which pairs of planes are considered.
@@ -317,7 +317,7 @@ impl Mirrors {
     }
 
     /// Calls `f` with all sequences that end with the given mirrors. `images` are the end point and its
-    /// successive images in these mirrors, starting with the last mirror on the path.
+    /// successive images in the given mirrors, starting with the last mirror on the path.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
         let (last, image) = *images.last().expect("internal error: no end point");
         for (group, flat) in (0..).zip(&self.flats) {
