@@ -121,8 +121,8 @@ pub struct Settings {
 
 impl Settings {
     /// Returns the number of samples of a pixel that are stratified together. The result is the largest
-    /// number that leaves at least `replicates` independent groups. Standard errors are estimated from these
-    /// groups by randomized quasi-Monte Carlo (Owen 1997).
+    /// number that leaves at least `replicates` independent groups. Standard errors are estimated from the
+    /// independent groups by randomized quasi-Monte Carlo (Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

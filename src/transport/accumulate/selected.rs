@@ -10,8 +10,8 @@ use tensor::slice::{ProjectorSelect, Slice};
 /// variance reduction.
 const MOST: f64 = 1.0 / 64.0;
 
-/// Maximum fraction for bands around epipolar lines. Separate paths double the time and divide the variance
-/// of indirect light by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
+/// Maximum fraction for bands around epipolar lines. Separate paths double the time. The variance of indirect
+/// light is divided by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.

@@ -134,7 +134,7 @@ impl Pinhole {
 
     /// Returns the pinhole at one point of the lens, sampled by two uniform random numbers in [0, 1). The
     /// image is shifted so that the plane of focus stays fixed. The image of a thin lens is the mean over the
-    /// images of these pinholes.
+    /// images of the pinholes at all points of the lens.
     #[inline]
     pub(crate) fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);

@@ -354,8 +354,8 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
         self.fill(child + 1, above, first + middle, &far, depth + 1);
     }
 
-    /// Divides entries as the function [`divide`] does, but without a branch per entry, which the processor
-    /// would mispredict half of the time.
+    /// Divides entries as the function [`divide`] does, but without a branch per entry. The processor would
+    /// mispredict such a branch half of the time.
     fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
         let (mut near, mut far) = (0, 0);
         for at in 0..entries.len() {

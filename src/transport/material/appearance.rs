@@ -1,4 +1,5 @@
-//! Ground-truth material quantities at a point: the visible plain material, its normal and its albedo.
+//! Ground-truth material quantities at a point: the visible plain material, and the normal and the albedo of
+//! this material.
 
 use super::{Lobe, Material, Materials, Specular, mirror_or_sheet};
 use crate::geometry::ray::Surface;

@@ -1,11 +1,11 @@
 //! Bulk optical properties of a cloud of particles, computed from the scattering by single particles.
 //!
-//! Let N be the number of particles per m³ and C their mean cross section. The coefficients are μ_s = Σ N
-//! C_sca and μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The scattering matrix of a mixture
-//! is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each kind. Scattering is assumed to be independent, so that
-//! each particle is illuminated by the incident wave alone. Independent scattering is valid up to volume
-//! fractions of a few per cent. For a volume fraction f, the number density is N = f/⟨V⟩. A mass
-//! concentration c gives f = c/ρ.
+//! Let N be the number of particles per m³ and let C be the mean cross section of the particles. The
+//! coefficients are μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The
+//! scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each kind. Scattering is assumed
+//! to be independent, so that each particle is illuminated by the incident wave alone. Independent scattering
+//! is valid up to volume fractions of a few per cent. For a volume fraction f, the number density is N =
+//! f/⟨V⟩. A mass concentration c gives f = c/ρ.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};

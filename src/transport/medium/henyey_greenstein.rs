@@ -8,9 +8,9 @@
 //!
 //! S12/S11 = S21/S11 = l b, S22/S11 = l, S33/S11 = l f, S44/S11 = c f.
 //!
-//! The scattering matrix is realizable (Cloude) if and only if |l - c| |f| ≤ 1 - l and (l + c)² f² ≤ (1 + l)²
-//! - 4 l² b² for all angles (Hovenier & van der Mee 1996). For l and c in [0, 1], the condition is l ≤ (1 +
-//! c)/2.
+//! The scattering matrix is realizable (Cloude) if and only if two conditions hold for all angles (Hovenier &
+//! van der Mee 1996): |l - c| |f| ≤ 1 - l, and (l + c)² f² ≤ (1 + l)² - 4 l² b². For l and c in [0, 1], the
+//! condition is l ≤ (1 + c)/2.
 
 use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;

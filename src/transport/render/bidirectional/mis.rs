@@ -1,11 +1,10 @@
 //! Multiple importance sampling weights of the strategies that can sample a path (Veach 1997, sect. 10.2).
 //!
-//! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
-//! vertices and a camera subpath with t vertices. The ends of the path count as vertices, so s + t = k + 2.
-//! The power heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples.
-//! Ratios of densities are products along the path. If the camera subpath samples vertex i instead of the
-//! light subpath, p changes by a factor. The factor is the ratio of the densities of this vertex from the
-//! camera and from the light.
+//! A path with k inner vertices can be sampled by connecting a light subpath with s vertices to a camera
+//! subpath with t vertices. The ends of the path count as vertices, so s + t = k + 2. The power heuristic
+//! assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of densities are
+//! products along the path. If the camera subpath samples vertex i instead of the light subpath, p changes by
+//! a factor. The factor is the ratio of the densities of this vertex from the camera and from the light.
 //!
 //! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
 //! subpaths with hundreds of medium vertices come close to each other, many connections of these subpaths

@@ -50,7 +50,7 @@ use std::ops::Range;
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
 /// Fraction of samples in which camera and light subpaths are connected, if the media scatter light forward
-/// and are seen and illuminated through interfaces. In scenes of this kind, subpaths are guided toward the
+/// and are seen and illuminated through interfaces. Through interfaces, subpaths are guided toward the
 /// apparent position of the opposite end. Connections from each medium vertex to this end find nearly all
 /// light. Connections between medium vertices ignore the forward peaks. Connections between medium vertices
 /// take a fifth of the time and find a tenth of the light.

@@ -67,8 +67,8 @@ impl Connector<'_> {
             let path = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
             (!first || !connector.is_expected(z, &path, &traced.over, goal)).then_some(path)
         };
-        // Long sequences of curved mirrors have very many paths. Most of these paths contribute almost
-        // nothing.
+        // Long sequences of curved mirrors have very many paths. Most paths over such sequences contribute
+        // almost nothing.
         let decide = |connector: &mut Self, path: &SpecularPath| {
             let scattered = z.scatter(scene, z.back, path.dir)?;
             let (intensity, _) = setup.emission.intensity(scene, connector.ends[0], source, path.emitted);

@@ -347,7 +347,8 @@ impl SpecularPath {
     }
 
     /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
-    /// the path. `density` is the density per steradian of the initial direction of those subpaths.
+    /// the path. `density` is the density per steradian of the initial direction of the subpaths from the
+    /// other end.
     #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean

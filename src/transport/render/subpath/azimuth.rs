@@ -6,8 +6,8 @@
 //!
 //! > 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I.
 //!
-//! With a uniform azimuth, the weight of a subpath would contain this ratio, which is at most 2, as a factor
-//! for each event. The product of many factors has mean 1, but the variance of the product increases
+//! With a uniform azimuth, the weight of a subpath would contain a factor for each event. The factor is the
+//! ratio and is at most 2. The product of many factors has mean 1, but the variance of the product increases
 //! exponentially with the number of factors. As a result, few paths dominate, and errors estimated from the
 //! samples are too small. In a conservative Rayleigh slab of optical depth 4, the variance of the transmitted
 //! intensity is 15 times that of isotropic scattering.

@@ -10,9 +10,9 @@
 //! like light on a ray *from the opposite end* and not like light on the ray of the subpath. A camera subpath
 //! is thus deflected toward the emitters, except for a small angle that is sampled from the phase function.
 //! The next small deflection leads to the emitter and is evaluated with the phase function, so the two peaks
-//! cancel. The large deflection is evaluated with the phase function too, far from the peak. Georgiev et al.
-//! (2013) and Herholz et al. (2019) sample directions toward a light that is blurred by scattering. The
-//! method in this module is the simplest case.
+//! cancel. The large deflection is evaluated with the phase function too, which has no peak at large angles.
+//! Georgiev et al. (2013) and Herholz et al. (2019) sample directions toward a light that is blurred by
+//! scattering. The method in this module is the simplest case.
 //!
 //! In addition, subpaths *lean* toward targets. Light with many small deflections changes direction gradually
 //! and reaches the opposite end only if the final direction leads to this end. For two directions that are

@@ -1,9 +1,9 @@
 //! Finds the apparent positions of devices, as seen through interfaces from inside a medium.
 //!
 //! Rays of a device are traced until a medium scatters them. If all earlier interactions are specular, the
-//! last segment is a line from the apparent device. The apparent position is the point nearest to all these
-//! lines. Through a flat pane, this point is the virtual image, which is slightly blurred because the image
-//! depends on the angle of incidence.
+//! last segment is a line from the apparent device. The apparent position is the point nearest to the lines
+//! of all rays. Through a flat pane, this point is the virtual image, which is slightly blurred because the
+//! image depends on the angle of incidence.
 
 use super::{Emission, End, Ends, First, Guide, Limits, Site, Splitting, Walk};
 use crate::render::bidirectional::most;
