@@ -179,8 +179,8 @@ mod tests {
         near(with(|l| l.s2 = 1.0), 0.5625, 0.0);
         near(with(|l| l.s3 = 1.0), 0.5, 0.25);
         near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
-        // For a sensor tilted by τ about y, divide the rotated coordinate by the depth of the point on the
-        // sensor. Multiply the quotient by cos τ.
+        // Let x and z be the coordinates of the image point (0.5, 0, 1) after rotation by the tilt τ about y.
+        // OpenCV's image of this point is (x cos τ + z sin τ)/z.
         let t: f64 = 0.1;
         let (s, c) = t.sin_cos();
         let (x, z) = (0.5 * c - s, 0.5 * s + c);

@@ -20,7 +20,8 @@ use rayon::prelude::*;
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
-/// Maximum number of primitives whose points are tested. Beyond this number, primitives are skipped.
+/// Maximum number of primitives whose points are tested. If there are more primitives, only every n-th
+/// primitive is tested.
 const MOST_PRIMITIVES: usize = 4096;
 
 /// Minimum cosine between the normals on both sides of a gap. Wedges are excluded, because wedges are always

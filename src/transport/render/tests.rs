@@ -160,7 +160,7 @@ fn renders_are_bit_identical_on_all_processors() {
 }
 
 /// Verifies that a render in parts, with splats in a file, is bit-identical to a render in a single part. The
-/// test repeats the comparison for several numbers of threads.
+/// test compares renders with 1 and 3 threads.
 #[test]
 fn rendering_in_parts_is_bit_identical() {
     // The image has 24 × 24 pixels with 9 samples each. The render has 3 or 9 parts with 9 tiles in total.

@@ -39,7 +39,7 @@ pub(crate) struct Setup {
     pub labelled: bool,
 }
 
-/// The first vertex behind the interfaces at the start of a subpath at which connections can end. The pair
+/// The first vertex at which connections can end, for a subpath that starts with interfaces. The pair
 /// contains the index of this vertex and the density per perpendicular area with which subpaths reach the
 /// vertex. The density is `None` if the path through the interfaces cannot be found from the vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;

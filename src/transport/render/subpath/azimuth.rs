@@ -12,9 +12,9 @@
 //! samples are too small. In a conservative Rayleigh slab of optical depth 4, the variance of the transmitted
 //! intensity is 15 times that of isotropic scattering.
 //!
-//! The azimuth is therefore sampled in proportion to the factor. Bartel & Hielscher (2000, Appl. Opt. 39,
-//! 1580) use rejection. This module rejects no sample, because the factors at two azimuths 90° apart have the
-//! sum 2. An azimuth is accepted with probability factor/2 and is otherwise increased by 90°.
+//! The azimuth is therefore sampled in proportion to the factor. Rejection is used by Bartel & Hielscher
+//! (2000, Appl. Opt. 39, 1580). This module rejects no sample, because the factors at two azimuths 90° apart
+//! have the sum 2. An azimuth is accepted with probability factor/2 and is otherwise increased by 90°.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
