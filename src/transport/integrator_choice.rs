@@ -1,8 +1,8 @@
 //! Chooses the integrator from the surfaces that the projector and the point emitters illuminate directly.
 //!
 //! The projector, point emitters and the camera have no spatial extent. Paths from the camera therefore never
-//! find light that such an emitter sends via a mirror or smooth glass. If an emitter illuminates such a
-//! surface directly, another integrator is needed.
+//! find light from the projector or a point emitter that a mirror or smooth glass has redirected. If the
+//! projector or a point emitter directly illuminates a mirror or smooth glass, another integrator is needed.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
@@ -13,7 +13,7 @@ use glam::{DVec2, Vec3A};
 use optics::spectrum::max_lane;
 use rayon::prelude::*;
 
-/// Number of rays along each side of a device's image, each traced to the first surface.
+/// Number of rays along each side of a device's image. Each ray is traced to the first surface.
 const GRID: u32 = 96;
 const LEAST_GRID: f32 = 8.0;
 
@@ -50,8 +50,8 @@ fn mirrors(materials: &Materials, at: &Surface, wo: Vec3A) -> bool {
     found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
 }
 
-/// Returns the kind of the first redirecting surface along a ray, if any. The ray continues through sheets
-/// and null boundaries.
+/// Returns the kind of the first redirecting surface along a ray, or `None` if there is none. The ray
+/// continues through sheets and null boundaries.
 pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects> {
     let (geometry, materials) = (&tables.geometry, &tables.materials);
     for _ in 0..MOST_SHEETS {
@@ -96,9 +96,9 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     Meets { mirror, interface, split }
 }
 
-/// Returns true if light of some point emitter hits a redirecting surface first.
+/// Returns true if light of at least one point emitter hits a redirecting surface first.
 fn points_meet(tables: &SceneTables) -> bool {
-    // If there are many emitters, trace fewer rays from each.
+    // If there are many emitters, trace fewer rays from each emitter.
     let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
     let at = |i: u32| (i as f32 + 0.5) / side as f32;
     tables.points.iter().any(|point| {
@@ -110,7 +110,8 @@ fn points_meet(tables: &SceneTables) -> bool {
     })
 }
 
-/// Returns the integrator for the scene's settings, and the reason if it is not the requested one.
+/// Returns the integrator for the scene's settings, and the reason if the integrator differs from the
+/// requested one.
 pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();

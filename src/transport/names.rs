@@ -5,11 +5,11 @@
 pub struct Names {
     /// Object names by the index that [`Geometry::object`](crate::geometry::bvh::Geometry::object) returns.
     /// An object without a name is called `objects[3]` (counted from 0, as in the file). Names of objects in
-    /// a group begin with the name of the group: `tree/leaf`.
+    /// a group begin with the name of the group, for example `tree/leaf`.
     pub objects: Vec<String>,
     pub materials: Vec<String>,
-    /// Index into `materials` for each material index of the scene. Objects that are filled or emit light
-    /// have separate material indices.
+    /// Index into `materials` for each material index of the scene. Each object that is filled or emits light
+    /// has a separate material index.
     pub material_of: Vec<u32>,
 }
 

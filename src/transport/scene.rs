@@ -10,23 +10,25 @@ use std::ops::Deref;
 use tensor::axes::Extents;
 use tensor::slice::Slice;
 
-/// A scene that is ready to render: the tables and the quantities that are derived from the tables.
+/// A scene that is ready to render. A scene contains tables and the quantities that are derived from the
+/// tables.
 pub struct Scene {
     tables: SceneTables,
-    /// True if some material transmits light without deflection, so that connections may cross sheets.
+    /// True if at least one material transmits light without deflection. Connections may then cross sheets.
     pub(crate) sheets: bool,
-    /// True if some object is filled or some boundary is null, so that paths must track the medium.
+    /// True if at least one object is filled or at least one boundary is null. Paths must then track the
+    /// medium.
     pub(crate) filled: bool,
     /// A distance in metres that exceeds all distances between surfaces and devices.
     pub(crate) far: f32,
-    /// Light tree over the point emitters, if there are too many to connect each path vertex to all of them.
+    /// Light tree over the point emitters, if there are more than `MOST_POINTS` emitters.
     pub(crate) point_tree: Option<LightTree>,
-    /// Reason for the choice of the integrator; `None` if the scene file selects the integrator.
+    /// Reason for the choice of the integrator, or `None` if the scene file selects the integrator.
     why: Option<&'static str>,
 }
 
-/// Maximum number of point emitters for which each path vertex is connected to all of them. If there are
-/// more, each vertex is connected to one emitter chosen at random.
+/// Maximum number of point emitters for which each path vertex is connected to all point emitters. If there
+/// are more emitters, each vertex is connected to one emitter that is chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -57,13 +59,13 @@ impl Scene {
         }
     }
 
-    /// Sets the integrator. [`Integrator::Auto`] selects the one that the scene needs.
+    /// Sets the integrator. [`Integrator::Auto`] selects the integrator that the scene needs.
     pub fn set_integrator(&mut self, integrator: Integrator) {
         self.why = None;
         self.change_settings(|s| (s.manifold, s.integrator) = (integrator != Integrator::Path, integrator));
     }
 
-    /// Changes the settings, and replaces the integrator if the scene needs another one.
+    /// Changes the settings, and replaces the integrator if the scene needs another integrator.
     pub fn change_settings(&mut self, change: impl FnOnce(&mut Settings)) {
         change(&mut self.tables.settings);
         self.choose_integrator();
@@ -81,7 +83,8 @@ impl Scene {
         self.tables.variant = Some(variant);
     }
 
-    /// Returns the reason for the choice of [`Settings::integrator`], or `None` if the scene file chose it.
+    /// Returns the reason for the choice of [`Settings::integrator`], or `None` if the scene file selects the
+    /// integrator.
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }

@@ -6,7 +6,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Strategy {
-    /// Next-event estimation: connects a camera path to the emitter.
+    /// Next-event estimation, which connects a camera path to the emitter.
     NextEvent,
     /// Next-event estimation from a medium vertex through a nearby rough interface.
     RoughInterface,
@@ -15,9 +15,9 @@ pub enum Strategy {
     FlatMirrors,
     /// Connections over curved mirrors, through curved glass along all paths, and through crystals.
     CurvedMirrors,
-    /// Light tracing: connects a light path to the camera.
+    /// Light tracing, which connects a light path to the camera.
     LightTracing,
-    /// Vertex connection: connects inner vertices of a camera path and a light path.
+    /// Vertex connection, which connects inner vertices of a camera path and a light path.
     VertexConnection,
 }
 
@@ -74,7 +74,7 @@ impl Strategies {
         self.0 >> strategy as u8 & 1 == 1
     }
 
-    /// Returns true if some strategy traces paths from the emitters.
+    /// Returns true if at least one strategy traces paths from the emitters.
     #[inline]
     pub(crate) fn walk_from_light(self) -> bool {
         self.has(Strategy::LightTracing) || self.has(Strategy::VertexConnection)
@@ -98,7 +98,7 @@ impl fmt::Display for Strategies {
 mod tests {
     use super::*;
 
-    /// Verifies that each strategy has its own bit.
+    /// Verifies that each strategy has a separate bit.
     #[test]
     fn strategies_have_distinct_bits() {
         for s in Strategy::LIST {

@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tensor::slice::Slice;
 
-/// Complete description of a scene, from which [`crate::scene::Scene::new`] builds the scene.
+/// Complete description of a scene. [`crate::scene::Scene::new`] builds the scene from this description.
 pub struct SceneTables {
-    /// Short name, which is used in titles and in default file names.
+    /// Short name, for titles and default file names.
     pub name: String,
     /// Wavelengths of all spectral values, one per lane.
     pub wavelengths: Wavelengths,
@@ -27,7 +27,7 @@ pub struct SceneTables {
     /// Materials, indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
     pub media: Media,
-    /// The boundary for each material index; [`Boundary::NONE`] if the object is not filled.
+    /// The boundary for each material index, or [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
     pub names: Names,
     pub camera: Pinhole,
@@ -42,9 +42,9 @@ pub struct SceneTables {
     pub settings: Settings,
     /// SHA-256 hash, in hexadecimal, of the scene file and of all files to which it refers, in order.
     pub sha256: String,
-    /// Text of the scene file, which is stored with the results.
+    /// Text of the scene file. The text is stored with the results.
     pub text: String,
-    /// Variant of the scene file; `None` for the scene file as written.
+    /// Variant of the scene file, or `None` for the scene file as written.
     pub variant: Option<Variant>,
     /// Notes on contents of the scene's files that are ignored or corrected, one sentence each.
     pub notes: Vec<String>,
@@ -106,12 +106,12 @@ pub struct Settings {
     pub integrator: Integrator,
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
-    /// Restricts bidirectional path tracing to one unweighted strategy: the number of vertices on the light
-    /// subpath and on the camera subpath, ends included. This setting is for tests: the result lacks the
-    /// light of all other paths.
+    /// Restricts bidirectional path tracing to one unweighted strategy. The pair contains the numbers of
+    /// vertices on the light subpath and on the camera subpath, including ends. This setting is for tests,
+    /// because the result lacks the light of all other paths.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that may be used. A subset is for tests: the result lacks the light of paths that only
-    /// other strategies can sample.
+    /// Strategies that the render may use. A subset is for tests, because the result lacks the light of paths
+    /// that require other strategies.
     pub strategies: Strategies,
     /// Seed of the random streams.
     pub seed: u64,
@@ -120,16 +120,16 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Returns the number of samples of a pixel that are stratified together. This number is the largest
-    /// number that leaves at least `replicates` independent groups, from which standard errors are estimated
-    /// (randomized quasi-Monte Carlo: Owen 1997).
+    /// Returns the number of samples of a pixel that are stratified together. The result is the largest
+    /// number that leaves at least `replicates` independent groups. Standard errors are estimated from the
+    /// independent groups by randomized quasi-Monte Carlo (Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }
 }
 
 impl SceneTables {
-    /// Returns true if some object is filled with a medium or some boundary is null.
+    /// Returns true if at least one object is filled with a medium or at least one boundary is null.
     pub(crate) fn has_fillings(&self) -> bool {
         self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any(Materials::is_null)
     }

@@ -1,4 +1,4 @@
-//! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image radius is a polynomial of
+//! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`). The image radius is a polynomial of
 //! the angle.
 
 use glam::DVec2;

@@ -8,7 +8,7 @@ use fisheye::{Fisheye, WIDEST};
 use glam::DVec2;
 use opencv::Opencv;
 
-/// The map that a lens applies to normalized image coordinates, which are those on the plane z = 1.
+/// The map that a lens applies to normalized image coordinates (coordinates on the plane z = 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
     /// No distortion.
@@ -53,7 +53,7 @@ impl Distortion {
         }
     }
 
-    /// Maps distorted normalized coordinates to ideal coordinates; `None` where the distortion is not
+    /// Maps distorted normalized coordinates to ideal coordinates. Returns `None` where the distortion is not
     /// one-to-one.
     #[inline]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
@@ -179,8 +179,8 @@ mod tests {
         near(with(|l| l.s2 = 1.0), 0.5625, 0.0);
         near(with(|l| l.s3 = 1.0), 0.5, 0.25);
         near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
-        // For a sensor tilted by τ about y, divide the rotated coordinate by the depth of the point on the
-        // sensor, and multiply by the cosine of the sensor's normal.
+        // Let x and z be the coordinates of the image point (0.5, 0, 1) after rotation by the tilt τ about y.
+        // OpenCV's image of this point is (x cos τ + z sin τ)/z.
         let t: f64 = 0.1;
         let (s, c) = t.sin_cos();
         let (x, z) = (0.5 * c - s, 0.5 * s + c);

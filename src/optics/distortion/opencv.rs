@@ -5,11 +5,11 @@ use super::tilt::Tilt;
 use glam::DVec2;
 
 /// OpenCV's distortion coefficients for normalized coordinates. A coefficient of 0 omits the corresponding
-/// term (Brown–Conrady, Brown 1966, has only k1, k2, k3, p1, p2).
+/// term. The Brown–Conrady model (Brown 1966) has only k1, k2, k3, p1 and p2.
 ///
 /// With r² = x² + y²: x' = x·(1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² +
-/// 2x²) + s1 r² + s2 r⁴, y' has the same form with x and y exchanged, p1 and p2 exchanged, and s3, s4 in
-/// place of s1, s2. The tilt is applied last. (OpenCV's documentation, `calib3d`.)
+/// 2x²) + s1 r² + s2 r⁴. The formula for y' is the same with x and y exchanged, p1 and p2 exchanged, and s3,
+/// s4 in place of s1, s2. The tilt is applied last. (OpenCV's documentation, `calib3d`.)
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Opencv {
     pub k1: f64,
@@ -165,8 +165,8 @@ impl Opencv {
         None
     }
 
-    /// Implements [`Self::undistort`] for points at which Newton's method diverges: follows the solution by
-    /// numerical continuation along the line from the image centre.
+    /// Implements [`Self::undistort`] for points at which Newton's method diverges. The function follows the
+    /// solution by numerical continuation along the line from the image centre.
     #[cold]
     fn follow(&self, q: DVec2) -> Option<DVec2> {
         const STEPS: i32 = 32;

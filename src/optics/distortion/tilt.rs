@@ -46,8 +46,8 @@ impl Tilt {
         homography(&self.forward, p)
     }
 
-    /// Maps coordinates on the tilted sensor to coordinates without tilt. The result is not finite where
-    /// there is no such point.
+    /// Maps coordinates on the tilted sensor to coordinates without tilt. The result is not finite if no
+    /// point without tilt corresponds to the coordinates.
     #[inline]
     pub fn undo(&self, q: DVec2) -> DVec2 {
         homography(&self.forward.inverse(), q)

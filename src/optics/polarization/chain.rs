@@ -1,9 +1,9 @@
 //! The product of the Mueller matrices along a path, in the most compact exact form.
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
-//! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ. After such an interaction, the product
-//! is the outer product of a column (camera side) and a row (projector side), which have 8 numbers instead
-//! of 16. Usually only two of the 8 numbers are non-zero.
+//! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ. After a depolarizing interaction, the
+//! product is the outer product of a column (camera side) and a row (projector side). The column and the row
+//! together have 8 numbers instead of 16. Usually, only two numbers of the column and the row are non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -12,8 +12,8 @@ use super::scatter::Scatter;
 use crate::spectrum::{Spectral, max_lane};
 use glam::Vec3A;
 
-/// The product of all interactions so far, from the frame of light arriving along the current ray to the
-/// camera frame.
+/// The product of all previous interactions. The product maps Stokes vectors from the frame of light arriving
+/// along the current ray to the camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
     /// A factor times a frame rotation (cos 2θ, sin 2θ), before any polarizing or depolarizing interaction.
@@ -73,9 +73,9 @@ impl Chain {
         }
     }
 
-    /// Multiplies the product by an interaction, in place. `d_out` is the direction in which light leaves
-    /// the interaction, and `frame` is the current frame of this light. Returns the frame of the incident
-    /// light, or `None` if the interaction depolarizes, so that any frame is valid.
+    /// Multiplies the product by an interaction, in place. `d_out` is the direction in which light leaves the
+    /// interaction, and `frame` is the current frame of this light. Returns the frame of the incident light,
+    /// or `None` if the interaction depolarizes and any frame is therefore valid.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Vec3A> {
         match scatter {
@@ -164,8 +164,8 @@ impl Chain {
     }
 
     /// Multiplies the product on the right by the transpose of another product, which was built from the
-    /// emitter with transposed interactions. Both products must have the same frame for the light between
-    /// them.
+    /// emitter with transposed interactions. The two products must have the same frame for the light between
+    /// the subpaths.
     #[inline]
     pub fn times_transposed(&mut self, other: &Self) {
         let dot =
@@ -210,8 +210,8 @@ impl Chain {
         };
     }
 
-    /// Returns D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light in the
-    /// opposite direction, see [`Scatter::reversed`].
+    /// Returns D · self · D with D = diag(1, 1, -1, 1). The result is the transpose of the product for light
+    /// in the opposite direction (see [`Scatter::reversed`]).
     #[inline]
     pub fn mirrored(&self) -> Self {
         let mut out = *self;
@@ -296,7 +296,7 @@ mod tests {
         Scatter::Full { mueller, frame_out: at(40.0), frame_in: at(-65.0) }
     }
 
-    /// Verifies that a chain in every form equals the product of 4×4 matrices.
+    /// Verifies that every form of a chain equals the product of 4×4 matrices.
     #[test]
     fn chain_equals_plain_products() {
         let d = Vec3A::Z;
@@ -367,8 +367,8 @@ mod tests {
         }
     }
 
-    /// Verifies that a product built from both ends equals a product built from one end, wherever the two
-    /// meet.
+    /// Verifies that a product built from both ends equals a product built from one end, for every position
+    /// at which the parts meet.
     #[test]
     fn products_from_both_ends_equal_products_from_one() {
         let d = Vec3A::Z;

@@ -35,8 +35,8 @@ impl Complex {
     /// is positive, as evanescent waves require.
     #[inline]
     pub fn sqrt(self) -> Self {
-        // Compute the larger part by a square root and the other part by division, because a difference
-        // would cancel for weak absorbers.
+        // Compute the larger part by a square root and the other part by division. A difference would lose
+        // accuracy for weak absorbers.
         let large = ((self.norm2().sqrt() + self.re.abs()) * Spectral::HALF).sqrt();
         let small = self.im * Spectral::HALF / large.max(Spectral::splat(f32::MIN_POSITIVE));
         let minus = self.im.simd_lt(Spectral::ZERO);
@@ -74,7 +74,7 @@ impl Mul for Complex {
 
 impl Div for Complex {
     type Output = Self;
-    /// Divides per lane; the divisor must not be zero in a used lane.
+    /// Divides per lane. The divisor must not be zero in a used lane.
     #[inline]
     fn div(self, rhs: Self) -> Self {
         (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())

@@ -29,7 +29,8 @@ pub fn retarder(theta: f32, delta: f32) -> Mueller {
 }
 
 /// Returns the Mueller matrix of an ideal mirror at normal incidence, with s-frames for incident and
-/// reflected light. The mirror exchanges right and left circular polarization, and +45° and −45°.
+/// reflected light. The mirror exchanges right and left circular polarization, and linear polarization at
+/// +45° and −45°.
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., -1., 0.], [0., 0., 0., -1.]])
 }

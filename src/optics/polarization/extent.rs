@@ -1,4 +1,4 @@
-//! The block of a Mueller matrix that can be non-zero. Only this block is stored.
+//! The block of a Mueller matrix that can be non-zero. Only the block that can be non-zero is stored.
 
 /// The part of a finished product that can be non-zero: the first `rows` rows and the first `cols` columns,
 /// 1 or 4 of each. The product maps projector-frame Stokes vectors to camera-frame Stokes vectors.
@@ -22,8 +22,9 @@ impl Extent {
         Self { rows: self.rows.max(other.rows), cols: self.cols.max(other.cols) }
     }
 
-    /// Copies the elements of this extent, row by row from `first` in `table`, to the end of the table, in
-    /// the layout of the extent `larger`. New elements are `zero`. Returns the index of the copy.
+    /// Copies the elements of this extent to the end of `table`, in the layout of the extent `larger`. The
+    /// elements are read row by row from index `first` of the table. New elements are `zero`. Returns the
+    /// index of the copy.
     pub fn enlarge<T: Copy>(self, table: &mut Vec<T>, first: u32, larger: Self, zero: T) -> u32 {
         let to = table.len() as u32;
         table.resize(table.len() + larger.count(), zero);

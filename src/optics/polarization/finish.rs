@@ -1,4 +1,4 @@
-//! Ends paths: appends the elements of a finished [`Chain`] that can be non-zero to a list.
+//! Ends paths. The functions append to a list the elements of a finished [`Chain`] that can be non-zero.
 
 use super::chain::{Chain, rotate_row, row_times_block};
 use super::extent::Extent;
@@ -8,7 +8,7 @@ use crate::spectrum::Spectral;
 use glam::Vec3A;
 
 impl Chain {
-    /// Ends the path at an emitter. Appends the elements that can be non-zero to `elements`, row by row.
+    /// Ends the path at an emitter. Appends to `elements`, row by row, the elements that can be non-zero.
     #[inline]
     pub fn finish(&self, elements: &mut Vec<Spectral>) -> Extent {
         let (rows, cols) = match self {

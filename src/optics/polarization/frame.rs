@@ -2,21 +2,20 @@
 
 use glam::{Mat3A, Vec3A};
 
-/// Returns cos 2θ and sin 2θ of the rotation from the basis vector `from` to the basis vector `to`, for
-/// light travelling along `d`, counter-clockwise looking toward the source. Both basis vectors are unit
+/// Returns cos 2θ and sin 2θ of the rotation from the basis vector `from` to the basis vector `to`. The light
+/// travels along `d`, and angles are counter-clockwise looking toward the source. `from` and `to` are unit
 /// vectors perpendicular to `d`.
 #[inline]
 pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
     let c = to.dot(from);
     let s = to.dot(d.cross(from));
-    // Renormalize to remove rounding errors of both vectors: otherwise long specular chains gain or lose
-    // polarization.
+    // Renormalize to remove rounding errors of both vectors. Otherwise, long specular chains would gain or
+    // lose polarization.
     let n = (c * c + s * s).max(f32::MIN_POSITIVE).recip();
     ((c * c - s * s) * n, 2.0 * c * s * n)
 }
 
-/// Returns `axis` projected perpendicular to the ray: the unit vector perpendicular to `d` in the plane of
-/// `d` and `axis`.
+/// Returns the unit vector perpendicular to `d` in the plane of `d` and `axis`.
 ///
 /// If `axis` and `d` are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if
 /// `d` is within 25.8° of z. An arbitrary perpendicular vector would depend on the rounding errors of `d`.

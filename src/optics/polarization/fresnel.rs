@@ -1,4 +1,4 @@
-//! Fresnel's equations as Mueller matrices. The s direction is the first basis axis of all light.
+//! Fresnel's equations as Mueller matrices. The s direction is the first basis axis of all Stokes vectors.
 //!
 //! In that basis, reflection and refraction at a smooth isotropic interface have block form (Collett 2005,
 //! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs
@@ -78,8 +78,8 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
 pub struct DielectricFresnel {
     /// Mueller block of reflection.
     pub reflection: FresnelBlock,
-    /// Mueller block of *power* transmission (without radiance scaling); zero under total internal
-    /// reflection.
+    /// Mueller block of *power* transmission (without radiance scaling). The block is zero under total
+    /// internal reflection.
     pub transmission: FresnelBlock,
 }
 
@@ -105,7 +105,8 @@ pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel 
     let two = Spectral::splat(2.0);
     let t_s = Complex::real(two * ci / (ci + root.re));
     let t_p = Complex::real(two * eta * ci / (eta2 * ci + root.re));
-    // The power factor is n_t cosθ_t / (n_i cosθ_i) = root / cosθ_i. Under total reflection, root.re is zero.
+    // The power factor is n_t cosθ_t / (n_i cosθ_i) = root / cosθ_i. Under total internal reflection, root.re
+    // is zero.
     let factor = root.re / ci.max(Spectral::splat(1e-12));
     let transmission = FresnelBlock::from_amplitudes(t_s, t_p, factor);
     DielectricFresnel { reflection, transmission }

@@ -1,8 +1,8 @@
 //! Stokes vectors, Mueller matrices, frames and optical elements.
 //!
-//! Conventions (Mitsuba 3's, see CONVENTIONS.md): s3 is right minus left circular, looking toward the source.
-//! A frame is a unit vector x perpendicular to the direction of travel d; its second axis is d × x. Angles
-//! rotate from x toward d × x.
+//! Conventions (Mitsuba 3's, see CONVENTIONS.md): s3 is right minus left circular intensity, looking toward
+//! the source. A frame is a unit vector x perpendicular to the direction of travel d. The second axis of the
+//! frame is d × x. Angles rotate from x toward d × x.
 
 pub mod chain;
 pub mod complex;

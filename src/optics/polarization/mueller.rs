@@ -17,8 +17,8 @@ impl Default for Mueller {
 }
 
 impl Mueller {
-    /// Replaces the matrix by D · self · D with D = diag(1, 1, -1, 1): this flips the second axes of both
-    /// frames.
+    /// Replaces the matrix by D · self · D with D = diag(1, 1, -1, 1). This replacement flips the second axes
+    /// of both frames.
     #[inline]
     pub fn mirror(&mut self) {
         for k in [0, 1, 3] {
@@ -77,8 +77,8 @@ impl Mueller {
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
     }
 
-    /// Multiplies the matrix by R(θ) on the left, given cos 2θ and sin 2θ: rotates the outgoing frame by θ
-    /// (M' = R(θ_out) M R(-θ_in)).
+    /// Multiplies the matrix by R(θ) on the left, which rotates the outgoing frame by θ (M' = R(θ_out) M
+    /// R(-θ_in)). The arguments are cos 2θ and sin 2θ.
     #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -104,7 +104,7 @@ impl Mueller {
 
 impl Mul for Mueller {
     type Output = Self;
-    /// Multiplies two matrices; light interacts with the right factor first.
+    /// Multiplies two matrices. Light interacts with the right factor first.
     #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self { m: self.m.map(|row| rhs.row_times(&row)) }

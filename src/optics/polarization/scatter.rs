@@ -14,8 +14,8 @@ pub enum Scatter {
     /// Complete depolarization, f·e₀e₀ᵀ, which is the same in all frames.
     Depolarize(Spectral),
     /// A Fresnel block whose frame on both sides is the unit vector `s` perpendicular to the plane of
-    /// incidence. Wave plates and polarizers that do not deflect light also have this form, in the frame `s`
-    /// of their axis.
+    /// incidence. Wave plates and polarizers that do not deflect light have the form of a Fresnel block too,
+    /// in the frame `s` of their axis.
     Fresnel {
         block: FresnelBlock,
         /// Frame of the block, a unit vector.
@@ -74,8 +74,8 @@ impl Scatter {
         m
     }
 
-    /// Returns the transposed matrix with frames exchanged, for products that are built from the emitter,
-    /// see [`times_transposed`](super::chain::Chain::times_transposed).
+    /// Returns the transposed matrix with exchanged frames. Products that are built from the emitter use the
+    /// transposed matrix (see [`times_transposed`](super::chain::Chain::times_transposed)).
     #[inline]
     pub fn transposed(&self) -> Self {
         match self {
@@ -89,10 +89,10 @@ impl Scatter {
         }
     }
 
-    /// Returns the same interaction for light in the opposite direction, from `wo` to `wi`, by reciprocity: D
-    /// Mᵀ D with D = diag(1, 1, -1, 1), since a frame's second axis flips with the direction of travel
-    /// (Sekera 1966, "Scattering matrices and reciprocity relationships for various representations of the
-    /// state of polarization").
+    /// Returns the same interaction for light in the opposite direction, from `wo` to `wi`. By reciprocity,
+    /// the matrix is D Mᵀ D with D = diag(1, 1, -1, 1). The factors D occur because a frame's second axis
+    /// flips with the direction of travel (Sekera 1966, "Scattering matrices and reciprocity relationships
+    /// for various representations of the state of polarization").
     #[inline]
     pub fn reversed(&self) -> Self {
         match self {
@@ -108,7 +108,7 @@ impl Scatter {
         }
     }
 
-    /// Returns the frame of incident light; an arbitrary vector if the interaction depolarizes.
+    /// Returns the frame of incident light, or an arbitrary vector if the interaction depolarizes.
     #[inline]
     pub fn frame_in(&self) -> Vec3A {
         match self {

@@ -5,8 +5,8 @@
 //!
 //! > ρ_s = (q_i - q_j)/(q_i + q_j),  ρ_p = (η_j² q_i - η_i² q_j)/(η_j² q_i + η_i² q_j)
 //!
-//! From the substrate outward, the reflected amplitude of all layers below interface i–j is given by Airy's
-//! recursion (Born & Wolf 1999, 1.6.4 and 14.4; equivalent to the matrix form of Byrnes 2016,
+//! From the substrate outward, Airy's recursion gives the reflected amplitude of all layers below interface
+//! i–j (Born & Wolf 1999, 1.6.4 and 14.4). The recursion is equivalent to the matrix form of Byrnes (2016,
 //! arXiv:1603.02720):
 //!
 //! > r_i = (ρ + r_j e^{2iβ_j}) / (1 + ρ r_j e^{2iβ_j}),  β_j = 2π q_j d_j/λ.
@@ -73,7 +73,7 @@ impl Layer {
 
 /// Returns the Mueller block for reflection by `films` (outermost first) on a substrate of index n + i·k.
 ///
-/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of the
+/// Light arrives from vacuum, or all indices are relative to the index outside. `cos_i` is the cosine of the
 /// angle of incidence, in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are
 /// accurate to 10⁻⁶ of a period per 10 wavelengths of optical thickness.
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
@@ -168,8 +168,8 @@ mod tests {
         }
     }
 
-    /// Compares R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) with PyPI `tmm` 0.2.0
-    /// at 0°, 30°, 60° and 85°, 550 nm.
+    /// Compares R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) with the PyPI package
+    /// `tmm` 0.2.0. The angles are 0°, 30°, 60° and 85°, and the wavelength is 550 nm.
     #[test]
     fn agrees_with_an_independent_program() {
         type Stack<'a> = (&'a str, &'a [Film], [f32; 2], [[f64; 3]; 4]);

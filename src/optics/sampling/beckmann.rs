@@ -4,10 +4,10 @@
 //! D(h) = exp(-tan²θ/α²) / (π α² cos⁴θ). Smith's Λ is exact (Walter et al. 2007, eq. 25; Heitz 2014, eq. 66):
 //! Λ(a) = (erf(a) - 1)/2 + exp(-a²)/(2a√π) with a = 1/(α tanθ).
 //!
-//! Visible normals are sampled by inverting the cumulative distribution of their slope (Heitz & d'Eon 2014),
-//! by Newton's method in the domain of erf (Jakob 2014, "An improved visible normal sampling routine for the
-//! Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007), which deviates by up to
-//! 0.35 %.
+//! Visible normals are sampled by inverting the cumulative distribution of their slope (Heitz & d'Eon 2014).
+//! The inversion uses Newton's method in the domain of erf (Jakob 2014, "An improved visible normal sampling
+//! routine for the Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007). The
+//! rational G1 deviates by up to 0.35 %.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
@@ -82,8 +82,8 @@ pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     ((-a * a).exp() * (FRAC_1_SQRT_PI / a - erfcx(a)) / 2.0).max(0.0)
 }
 
-/// Samples the slope component toward a direction of cosine `cos`, among the slopes visible from this
-/// direction, at α = 1.
+/// Samples a slope component at α = 1, among the slopes visible from a direction. The component is the slope
+/// toward this direction, and `cos` is the cosine of the angle between the direction and the z axis.
 ///
 /// Solves 1 + x + T·exp(-s²) = u·(1 + X + T·exp(-cot²θ)) for x = erf(s), with X = erf(cotθ) and T = tanθ/√π.
 /// The left side is increasing and concave in x, so that ascending Newton steps stay in the interval.
@@ -117,7 +117,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
     // Uniform random numbers have 24 bits. At 0 and 1, slopes would be infinite.
     let [u, v] = u.map(|u| u.clamp(3e-8, 1.0 - f32::EPSILON));
-    // Stretch `wo` to α = 1, and rotate it into the xz plane.
+    // Stretch `wo` to α = 1, and rotate the result into the xz plane.
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z.max(1e-6)).normalize();
     let sin = (w.x * w.x + w.y * w.y).sqrt();
     let (c, s) = if sin > 0.0 { (w.x / sin, w.y / sin) } else { (1.0, 0.0) };
@@ -163,8 +163,8 @@ mod tests {
         for alpha in [0.05_f32, 0.3, 1.0] {
             for cos in [1.0_f32, 0.7, 0.2, 0.02] {
                 let w = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                // The slope perpendicular to the plane of w integrates to 1. D cosθ_h dω_h is Gaussian in
-                // the slope along the plane.
+                // The density of the slope perpendicular to the plane of w integrates to 1. D cosθ_h dω_h is
+                // Gaussian in the slope along the plane.
                 const N: u32 = 20_000;
                 let mut sum = 0.0_f64;
                 for k in 0..N {

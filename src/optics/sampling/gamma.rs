@@ -1,10 +1,10 @@
-//! Euler's gamma function. ln Γ is computed by Stirling's series (Abramowitz & Stegun 1964, 6.1.40),
+//! Euler's gamma function. ln Γ is computed by Stirling's series (Abramowitz & Stegun 1964, 6.1.40):
 //!
 //! ln Γ(x) = (x - 1/2) ln x - x + ln(2π)/2 + 1/(12x) - 1/(360x³) + 1/(1260x⁵) - 1/(1680x⁷) + 1/(1188x⁹) -
-//! 691/(360360x¹¹) + …,
+//! 691/(360360x¹¹) + ….
 //!
-//! with an error below the first omitted term, 1/(156x¹³), which is 1.2·10⁻¹⁴ at x = 8. Smaller arguments
-//! are increased to at least 8 by Γ(x + 1) = x Γ(x).
+//! The error is below the first omitted term, 1/(156x¹³), which is 1.2·10⁻¹⁴ at x = 8. The identity Γ(x + 1)
+//! = x Γ(x) increases smaller arguments to at least 8.
 
 /// Returns ln Γ(x) for x > 0, with an error of 2·10⁻¹⁴ plus rounding.
 pub fn ln_gamma(x: f64) -> f64 {

@@ -1,8 +1,8 @@
 //! Isotropic distributions of microfacet normals about +z with Smith's masking and shadowing.
 //!
 //! GGX: D(h) = α² / (π (sin²θ + α² cos²θ)²), Λ = (√(1 + α² tan²θ) - 1)/2 (Trowbridge & Reitz 1975; Walter et
-//! al. 2007). Beckmann: [`super::beckmann`]. Smith (1967) assumes facets independent of their neighbours, so
-//! that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
+//! al. 2007). Beckmann: [`super::beckmann`]. Smith (1967) assumes that facets are independent of their
+//! neighbours, so that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
 //!
 //! - correlated by the facet's height (Heitz 2014, eq. 99): for reflection, G2 = 1/(1 + Λo + Λi). For
 //!   transmission, a high facet on one side is a low facet on the other: G2 = B(1 + Λo, 1 + Λi) with Euler's
@@ -57,7 +57,8 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`, on either side.
+    /// Returns Smith's Λ(w): the ratio of hidden to visible area of the facets that face `w`. The direction
+    /// `w` may be on either side of the surface.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -171,8 +172,9 @@ mod tests {
         }
     }
 
-    /// Verifies that G2 is at least the product of both G1 for reflection, which is correlated by height,
-    /// and at most the product for transmission, which is anticorrelated.
+    /// Verifies that G2 is at least the product of both G1 values for reflection, where masking and shadowing
+    /// are correlated by height. For transmission, masking and shadowing are anticorrelated, and G2 is at
+    /// most the product.
     #[test]
     fn correlated_masking_increases_reflection_and_decreases_transmission() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

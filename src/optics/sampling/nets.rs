@@ -1,10 +1,11 @@
 //! Low-discrepancy point sets in the unit square: scrambled (0, m, 2)-nets in base 2.
 //!
-//! Such a net has 2^m points. Every box of area 2^-m whose sides are powers of two contains exactly one point
-//! (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary slowly in at least one
-//! direction. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen 1995)
-//! and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and applies a
-//! random digital shift. The numbers are thus uniform, and estimates are unbiased for any number of nets.
+//! A (0, m, 2)-net in base 2 has 2^m points. Every box of area 2^-m whose sides are powers of two contains
+//! exactly one point (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary
+//! slowly in at least one direction. This module provides the nets of Sobol's first two dimensions, scrambled
+//! digit by digit (Owen 1995) and in random order. [`super::stream::Stream`] selects a random net for each
+//! pair of numbers and applies a random digital shift. The random numbers are therefore uniform, and
+//! estimates are unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -40,7 +41,7 @@ fn make(bits: u32) -> Nets {
             let [x, y] = [0, 1].map(|axis| scramble(sobol(j, axis, bits), bits, scrambles[axis as usize]));
             *point = (x | y << 8) as u16;
         }
-        // Fisher–Yates shuffle.
+        // Shuffle the net by the Fisher–Yates algorithm.
         for last in (1..net.len()).rev() {
             let other = (u64::from(random.next_u32()) * (last as u64 + 1)) >> 32;
             net.swap(last, other as usize);
@@ -49,8 +50,8 @@ fn make(bits: u32) -> Nets {
     out
 }
 
-/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes. The result consists
-/// of the reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
+/// Returns the digits of point `j` of Sobol's sequence along the first or second axis. The result consists of
+/// the reversed digits of `j`, multiplied by Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     // Digit 0 of the result is the most significant digit.
     let digit = |row: u32| {
@@ -59,7 +60,7 @@ fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
                 u32::from(row == column)
             } else {
                 // A binomial coefficient is odd if the binary digits of its lower number are a subset of
-                // those of its upper number (Lucas).
+                // those of the upper number (Lucas).
                 u32::from(row & !column == 0)
             };
             entry & j >> column

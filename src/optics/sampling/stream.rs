@@ -29,8 +29,8 @@ struct Strata {
     /// Index of the sample in its group of 2^bits.
     index: u32,
     bits: u32,
-    /// Index after the last stratified number; numbers from [`Self::next`] to here are stratified. 0 for an
-    /// unstratified sample.
+    /// Index after the last stratified number. All numbers from [`Self::next`] up to this index are
+    /// stratified. The index is 0 for an unstratified sample.
     end: u32,
     next: u32,
 }
@@ -82,7 +82,7 @@ impl Strata {
     /// Returns the digits of the sample's point in the net of a pair of numbers.
     #[inline]
     fn point(&self, drawn: u64) -> u32 {
-        // Random bits select the net, permute its points, and shift both coordinates.
+        // Random bits select the net, permute the points, and shift both coordinates.
         let at = (drawn as usize & (POINTS - 1)) ^ self.index as usize;
         u32::from(self.nets[at]) ^ (drawn >> 32) as u32
     }
@@ -174,8 +174,8 @@ impl Stream {
         unit(raw)
     }
 
-    /// Returns two independent uniform random numbers in [0, 1). In a stratified stream, both are from the
-    /// same net.
+    /// Returns two independent uniform random numbers in [0, 1). In a stratified stream, the two numbers are
+    /// from the same net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
@@ -215,9 +215,9 @@ impl TryRng for Stream {
 mod tests {
     use super::*;
 
-    /// Verifies that forks of equal streams are equal, and independent of the further numbers of the
-    /// original stream: the covariance of 100,000 pairs of numbers is 0 within 5 sigma. A cloned stream
-    /// would have a covariance of 1/12.
+    /// Verifies that forks of equal streams are equal, and independent of the further numbers of the original
+    /// stream. The covariance of 100,000 pairs of numbers is 0 within 5 sigma. A cloned stream would have a
+    /// covariance of 1/12.
     #[test]
     fn forks_are_independent() {
         const N: u32 = 100_000;
@@ -312,7 +312,8 @@ mod tests {
     }
 
     /// Verifies that all numbers are uniform, and that numbers of one sample and of consecutive groups are
-    /// uncorrelated, by the mean and all products of two deviations (5 sigma, 20,000 groups of 4).
+    /// uncorrelated. The test evaluates the mean and all products of two deviations (5 sigma, 20,000 groups
+    /// of 4).
     #[test]
     fn stratified_numbers_are_uniform_and_independent() {
         let (group, groups) = (Group { bits: 2 }, 20_000);
@@ -342,8 +343,7 @@ mod tests {
     }
 
     /// Verifies that the mean of a product of functions of four numbers is unbiased (5 sigma of the spread
-    /// between groups), and that it has less variance than with independent samples if the functions are
-    /// smooth.
+    /// between groups). For smooth functions, the variance must be less than with independent samples.
     #[test]
     fn groups_integrate_smooth_functions_better() {
         let f = |s: &[f32; 20]| f64::from((1.0 + s[0]) * (1.0 + s[1] * s[1]) + s[2] * s[11]);
@@ -370,8 +370,8 @@ mod tests {
         assert_eq!([of(1000, 16), of(1024, 16), of(4096, 16), of(64, 1)], [8, 64, 64, 64]);
     }
 
-    /// Verifies that raw bits are those from which uniform numbers are computed, and that every bit is set
-    /// half of the time (5 sigma).
+    /// Verifies that uniform numbers are computed from the raw bits, and that every bit is set half of the
+    /// time (5 sigma).
     #[test]
     fn raw_numbers_match_uniforms_and_are_unbiased() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3A};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
 /// Returns sin x and cos x for |x| ≤ π/4 (radians), accurate to about one unit in the last place (minimax
-/// polynomials; Moshier's Cephes, `sinf` and `cosf`). The library function takes five times as long.
+/// polynomials of `sinf` and `cosf` in Moshier's Cephes). The library function takes five times as long.
 #[inline]
 fn sin_cos_octant(x: f32) -> (f32, f32) {
     let x2 = x * x;

@@ -15,8 +15,8 @@ impl Grid {
         Self { chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(), axes }
     }
 
-    /// Returns the index of the chunk that contains cell `cell` (row-major over the axes), the position of
-    /// the cell in the chunk, and the volume of the chunk in cells.
+    /// Returns three numbers for cell `cell` (row-major over the axes): the index of the chunk that contains
+    /// the cell, the position in the chunk, and the number of cells in the chunk.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();

@@ -22,7 +22,7 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Maximum number of cells of a pixel that a plain table indexes; more cells are indexed by a hash map.
+/// Maximum number of cells of a pixel that a plain table indexes. A hash map indexes larger numbers of cells.
 const DIRECT_CELLS: u64 = 1 << 16;
 
 /// Maps the key of a cell to the index of the cell among the cells of the current pixel.
@@ -34,9 +34,9 @@ enum CellIndex {
 /// One cell of the current pixel that has received contributions.
 struct Cell {
     key: u64,
-    /// Group of samples whose contributions have not been folded into the sums yet.
+    /// Group of samples whose contributions have not been added to the sums yet.
     group: u32,
-    /// Index in [`PixelSums::sums`] of the cell's first element; the cell has `extent` rows and columns.
+    /// Index in [`PixelSums::sums`] of the cell's first element. The cell has `extent` rows and columns.
     first: u32,
     extent: Extent,
 }
@@ -66,7 +66,7 @@ impl Sums {
 struct PixelSums {
     index: CellIndex,
     cells: Vec<Cell>,
-    /// Sums of the elements of all cells; contains only the elements that can be non-zero.
+    /// Sums of the elements of all cells. The list contains only the elements that can be non-zero.
     sums: Vec<Sums>,
     total: TotalSums,
 }
@@ -98,7 +98,7 @@ impl PixelSums {
         }
     }
 
-    /// Enlarges cell number `slot`, so that the cell also holds elements of `extent`.
+    /// Enlarges cell number `slot` so that the cell has space for the elements of `extent`.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];
@@ -122,7 +122,7 @@ impl PixelSums {
         }
         let slot = *entry as usize;
         if let ([value], 1) = (values, self.cells[slot].extent.count()) {
-            // Fast path, because most contributions have only one element, M00.
+            // This code is the fast path, because most contributions have only one element, M00.
             let cell = &mut self.cells[slot];
             let sums = &mut self.sums[cell.first as usize];
             if cell.group != group {
@@ -151,8 +151,8 @@ impl PixelSums {
         }
     }
 
-    /// Computes the mean and the variance of the mean of a pixel, and adds them to the tile with weights
-    /// 1/pixels and 1/pixels² (pixels are independent).
+    /// Computes the mean of a pixel and the variance of the mean. Adds the mean to the tile with the weight
+    /// 1/pixels. Adds the variance with the weight 1/pixels², because pixels are independent.
     #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
@@ -199,7 +199,7 @@ pub struct TileSums<'a> {
     plans: &'a [SlicePlan],
     slices: Vec<TileValues>,
     scratch: Scratch,
-    /// First camera pixel (x, y) of the tile, and one past the last in x and y.
+    /// First camera pixel (x, y) of the tile, and the position (x, y) one past the last pixel.
     pixels: [[u32; 2]; 2],
     /// Number of valid samples per pixel, row-major.
     counts: Vec<u32>,
@@ -233,7 +233,7 @@ pub struct TileAccumulator<'a> {
     /// Row-major index of the current camera pixel.
     pixel: u32,
     keeping: Vec<usize>,
-    /// True if some slice samples paths for selected projector pixels.
+    /// True if at least one slice samples paths for selected projector pixels.
     aimed: bool,
     /// Probability of each s' in the epipolar band of the current camera pixel, per slice (0 without a band).
     in_band: Vec<f32>,
@@ -280,7 +280,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts camera pixel (x, y). Returns false if no slice keeps the pixel, which is then already finished.
+    /// Starts camera pixel (x, y). Returns false if no slice keeps the pixel. A pixel that no slice keeps is
+    /// already finished.
     #[inline]
     pub(crate) fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
         self.pixel = self.plans.first().map_or(0, |p| y * p.camera_width + x);
@@ -293,7 +294,8 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Sets the projector pixels s' of each slice's band for the current pixel; empty if there is no band.
+    /// Sets the projector pixels s' of each slice's band for the current pixel. The list is empty if there is
+    /// no band.
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {
@@ -346,7 +348,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes a pass over pixel (x, y). Passes are independent, so their means and variances are added.
+    /// Finishes a pass over pixel (x, y). Passes are independent, so the means and variances of the passes
+    /// are added.
     #[inline]
     pub fn end_pass(&mut self, x: u32, y: u32, n: Counted) {
         let slices = self.plans.iter().zip(&mut self.sums);

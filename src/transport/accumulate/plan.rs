@@ -13,21 +13,22 @@ pub struct Contribution {
     pub first: u32,
     /// Number of matrix rows and columns.
     pub extent: Extent,
-    /// Travel time in picoseconds; infinite for emitters whose light has no travel time.
+    /// Travel time in picoseconds, or infinity for emitters whose light has no travel time.
     pub time_ps: f64,
-    /// Row-major index of projector pixel s'; [`NO_PIXEL`] for light of other emitters.
+    /// Row-major index of projector pixel s', or [`NO_PIXEL`] for light of other emitters.
     pub pixel: u32,
-    /// Distance of s' from the epipolar line of s in projector pixels; set only if a slice is epipolar.
+    /// Distance of s' from the epipolar line of s in projector pixels. The value is set only if a slice is
+    /// epipolar.
     pub epipolar_px: f32,
     pub bounces: u32,
-    /// Path label as defined in [`tensor::label`]; unspecified if no slice has labels.
+    /// Path label as defined in [`tensor::label`]. The value is unspecified if no slice has labels.
     pub label: u8,
-    /// `EVERY`, or the index of the only slice to which the contribution counts, because the path was
-    /// sampled for an s' of this slice.
+    /// Index of the only slice that counts the contribution, or `EVERY`. The index is set if the path was
+    /// sampled for an s' of that slice.
     pub slice: u32,
-    /// Ratio of two densities of this path: the density of sampling the path for a given s', divided by the
-    /// density of sampling the path for all slices. The probability of selecting s' is excluded from the
-    /// first density. The ratio is 0 if the path cannot be sampled for a given s'.
+    /// Density of sampling the path for a given s', divided by the density of sampling the path for all
+    /// slices. The probability of selecting s' is excluded from the first density. The ratio is 0 if the path
+    /// cannot be sampled for a given s'.
     pub rival: f32,
 }
 
@@ -38,7 +39,8 @@ pub struct Contributions<'a> {
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
     /// non-zero are stored, e.g. only M00 for depolarized light. Other samples share the buffer.
     pub elements: &'a mut Vec<Spectral>,
-    /// True if some slice needs path labels. Each kind of scattering lobe is then a separate contribution.
+    /// True if at least one slice needs path labels. Each kind of scattering lobe is then a separate
+    /// contribution.
     pub labelled: bool,
 }
 
@@ -86,14 +88,16 @@ pub(super) const DROPPED: u32 = u32::MAX;
 /// all threads.
 pub struct SlicePlan {
     slice: Slice,
-    /// Projector pixels for which the slice samples separate paths; `None` if there are too many.
+    /// Projector pixels for which the slice samples separate paths, or `None` if there are too many of these
+    /// pixels.
     selected: Option<Selected>,
     pub layout: SliceLayout,
     /// Index along `y` of each camera row and index along `x` of each camera column, or [`DROPPED`].
     pub(super) camera: [Vec<u32>; 2],
     /// Number of pixels averaged per index along `y` and `x` (1 unless the camera axes are binned).
     pub(super) per_index: [Vec<u32>; 2],
-    /// Index of each projector row along `v` and column along `u`, or [`DROPPED`]; empty if s' is unresolved.
+    /// Index of each projector row along `v` and column along `u`, or [`DROPPED`]. The lists are empty if s'
+    /// is unresolved.
     projector: [Vec<u32>; 2],
     projector_width: u32,
     pub(super) camera_width: u32,
@@ -208,7 +212,8 @@ impl SlicePlan {
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// Returns the projector pixels for which separate paths are sampled, or `None` if there are too many.
+    /// Returns the projector pixels for which separate paths are sampled, or `None` if there are too many
+    /// such pixels.
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }

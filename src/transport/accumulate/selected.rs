@@ -5,12 +5,13 @@ use optics::sampling::stream::Stream;
 use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
-/// Maximum fraction of the projector's pixels that a slice may keep per camera pixel to get separate paths.
-/// Separate paths can double the render time, which outweighs the variance reduction for a fraction of 1/16.
+/// Maximum fraction of the projector's pixels that a slice with separate paths may keep per camera pixel.
+/// Separate paths can double the render time. For a fraction of 1/16, the longer render time outweighs the
+/// variance reduction.
 const MOST: f64 = 1.0 / 64.0;
 
-/// The maximum for bands around epipolar lines. Separate paths double the time and divide the variance of
-/// indirect light by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
+/// Maximum fraction for bands around epipolar lines. Separate paths double the time. The variance of indirect
+/// light is divided by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
@@ -24,11 +25,12 @@ pub enum Selected {
         /// Sum of the sampling probabilities up to and including each pixel.
         cumulative: Vec<f32>,
     },
-    /// A band around the epipolar line of each camera pixel, whose projector pixels are sampled uniformly.
+    /// A band around the epipolar line of each camera pixel. The projector pixels of the band are sampled
+    /// uniformly.
     Band {
         /// Half width of the band in projector pixels.
         half_width_px: f32,
-        /// Maximum number of pixels in a band; larger bands do not get separate paths.
+        /// Maximum number of pixels in a band. Larger bands have no separate paths.
         most: usize,
     },
 }
@@ -40,7 +42,7 @@ pub fn chance_in(band: &[u32]) -> f32 {
 }
 
 impl Selected {
-    /// Returns the projector pixels of a slice, or `None` if there are too many to sample separately.
+    /// Returns the projector pixels of a slice, or `None` if there are too many pixels to sample separately.
     pub(super) fn of(slice: &Slice, extents: &Extents) -> Option<Self> {
         let [w, h] = extents.projector?;
         let all = 0..w * h;

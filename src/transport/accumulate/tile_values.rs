@@ -1,7 +1,8 @@
-//! The finished values of one slice in one tile, stored sparsely, and their conversion to chunks.
+//! The finished values of one slice in one tile, stored sparsely, and the conversion of these values to
+//! chunks.
 //!
-//! Most elements of a tensor are zero: bins without light, and matrix elements of unpolarized light. Only
-//! non-zero elements are stored, and chunks without values are skipped.
+//! Most elements of a tensor are zero, for example in bins without light and in the matrices of unpolarized
+//! light. Only non-zero elements are stored, and chunks without values are skipped.
 
 use super::grid::Grid;
 use super::plan::SlicePlan;
@@ -86,7 +87,7 @@ type Finished = [Spectral; 2];
 struct Entry {
     /// Key of the entry: local index of the camera element × number of cells per camera element + cell index.
     key: u64,
-    /// Index of the entry's first matrix element in the list of values; elements are row-major.
+    /// Index of the entry's first matrix element in the list of values. Elements are row-major.
     first: u32,
     extent: Extent,
 }
@@ -109,7 +110,8 @@ pub(super) struct TileValues {
     values: Vec<Finished>,
     /// Variance of the mean of the total ([`super::totals`]), per camera element.
     totals: Vec<f64>,
-    /// Entry index by key; present if several pixels (of a binned camera) or several passes share a key.
+    /// Entry index by key. The map is present if several pixels (of a binned camera) or several passes share
+    /// a key.
     shared: Option<KeyMap>,
 }
 
@@ -236,7 +238,8 @@ impl TileValues {
     /// crate. Loops over entries are therefore separate functions that do not depend on the sink.
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
         let (grid, placed) = self.placed(part);
-        // A chunk contains all matrix elements or, if there are too many, some of the rows and columns.
+        // A chunk contains all matrix elements or, if there are too many elements, a part of the rows and
+        // columns.
         let chunk = |kind| part.layout.find(kind).map_or(1, |i| part.layout.axes[i].chunk as u32);
         let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
         for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
@@ -280,7 +283,7 @@ impl TileValues {
     /// Groups the entries of a chunk by the number of rows and columns of their matrices.
     fn sorted(&self, group: &[Placed]) -> Sorted {
         let extent_of = |p: &Placed| self.entries[p.entry as usize].extent;
-        // Few cells have elements other than M00; only these cells are visited for the other elements.
+        // Few cells have elements other than M00. The loops over the other elements visit only these cells.
         let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
             group.iter().filter(|p| more(extent_of(p))).copied().collect()
         };

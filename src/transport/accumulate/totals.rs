@@ -1,8 +1,8 @@
 //! Variance of a pixel's total. The total is M00, summed over all entries of the slice for this pixel
 //! (including light outside the time window) and averaged over wavelengths.
 //!
-//! All elements of a pixel use the same samples and are correlated. The error of their sum therefore does not
-//! follow from the errors of the elements.
+//! All elements of a pixel use the same samples and are correlated. The error of the sum of these elements
+//! therefore does not follow from the errors of the elements.
 
 use optics::spectrum::Spectral;
 
@@ -10,11 +10,11 @@ use optics::spectrum::Spectral;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counted {
     pub samples: u32,
-    /// Number of groups; equal to `samples` unless samples are stratified.
+    /// Number of groups. The number equals `samples` unless samples are stratified.
     pub groups: u32,
 }
 
-/// Sum of the totals of one pixel's sample groups, and sum of their squares.
+/// Sum of the totals of one pixel's sample groups, and sum of the squares of these totals.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TotalSums {
     pending: Spectral,
@@ -59,8 +59,8 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Verifies the variance for four groups, one without light, of two samples each at two wavelengths. The
-    /// variance of the mean of 0, 1, 2, 5 is 4.667/4.
+    /// Verifies the variance for four groups of two samples at two wavelengths, where one group has no light.
+    /// The variance of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_computed_over_groups() {
         let mut sums = TotalSums::default();

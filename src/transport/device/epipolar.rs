@@ -1,9 +1,10 @@
-//! Epipolar geometry of camera and projector: projector pixels s' that can directly illuminate point s.
+//! Epipolar geometry of camera and projector. The module finds the projector pixels s' that can directly
+//! illuminate the point that camera pixel s sees.
 //!
 //! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to an epipolar line in
-//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves this line in the
-//! projector's pixel grid. The distance of a pixel centre from the curve is computed to first order (Sampson
-//! distance), in distorted pixels.
+//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves epipolar lines in
+//! the projector's pixel grid. The distance of a pixel centre from the curve is computed to first order
+//! (Sampson distance), in distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -18,13 +19,13 @@ pub struct Epipolar {
     focal: DVec2,
     first: DVec2,
     /// Normalized x and y of each projector pixel, row-major, and the derivatives of x, then of y, with
-    /// respect to column and row. Empty for a lens without distortion.
+    /// respect to column and row. The list is empty for a lens without distortion.
     pixels: Vec<[f32; 6]>,
     /// Bounds of `pixels` in squares of `SIDE` × `SIDE` pixels, row-major.
     squares: Vec<Square>,
 }
 
-/// Margin of the search beyond the half width, in pixels. This margin exceeds the rounding error of the
+/// Margin of the search beyond the half width, in pixels. The margin `ROOM` exceeds the rounding error of the
 /// distance.
 const ROOM: f32 = 1.0;
 
@@ -73,7 +74,8 @@ fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
 }
 
 /// Coefficients a, b, c of the epipolar line a·x + b·y + c = 0 of one camera pixel. With lens distortion, x
-/// and y are normalized projector coordinates; otherwise, they are column and row, and a² + b² = 1.
+/// and y are normalized projector coordinates. Without lens distortion, x and y are column and row, and a² +
+/// b² = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarLine([f32; 3]);
 
@@ -201,7 +203,8 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that points seen by both devices are on the epipolar lines of their pixels, for all lenses.
+    /// Verifies that points seen by both devices are on the epipolar lines of the camera pixels, for all
+    /// lenses.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
@@ -227,7 +230,8 @@ mod tests {
                 if let Some((q, _)) = projector.project(p) {
                     seen += 1;
                     let pixel = q.y as u32 * 640 + q.x as u32;
-                    // The pixel centre is at most √½ pixel from the point; the line's curvature adds little.
+                    // The pixel centre is at most √½ pixel from the point. The line's curvature adds little
+                    // to the distance.
                     worst = worst.max(e.distance_px(line, pixel));
                 }
             }

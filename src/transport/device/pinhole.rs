@@ -2,7 +2,8 @@
 //!
 //! Device axes: +x image right, +y down, +z forward (as in OpenCV). Pixel coordinates are continuous: pixel
 //! (i, j) covers [i, i+1) × [j, j+1), and (0, 0) is the upper left corner. OpenCV measures cx, cy from the
-//! centre of the first pixel, so add 0.5 to them. Normalized coordinates are on the plane z = 1.
+//! centre of the first pixel, so add 0.5 to OpenCV's cx and cy. Normalized coordinates are on the plane z =
+//! 1.
 
 use super::distortion::Distortion;
 use crate::geometry::many;
@@ -18,7 +19,7 @@ pub const OUTSIDE: u32 = u32::MAX;
 /// through all points of the aperture with equal weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
-    /// Radius of the aperture, metres; 0 for a pinhole.
+    /// Radius of the aperture, metres. The radius of a pinhole is 0.
     pub radius: f64,
     /// Distance between the lens and the plane of focus along the device axis, metres.
     pub focus: f64,
@@ -42,7 +43,7 @@ pub struct Pinhole {
     pub distortion: Distortion,
     /// Centre of projection in world space, metres.
     pub origin: Vec3A,
-    /// Device axes in world space; the columns are right, down, forward.
+    /// Device axes in world space. The columns are right, down and forward.
     pub axes: Mat3A,
     /// Thin lens, which replaces the pinhole if the aperture radius exceeds 0.
     pub lens: Lens,
@@ -50,7 +51,7 @@ pub struct Pinhole {
     /// then in pixels per metre, and normalized coordinates are positions on that plane in metres.
     pub parallel: bool,
     /// Offset from the normalized coordinates of directions to those of image points. [`Self::through_lens`]
-    /// and [`Self::at`] set the offset; otherwise, it is 0.
+    /// and [`Self::at`] set the offset. If the caller uses neither function, the offset is 0.
     shift: DVec2,
     /// Squared normalized radius beyond which no point is imaged, because the distortion would fold back.
     max_radius2: f64,
@@ -132,7 +133,8 @@ impl Pinhole {
     }
 
     /// Returns the pinhole at one point of the lens, sampled by two uniform random numbers in [0, 1). The
-    /// image is shifted so that the plane of focus stays fixed. A thin lens is the mean over these pinholes.
+    /// image is shifted so that the plane of focus stays fixed. The image of a thin lens is the mean over the
+    /// images of the pinholes at all points of the lens.
     #[inline]
     pub(crate) fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
@@ -145,8 +147,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns the device for rays through one image position. For a parallel device, this is a pinhole at
-    /// the image position, with the axes of the device.
+    /// Returns the device for rays through one image position. For a parallel device, the result is a pinhole
+    /// at the image position, with the axes of the device.
     #[inline]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
@@ -160,7 +162,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns true if the lens has distortion. The constructor sets a finite `max_radius2` only then.
+    /// Returns true if the lens has distortion. The constructor sets a finite `max_radius2` only for a lens
+    /// with distortion.
     #[inline(always)]
     fn distorts(&self) -> bool {
         self.max_radius2 < f64::INFINITY
@@ -261,15 +264,16 @@ impl Pinhole {
             let x = f64::from(local[0][i]) / z * fx + cx;
             let y = f64::from(local[1][i]) / z * fy + cy;
             let inside = (z > 0.0) & (x >= 0.0) & (y >= 0.0) & (x < f64::from(w)) & (y < f64::from(h));
-            // Cast to i32, the only vectorized conversion; images have fewer than 2³¹ columns and rows.
+            // Cast to i32, because the compiler vectorizes only this conversion. Images have fewer than 2³¹
+            // columns and rows.
             let pixel = (y as i32 as u32).wrapping_mul(w).wrapping_add(x as i32 as u32);
             pixels[i] = if inside { pixel } else { OUTSIDE };
         }
         (pixels, local)
     }
 
-    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point,
-    /// or `None` if the point is behind the device or outside the image.
+    /// Returns the continuous pixel position and the device coordinates (right, down, forward) of a world
+    /// point. Returns `None` if the point is behind the device or outside the image.
     #[inline(always)]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
         let local = self.local(p);
@@ -291,7 +295,8 @@ impl Pinhole {
         inside.then_some((pixel, local))
     }
 
-    /// Returns the row-major index of the pixel that contains a world point; `None` as for [`Self::project`].
+    /// Returns the row-major index of the pixel that contains a world point. Returns `None` as
+    /// [`Self::project`] does.
     #[inline]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
         self.project(p).map(|(at, _)| self.number(at))
@@ -305,8 +310,8 @@ impl Pinhole {
         (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1)
     }
 
-    /// Returns the image area in pixels per solid angle at a world direction `d` of any length, |∂(x, y)/∂n|
-    /// / cos³θ, where n are normalized coordinates.
+    /// Returns the image area in pixels per solid angle at a world direction `d` of any length. The result is
+    /// |∂(x, y)/∂n| / cos³θ, where n are normalized coordinates.
     #[inline]
     pub(crate) fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
         let local = self.axes.transpose() * dir;

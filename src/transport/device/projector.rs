@@ -1,9 +1,10 @@
 //! The projector: the pixel s' that illuminates a point, and the irradiance at the point.
 //!
 //! If all pixels have drive 1, the irradiance on the virtual plane at distance 1 m is the scene's irradiance
-//! E, for any lens distortion. A lens with a constant pupil preserves radiance; distortion moves pixel
+//! E, for any lens distortion. A lens with a constant pupil preserves radiance. Distortion moves pixel
 //! borders and thus changes the solid angle and the flux of a pixel. In a direction at angle θ to the axis,
-//! the radiant intensity is E / cos³θ. Mitsuba's `projector` emits π times as much for the same number.
+//! the radiant intensity is E / cos³θ. Mitsuba's `projector` emits π times as much light for the same value
+//! of E.
 
 use super::pinhole::Pinhole;
 use crate::geometry::many;
@@ -22,7 +23,7 @@ pub struct Projector {
 /// Unoccluded light of the projector at N points.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrivals<const N: usize> {
-    /// Row-major index of the projector pixel s' that illuminates each point;
+    /// Row-major index of the projector pixel s' that illuminates each point, or
     /// [`OUTSIDE`](super::pinhole::OUTSIDE) for points outside the image.
     pub pixel: [u32; N],
     /// Unit directions from each point to the projector.
@@ -38,9 +39,9 @@ pub struct Arrivals<const N: usize> {
 impl Projector {
     /// Returns the light of the projector at each of the points `p`, without occlusion.
     ///
-    /// A coaxial camera sees each point in the pixel s' = s. For such a camera, the caller must set `pixel`
-    /// to s. Otherwise, rounding may move a point near a pixel border into the next pixel or out of the
-    /// image.
+    /// A coaxial camera sees each point in the pixel s' = s. For a coaxial camera, the caller must set
+    /// `pixel` to s. With the computed `pixel`, rounding may move a point near a pixel border into the next
+    /// pixel or out of the image.
     #[inline(always)]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
         let (pixel, local) = self.pinhole.pixels(p);

@@ -1,9 +1,9 @@
 //! Binary trees over boxes, which are then collapsed to trees of width eight.
 //!
-//! Fewer than [`MANY`] boxes are clustered bottom-up (PLOC, Meister & Bittner 2018); more boxes are split
-//! top-down ([`super::binned`]). Both kinds of tree are then optimized by reinsertion (Meister & Bittner
-//! 2018, "Parallel reinsertion for bounding volume hierarchy optimization"). The crate obvhs provides
-//! clustering and reinsertion.
+//! Fewer than [`MANY`] boxes are clustered bottom-up (PLOC, Meister & Bittner 2018). Larger numbers of boxes
+//! are split top-down ([`super::binned`]). Clustered trees and split trees are then optimized by reinsertion
+//! (Meister & Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization"). The crate
+//! obvhs provides clustering and reinsertion.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -15,10 +15,10 @@ use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
 /// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py` and for a tenth of
-/// its triangles, top-down construction takes less than half of the processor time of clustering. The
-/// resulting tree also traces more rays per second.
+/// its triangles, top-down construction takes less than half of the processor time of clustering. The tree
+/// from top-down construction allows more rays per second.
 const MANY: usize = 1 << 16;
-/// Number of neighbours in each direction among which PLOC looks for the box to merge with.
+/// Number of neighbours in each direction among which PLOC searches for the box to merge.
 const SEARCH: usize = 14;
 
 /// A node: a leaf with its primitives, or a branch.
@@ -31,7 +31,7 @@ pub(super) enum Part<'a> {
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
-    /// First primitive of each node in `order`, and one past the last.
+    /// First primitive of each node in `order`, and the index one past the last primitive.
     runs: Vec<[u32; 2]>,
 }
 
@@ -45,7 +45,7 @@ impl Binary {
         if count < MANY { Self::clustered(count, bounds) } else { Self::split(count, bounds, fits) }
     }
 
-    /// Clusters boxes bottom-up into leaves of one primitive each. The function calls the single steps of
+    /// Clusters boxes bottom-up into leaves of one primitive each. The function calls the individual steps of
     /// obvhs, because the complete builder of obvhs needs a separate table of the boxes.
     pub(super) fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Self {
         let params = BvhBuildParams::medium_build();
@@ -92,8 +92,8 @@ impl Binary {
     fn new(nodes: Vec<Bvh2Node>, indices: &[u32]) -> Self {
         let mut order = Vec::with_capacity(indices.len());
         let mut runs = vec![[0; 2]; nodes.len()];
-        // Depth first, so that each node covers a range of `order`. A branch is visited again after its
-        // children.
+        // Traverse the tree depth first, so that each node covers a range of `order`. A branch is visited
+        // again after its children.
         let mut todo = vec![(0_u32, false)];
         while let Some((at, done)) = todo.pop() {
             let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);

@@ -1,10 +1,10 @@
 //! Top-down construction of binary trees for large meshes (Wald 2007, "On fast construction of SAH-based
 //! bounding volume hierarchies").
 //!
-//! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic,
-//! evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray takes the same
-//! time for a full leaf and a partly filled leaf. Top-down splitting is much faster than bottom-up
-//! clustering. The subsequent optimization is also fast, because the tree has few leaves.
+//! Sets of boxes are split at minimum cost until the sets fit in a leaf. The cost is the surface area
+//! heuristic, evaluated at a few positions on each axis. The cost counts leaves, not boxes, because a ray
+//! takes the same time for a full leaf and a partly filled leaf. Top-down splitting is much faster than
+//! bottom-up clustering. The optimization of a split tree is fast, because the tree has few leaves.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
 //! sets. The tree is therefore the same for any number of threads.
@@ -24,9 +24,10 @@ const BINS: usize = 16;
 const GRAIN: usize = 1 << 13;
 /// Number of entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
-/// Depth beyond which sets are halved in the order of their entries, which guarantees termination.
+/// Depth beyond which sets are halved in the order of their entries. This limit guarantees termination.
 const DEEP: usize = 48;
-/// Mask that is XORed into an index in a corner's fourth lane; small integers would be slow denormals.
+/// Mask that is XORed into an index in a corner's fourth lane. Without the mask, small integers would be slow
+/// denormals.
 const NUMBER: u32 = 0x4000_0000;
 /// Minimum extent, in metres, of the box centres of a set along an axis that is divided into bins.
 const LEAST: f32 = 1e-30;
@@ -38,7 +39,7 @@ pub(super) struct Grown {
     pub(super) order: Vec<u32>,
 }
 
-/// A bounding box; the fourth lane is unused.
+/// A bounding box. The fourth lane is unused.
 #[derive(Clone, Copy)]
 struct Extent {
     lo: f32x4,
@@ -114,7 +115,7 @@ fn middles(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Computes the bounds of many entries in parallel; the function `of` computes the bounds of one chunk.
+/// Computes the bounds of many entries in parallel. The function `of` computes the bounds of one chunk.
 fn together(entries: &[Entry], of: fn(&[Entry]) -> Extent) -> Extent {
     let extents = entries.par_chunks(CHUNK).map(of);
     extents.reduce(|| Extent::EMPTY, Extent::and)
@@ -130,9 +131,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid for `count` entries; `middles` are the bounds of twice their centres.
+    /// Creates a grid for `count` entries. `middles` are the bounds of twice the centres of the entries.
     fn new(middles: &Extent, count: usize) -> Self {
-        // Small sets are numerous and have few positions at which they can be split.
+        // Small sets are numerous and have few possible split positions.
         let bins = (4 + count / 4).min(BINS);
         let scale = |length: f32| if length > LEAST { bins as f32 / length } else { 0.0 };
         Self {
@@ -214,7 +215,7 @@ impl Bins {
         let mut best = (f32::INFINITY, None);
         for axis in 0..3 {
             let (boxes, counts) = (&self.boxes[axis], &self.counts[axis]);
-            // Cost of the entries beyond each cut; infinity if there are no entries.
+            // Cost of the entries beyond each cut, or infinity if there are no entries.
             let mut beyond = [f32::INFINITY; BINS];
             let (mut extent, mut count) = (Extent::EMPTY, 0);
             for bin in (1..grid.bins).rev() {
@@ -246,7 +247,7 @@ enum Part {
     Branch(Aabb, Box<[Self; 2]>),
 }
 
-/// Builds a tree over `count` boxes; `fits` returns true if primitives may share a leaf.
+/// Builds a tree over `count` boxes. `fits` returns true if primitives may share a leaf.
 pub(super) fn grow(
     count: usize,
     bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -259,7 +260,7 @@ pub(super) fn grow(
     Grown { nodes: by_levels(&part), order: entries.par_iter().map(Entry::number).collect() }
 }
 
-/// Builds a subtree over entries with bounds `extent`; `first` is the index of the first entry in the list of
+/// Builds a subtree over entries with bounds `extent`. `first` is the index of the first entry in the list of
 /// all entries.
 fn part(
     entries: &mut [Entry],
@@ -293,7 +294,7 @@ fn part(
     Part::Branch(extent.aabb(), Box::new([below, above]))
 }
 
-/// Returns the best cut of a set, or `None` if there is none, or at the maximum depth.
+/// Returns the best cut of a set. Returns `None` if there is no cut or if the maximum depth is reached.
 fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
     if depth < DEEP { bins.cut(grid) } else { None }
 }
@@ -319,7 +320,7 @@ fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
     at
 }
 
-/// A task that builds one subtree: the nodes that exist so far, and reused buffers.
+/// A task that builds one subtree. The task contains the completed nodes and reused buffers.
 struct Task<'a, F> {
     nodes: Vec<Bvh2Node>,
     bins: Bins,
@@ -353,8 +354,8 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
         self.fill(child + 1, above, first + middle, &far, depth + 1);
     }
 
-    /// Divides entries as the function [`divide`] does, but without a branch per entry, which the processor
-    /// would mispredict half of the time.
+    /// Divides entries as the function [`divide`] does, but without a branch per entry. The processor would
+    /// mispredict such a branch half of the time.
     fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
         let (mut near, mut far) = (0, 0);
         for at in 0..entries.len() {
@@ -371,7 +372,7 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
 }
 
 /// Returns the nodes of all subtrees in level order. Large nodes come first, because the optimization starts
-/// with them.
+/// with large nodes.
 fn by_levels(part: &Part) -> Vec<Bvh2Node> {
     let mut nodes = vec![Bvh2Node::default()];
     // The source of each node in the list: a subtree, and the index of the node in the subtree.

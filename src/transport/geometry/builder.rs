@@ -43,7 +43,7 @@ pub struct GeometryBuilder {
     facets: bool,
 }
 
-/// A set of primitives that has its own tree.
+/// A set of primitives that has a separate tree.
 #[derive(Default)]
 struct Set {
     /// Each primitive is the index of a triangle among those of all meshes, or `QUADRIC | index` into
@@ -57,7 +57,7 @@ struct Part {
     corners: Vec<[u32; 3]>,
     /// Index of the mesh's first triangle.
     triangle: u32,
-    /// Offset of the mesh's normals; [`NONE`] if the mesh has no normals.
+    /// Offset of the mesh's normals, or [`NONE`] if the mesh has no normals.
     normal: u32,
     uv: u32,
     material: u32,
@@ -65,7 +65,7 @@ struct Part {
     object: u32,
     /// True if [`Geometry::facet`] identifies the triangles of the mesh.
     facets: bool,
-    /// Index of the mesh's group; [`NONE`] if the mesh is not in a group.
+    /// Index of the mesh's group, or [`NONE`] if the mesh is not in a group.
     group: u32,
     /// The centre of the group, which becomes the origin of the group's coordinates.
     origin: Vec3A,
@@ -79,15 +79,15 @@ const NONE: u32 = u32::MAX;
 /// The triangle leaves of all trees.
 #[derive(Default)]
 struct Leaves {
-    /// Indices of the triangles in the leaves, with the flag [`PARALLELOGRAM`] where it applies.
+    /// Indices of the triangles in the leaves, with the flag [`PARALLELOGRAM`] for parallelograms.
     order: Vec<u32>,
     /// Index in `order` of the first triangle of each leaf.
     firsts: Vec<u32>,
 }
 
 impl Leaves {
-    /// Returns one pack of triangles per leaf. `skins` lists (end, width): the triangles of leaves before
-    /// `end` extend by `width` beyond their edges.
+    /// Returns one pack of triangles per leaf. `skins` is a list of pairs (end, width). The triangles of
+    /// leaves before `end` extend by `width` beyond their edges.
     fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
         let pack = |leaf: usize| {
             let first = self.firsts[leaf] as usize;
@@ -123,7 +123,7 @@ impl GeometryBuilder {
         self.groups.len() as u32 - 1
     }
 
-    /// Ends the group: later surfaces are added to the world.
+    /// Ends the group. Later surfaces are added to the world.
     pub fn end_group(&mut self) {
         self.in_group = false;
     }
@@ -316,7 +316,7 @@ impl GeometryBuilder {
         if !whole {
             return (part, [i, j, k], [a, b, c, a]);
         }
-        // From the corner opposite the diagonal, both sides are edges; the winding order is preserved.
+        // From the corner opposite the diagonal, both sides are edges. The winding order is preserved.
         let far = at(part.corners[id + 1][2]);
         (part, [j, k, i], [b, c, a, far])
     }

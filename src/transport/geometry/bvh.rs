@@ -53,7 +53,7 @@ pub(super) use for_each_processor;
 /// The outline of a primitive in world space, metres, for occlusion bounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
-    /// A convex flat polygon with corners in order; a triangle's last corner is repeated.
+    /// A convex flat polygon with corners in order. The last corner of a triangle is repeated.
     Flat {
         corners: [Vec3A; 4],
     },
@@ -91,7 +91,7 @@ pub struct Geometry {
     /// precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
-    /// True if texture coordinates are used; if false, texture coordinates are 0.
+    /// True if texture coordinates are used. If false, all texture coordinates are 0.
     pub(crate) textured: bool,
     /// True if surfaces need derivatives along both texture coordinates ([`Surface::bitangent`]).
     pub(crate) derivatives: bool,
@@ -206,7 +206,7 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
 }
 
 impl Geometry {
-    /// Prefetches the triangles of a leaf. Quadrics are not prefetched, because there are few.
+    /// Prefetches the triangles of a leaf. Quadrics are not prefetched, because scenes have few quadrics.
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         if leaf & 1 == 0 {
@@ -276,7 +276,7 @@ impl Geometry {
 
     /// Returns the index of the object that was hit, as set by
     /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). All instances of a group have
-    /// the same object indices; [`Hit::owner`] distinguishes the instances.
+    /// the same object indices. [`Hit::owner`] distinguishes the instances.
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;
         if hit.leaf & QUADRIC != 0 {
@@ -310,7 +310,7 @@ impl Geometry {
         }
     }
 
-    /// Returns [`Self::surface`] for a primitive of the world; the result for an instance is meaningless.
+    /// Returns [`Self::surface`] for a primitive of the world. The result for an instance is meaningless.
     #[inline(always)]
     fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {

@@ -1,4 +1,4 @@
-//! Finds all hits along a ray, not only the nearest, to detect surfaces that are too close together.
+//! Finds all hits along a ray (not just the nearest) to detect surfaces that are too close together.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::pack::Wide;
@@ -6,7 +6,7 @@ use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
 /// Minimum barycentric distance of a hit from the edges of its triangle. Hits nearer to an edge are omitted,
-/// because adjacent triangles overlap there.
+/// because adjacent triangles overlap near their edges.
 const RIM: f32 = 1e-4;
 
 /// Visitor that collects all hits.

@@ -1,9 +1,9 @@
 //! Vectors of eight f32 lanes, to intersect a ray with eight boxes or triangles at a time.
 //!
 //! The operations are plain loops over arrays, which the compiler vectorizes. The loops use two vectors of
-//! four lanes on any processor, or one vector of eight lanes if the caller is compiled for AVX2 (see
-//! [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the results
-//! are bit-identical on all processors.
+//! four lanes on any processor. If the caller is compiled for AVX2, the loops use one vector of eight lanes
+//! (see [`super::bvh::Geometry`]). All operations round according to IEEE 754 and none are fused, so the
+//! results are bit-identical on all processors.
 
 #![expect(
     clippy::needless_range_loop,
@@ -17,7 +17,7 @@ use wide::f32x4;
 #[repr(C, align(32))]
 pub struct Eight(pub [f32; 8]);
 
-/// Eight booleans. All bits of a true lane are set; all bits of a false lane are clear.
+/// Eight booleans. All bits of a true lane are set. All bits of a false lane are clear.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Mask(pub [u32; 8]);
@@ -85,7 +85,7 @@ impl Eight {
 }
 
 impl Mask {
-    /// Returns the lanes of `yes` where the mask is true, and of `no` elsewhere.
+    /// Returns the lanes of `yes` where the mask is true, and the lanes of `no` elsewhere.
     #[inline(always)]
     pub fn select(self, yes: Eight, no: Eight) -> Eight {
         let mut out = [0.0; 8];

@@ -1,11 +1,11 @@
 //! Maps a hit to the index of the triangle in its mesh, for emissive meshes only.
 
-/// Triangles of emissive meshes, with their indices in these meshes.
+/// Triangles of emissive meshes, with the indices of the triangles in the meshes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Facets {
-    /// Indices of these triangles among all triangles, ascending.
+    /// Indices of the emissive triangles among all triangles, ascending.
     places: Vec<u32>,
-    /// Index of each of these triangles in its mesh, with [`WHOLE`] set if this triangle and the next form a
+    /// Index in its mesh of each emissive triangle, with [`WHOLE`] set if this triangle and the next form a
     /// parallelogram.
     numbers: Vec<u32>,
     /// Material indices of the emissive meshes.
@@ -16,13 +16,13 @@ pub(super) struct Facets {
 const WHOLE: u32 = 1 << 31;
 
 impl Facets {
-    /// Appends a triangle; `place` must exceed all earlier places.
+    /// Appends a triangle. `place` must exceed all earlier places.
     pub(super) fn add(&mut self, place: u32, number: u32, whole: bool) {
         self.places.push(place);
         self.numbers.push(number | if whole { WHOLE } else { 0 });
     }
 
-    /// Returns the index in its mesh of the triangle at `place`; `far` selects a parallelogram's second half.
+    /// Returns the index in its mesh of the triangle at `place`. `far` selects a parallelogram's second half.
     pub(super) fn find(&self, place: u32, far: bool) -> Option<u32> {
         let at = self.places.binary_search(&place).ok()?;
         let number = self.numbers[at];

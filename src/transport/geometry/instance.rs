@@ -2,8 +2,9 @@
 //!
 //! To limit rounding errors, the origin of a ray is first made relative to the position of the instance. The
 //! rounding error then scales with the distance to the instance, not with world coordinates. The origin is
-//! then moved along the ray to the bounding sphere of the group. The distance from there to the triangles is
-//! at most about the size of the group, as is assumed for the skin that closes gaps between triangles.
+//! then moved along the ray to the bounding sphere of the group. The distance from the moved origin to the
+//! triangles is therefore about the size of the group at most. The skin that closes gaps between triangles is
+//! sized for this distance.
 
 use super::ray::Ray;
 use super::rounding;
@@ -13,7 +14,7 @@ use obvhs::aabb::Aabb;
 
 /// A set of surfaces that may have many instances.
 pub(super) struct Group {
-    /// Tree over packs and quadrics, whose indices are those in [`Geometry`].
+    /// Tree over packs and quadrics. The indices of its leaves are those in [`Geometry`].
     pub(super) tree: Tree,
     /// Radius of the bounding sphere about the group's origin, in the group's metres.
     pub(super) reach: f32,
@@ -88,7 +89,7 @@ impl Instance {
             let (middle, half) = ((b.min + b.max) * 0.5, (b.max - b.min) * 0.5);
             let half = (m.x_axis * half.x).abs() + (m.y_axis * half.y).abs() + (m.z_axis * half.z).abs();
             let middle = self.place(middle);
-            // Pad by several units in the last place, to cover the rounding errors of the corners.
+            // Pad the box by several units in the last place, to cover the rounding errors of the corners.
             let pad = (half + middle.abs() + self.origin.abs()) * 1e-6;
             all.extend(middle - half - pad);
             all.extend(middle + half + pad);
@@ -126,7 +127,7 @@ impl Instance {
     }
 }
 
-/// Returns an upper bound on the length of any unit vector after the map `m`.
+/// Returns an upper bound on the length of any unit vector after transformation by the map `m`.
 pub(super) fn stretch(m: Mat3A) -> f32 {
     // The Frobenius norm bounds the spectral norm.
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()

@@ -60,7 +60,7 @@ fn single(a: &DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// Returns one shape of each kind; no shape is centred on the origin.
+/// Returns one shape of each kind. No shape is centred on the origin.
 fn things(at: Vec3) -> Things {
     let mut smooth = ball(24);
     smooth.transform(&Affine3A::from_scale_rotation_translation(
@@ -98,7 +98,7 @@ fn things(at: Vec3) -> Things {
     }
 }
 
-/// Returns maps of all kinds: rotations, reflections, non-uniform scales and shears, large and small.
+/// Returns maps of all kinds and sizes: rotations, reflections, non-uniform scales and shears.
 fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
     let mut any = || f64::from(stream.uniform());
     (0..n)
@@ -165,7 +165,8 @@ fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
 #[test]
 fn instances_equal_copies() {
     let mut stream = Stream::new(21, 0, 0);
-    // One group contains the origin of its coordinates. The other is far away, so that its origin is moved.
+    // One group contains the origin of its coordinates. The other group is far from its origin, so that the
+    // builder moves the origin.
     let groups = [things(Vec3::ZERO), things(Vec3::new(30.0, -20.0, 50.0))];
     let mut where_to = places(&mut stream, 40);
     for (i, p) in where_to.iter_mut().enumerate() {
@@ -197,9 +198,10 @@ fn instances_equal_copies() {
         in_instances += usize::from(ha.owner != Owner::WORLD);
         kinds[a.material as usize] += 1;
         assert_eq!(hb.owner, Owner::WORLD);
-        // The copies of the distant group have the rounding errors of 60 m; the instances do not.
+        // The copies of the distant group have the rounding errors of coordinates near 60 m. Points on the
+        // instances have smaller errors.
         assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
-        // Adjacent flat triangles have different normals; at an edge, either may be hit.
+        // Adjacent flat triangles have different normals. At an edge, a ray may hit either triangle.
         if a.ng.dot(b.ng) < 0.99999 {
             apart += 1;
             continue;
@@ -242,8 +244,8 @@ fn generic_code_is_bit_identical() {
     }
 }
 
-/// Verifies that rays do not hit again the surface that they leave, and that rays that enter a closed surface
-/// hit its inside, for instances of any size and at any distance.
+/// Verifies that rays do not hit the surface that they leave, and that rays that enter a closed surface hit
+/// the inside of this surface. The instances have various sizes and distances.
 #[test]
 fn rays_do_not_leak_through_closed_instances() {
     let mut stream = Stream::new(23, 0, 0);
@@ -267,7 +269,7 @@ fn rays_do_not_leak_through_closed_instances() {
                 let g = builder.build();
                 let [mut again, mut lost, mut missed] = [0; 3];
                 for _ in 0..4000 {
-                    // The ray goes from a random point outside to a random point inside.
+                    // Trace a ray from a random point outside to a random point inside.
                     let around = warp::sphere(stream.uniform2()) * (1.5 + 10.0 * stream.uniform());
                     let inside = warp::sphere(stream.uniform2()) * 0.7 * stream.uniform();
                     let [origin, to] = [around, inside].map(|p| single(&place).transform_point3a(p));
@@ -299,7 +301,7 @@ fn an_optional_hit_is_no_larger_than_a_hit() {
     assert_eq!(Owner::WORLD.number(), None);
 }
 
-/// Verifies that a thousand instances need little more memory than one.
+/// Verifies that a thousand instances need little more memory than one instance.
 #[test]
 fn a_thousand_instances_take_the_memory_of_one() {
     let mesh = ball(100);
@@ -321,7 +323,7 @@ fn a_thousand_instances_take_the_memory_of_one() {
     let single = builder.build().bytes();
     assert!(one.bytes() < single + 1000, "{} {single}", one.bytes());
     let each = (many.bytes() - one.bytes()) as f64 / 999.0;
-    // An instance takes 128 bytes. A tree node takes 256 bytes for up to eight boxes.
+    // An instance occupies 128 bytes. A tree node occupies 256 bytes for up to eight boxes.
     assert!(each < 300.0, "{each}");
     assert!(many.bytes() < one.bytes() + one.bytes() / 5);
     assert_eq!((many.counts().0, many.copies()), (mesh.indices.len(), (1000, 1)));

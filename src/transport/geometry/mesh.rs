@@ -1,6 +1,6 @@
 //! Triangle meshes with shared vertices, stored as plain tables.
 //!
-//! The geometric normal of a triangle (a, b, c) is (b - a) × (c - a): the corners are counter-clockwise as
+//! The geometric normal of a triangle (a, b, c) is (b - a) × (c - a). The corners are counter-clockwise as
 //! seen from the front. An affine map x -> M x + t maps a normal n to cof(M) n, where cof(M) = det(M) M^-T is
 //! the cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
 
@@ -86,9 +86,9 @@ impl Mesh {
 
     /// Transforms the mesh by an affine map (metres to metres).
     ///
-    /// Normals are transformed by the inverse transpose and renormalized. A reflection also flips the
-    /// winding, so that geometric and shading normals still agree and an outward-facing mesh stays
-    /// outward-facing. If a singular map makes a normal zero, all normals are dropped.
+    /// Normals are transformed by the inverse transpose and renormalized. A reflection flips the winding too.
+    /// Geometric and shading normals therefore still agree, and an outward-facing mesh stays outward-facing.
+    /// If a singular map makes a normal zero, all normals are dropped.
     pub fn transform(&mut self, map: &Affine3A) {
         let positions = self.positions.par_iter_mut().with_min_len(SHARE);
         positions.for_each(|p| *p = map.transform_point3(*p));
@@ -130,9 +130,9 @@ impl Mesh {
         is_flat(&self.positions, &self.indices[triangle])
     }
 
-    /// Removes triangles of zero area (repeated or collinear corners, to the precision of the stored
-    /// positions) and returns the number of removed triangles. Triangles with an index out of range are
-    /// kept, so that [`Mesh::validate`] reports them.
+    /// Removes triangles of zero area, whose corners are repeated or collinear within the precision of the
+    /// stored positions. Returns the number of removed triangles. Triangles with an index out of range are
+    /// kept, so that [`Mesh::validate`] reports these triangles.
     pub fn drop_degenerate(&mut self) -> usize {
         let before = self.indices.len();
         let positions = &self.positions;
@@ -144,8 +144,8 @@ impl Mesh {
         before - self.indices.len()
     }
 
-    /// Removes vertices that no triangle uses and keeps the order of the others. Has no effect if an index is
-    /// out of range.
+    /// Removes vertices that no triangle uses and keeps the order of the remaining vertices. Does nothing if
+    /// an index is out of range.
     pub fn compact(&mut self) {
         let n = self.positions.len();
         let mut used = vec![false; n];
@@ -158,7 +158,7 @@ impl Mesh {
         if used.iter().all(|&u| u) {
             return;
         }
-        // The new index of a used vertex is the number of used vertices before it.
+        // The new index of a used vertex is the number of used vertices before this vertex.
         let mut renumbered = Vec::with_capacity(n);
         let mut before = 0;
         for &u in &used {
@@ -181,8 +181,8 @@ impl Mesh {
         mesh
     }
 
-    /// Returns the cube [-1, 1]^3 m with outward flat normals; the texture coordinates of each face go from
-    /// 0 to 1.
+    /// Returns the cube [-1, 1]^3 m with outward flat normals. The texture coordinates of each face range
+    /// from 0 to 1.
     pub fn cube() -> Self {
         let mut mesh = Self::default();
         for (u, v) in [
@@ -211,8 +211,8 @@ impl Mesh {
     }
 }
 
-/// Returns true if the area of the triangle is zero to the precision of f32 positions. Returns false for
-/// corners that are not finite, so that validation reports them.
+/// Returns true if the area of the triangle is zero within the precision of f32 positions. Returns false for
+/// corners that are not finite, so that validation reports these corners.
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
@@ -225,7 +225,7 @@ fn first<T: Sync>(table: &[T], is: impl Fn(&T) -> bool + Sync + Send) -> Option<
     table.par_iter().with_min_len(SHARE).position_first(is)
 }
 
-/// Returns true if the triangle's area is zero; false if an index is out of range.
+/// Returns true if the triangle's area is zero. Returns false if an index is out of range.
 fn is_flat(positions: &[Vec3], corners: &[u32; 3]) -> bool {
     match corners.map(|i| positions.get(i as usize).map(|p| p.as_dvec3())) {
         [Some(a), Some(b), Some(c)] => without_area(a, b, c),

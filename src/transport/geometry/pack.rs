@@ -1,8 +1,10 @@
-//! Ray intersection with eight triangles or parallelograms at a time: Möller & Trumbore (1997, "Fast,
-//! minimum storage ray/triangle intersection", J. Graphics Tools 2), one primitive per lane.
+//! Ray intersection with eight triangles or parallelograms at a time, one primitive per lane. The algorithm
+//! is that of Möller & Trumbore (1997, "Fast, minimum storage ray/triangle intersection", J. Graphics Tools
+//! 2).
 //!
-//! For a ray o + t d and edges e1, e2 from corner v0, let p = d × e2, s = o - v0 and q = s × e1. Then (t, u,
-//! v) = (q·e2, p·s, q·d) / (p·e1). A hit is inside if u, v ≥ 0 and u + v ≤ 1 (parallelogram: u, v ≤ 1).
+//! For a ray o + t d and edges e1, e2 from corner v0, let p = d × e2, s = o - v0 and q = s × e1. The solution
+//! is (t, u, v) = (q·e2, p·s, q·d) / (p·e1). A hit is inside if u, v ≥ 0 and u + v ≤ 1 (parallelogram: u, v ≤
+//! 1).
 
 use super::eight::{Eight, Mask};
 use super::ray::Ray;
@@ -31,7 +33,7 @@ impl Primitive {
     }
 }
 
-/// Eight triangles or parallelograms, one per lane; unused lanes are zero and are never hit.
+/// Eight triangles or parallelograms, one per lane. Unused lanes are zero and are never hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pack {
     v0: [Eight; 3],
@@ -86,8 +88,9 @@ impl Pack {
         pack
     }
 
-    /// Intersects a ray with all lanes (Möller & Trumbore 1997). Returns the bits of the lanes that are hit
-    /// before `end`, the distances, and the barycentric coordinates of the second and third vertex.
+    /// Intersects a ray with all lanes (Möller & Trumbore 1997). Returns three results: the bits of the lanes
+    /// that are hit before `end`, the distances, and the barycentric coordinates of the second and third
+    /// vertex.
     #[inline(always)]
     pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
         let p = cross(&ray.d, &self.e2);

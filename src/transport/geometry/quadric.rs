@@ -1,8 +1,12 @@
 //! Spheres, disks and cylinders, intersected exactly in object space.
 //!
-//! In object space, the shapes are the unit sphere centred on the origin, the unit disk at z = 0 facing +z,
-//! and the open tube of radius 1 from z = 0 to z = 1 facing outward. An affine map transforms them to world
-//! space, where they may be ellipsoids and elliptic tubes.
+//! In object space, the shapes are:
+//! - the unit sphere centred on the origin,
+//! - the unit disk at z = 0 facing +z,
+//! - the open tube of radius 1 from z = 0 to z = 1, facing outward.
+//!
+//! An affine map transforms the shapes to world space. In world space, the shapes may be ellipsoids and
+//! elliptic tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -10,7 +14,7 @@ use glam::{Affine3A, Mat3A, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
-/// The kind of a quadric; lengths are in object space.
+/// The kind of a quadric. Lengths are in object space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum QuadricKind {
@@ -29,17 +33,17 @@ pub struct Quadric {
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world` times `facing`; this matrix transforms normals.
+    /// Inverse transpose of `to_world` times `facing`. The product transforms normals.
     normals: Mat3A,
     /// 1 if normals point outward, -1 if they point inward.
     facing: f32,
-    /// Centre and radius of a surface that is a sphere in the world, metres; the radius is 0 for other
+    /// Centre and radius of a surface that is a sphere in the world, metres. The radius is 0 for other
     /// surfaces.
     centre: Vec3A,
     radius: f32,
     /// Axis of rotation along which the texture coordinate u increases.
     turn: Vec3A,
-    /// Rounding constant; see [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant (see [`Surface::rounding`](super::ray::Surface::rounding)).
     pub(crate) rounding: f32,
 }
 
@@ -47,7 +51,8 @@ pub struct Quadric {
 /// "Precision improvements for ray/sphere intersection").
 ///
 /// `disc` is b² - a·c, computed by the caller. From inside a sphere (c < 0), two roots always exist. If
-/// rounding makes `disc` negative there, `disc` is replaced by its lower bound -a·c.
+/// rounding makes `disc` negative for an origin inside the sphere, `disc` is replaced by its lower bound
+/// -a·c.
 #[inline]
 fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 && c < 0.0 {
@@ -102,7 +107,7 @@ impl Quadric {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity; compare [`roots`].
+    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity (compare [`roots`]).
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -181,16 +186,17 @@ impl Quadric {
         }
     }
 
-    /// Returns position (projected onto the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
+    /// Returns three vectors at a hit: the position (projected onto the surface), the unit outward normal,
+    /// and ∂p/∂u (unnormalized).
     ///
-    /// u is the azimuth about the axis of a sphere or a cylinder; v of a sphere is 0 at the +z pole. On a
-    /// disk, u is the radius, but the tangent is the object's x axis everywhere, so that a polarizer on a
-    /// disk has a uniform axis.
+    /// u is the azimuth about the axis of a sphere or a cylinder. On a sphere, v is 0 at the +z pole. On a
+    /// disk, u is the radius, but the tangent is the object's x axis everywhere. A polarizer on a disk
+    /// therefore has a uniform axis.
     #[inline(always)]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         if self.radius > 0.0 {
             let n = (hit - self.centre).normalize();
-            // Rotate about the object's own axis, also if the map to world space is a reflection.
+            // Rotate about the object's own axis, even if the map to world space is a reflection.
             let u = self.turn.cross(n);
             return (self.centre + n * self.radius, n * self.facing, u);
         }
@@ -234,8 +240,8 @@ impl Quadric {
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
 
-    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point; both are 0 at the poles of a sphere. For a
-    /// disk, only the tangent of [`Self::surface`] is returned.
+    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point. The derivatives ∂p/∂u and ∂p/∂v are 0 at
+    /// the poles of a sphere. For a disk, only the tangent of [`Self::surface`] is returned.
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
         let r = o.x.hypot(o.y);
@@ -263,7 +269,8 @@ impl Quadric {
         }
     }
 
-    /// Returns the ratio of surface area in the world to that in object space, at a point in object space.
+    /// Returns the ratio of surface area in the world to surface area in object space, at a point given in
+    /// object space.
     #[inline]
     fn growth(&self, o: Vec3A) -> f32 {
         let m = self.to_world.matrix3;
@@ -303,7 +310,8 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
-    /// Returns true if a sphere or tube, scaled by `grown` about the centre, contains the point.
+    /// Returns true if a sphere or tube contains the point after the surface is scaled by `grown` about the
+    /// centre.
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
         match self.kind {
@@ -334,13 +342,14 @@ impl Quadric {
             QuadricKind::Disk => (rows_length(m, false), t),
             QuadricKind::Cylinder => (rows_length(m, false) + (m.z_axis * 0.5).abs(), t + m.z_axis * 0.5),
         };
-        // Pad the box, so that flat surfaces and rounded coordinates stay inside.
+        // Pad the box so that flat surfaces and rounded coordinates stay inside.
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);
         (centre - half - pad, centre + half + pad)
     }
 }
 
-/// Returns the derivative of a normalized vector, given the vector before normalization and its derivative.
+/// Returns the derivative of a normalized vector, given the vector before normalization and the derivative of
+/// that vector.
 #[inline]
 pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     let length = v.length().max(f32::MIN_POSITIVE);
@@ -375,7 +384,8 @@ mod tests {
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that a sphere has the hits, normals and tangents of object space, even if it is reflected.
+    /// Verifies that a sphere has the hits, normals and tangents of object space, even if the sphere is
+    /// reflected.
     #[test]
     fn balls_are_spheres() {
         let mut stream = Stream::new(4, 0, 0);

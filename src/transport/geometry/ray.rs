@@ -3,7 +3,7 @@
 use glam::{Mat3A, Vec3A};
 use std::num::NonZeroU32;
 
-/// A ray; distances along the ray are in metres.
+/// A ray. Distances along the ray are in metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin in world space, metres.
@@ -57,10 +57,11 @@ pub struct Surface {
     pub ng: Vec3A,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3A,
-    /// Direction of increasing texture coordinate u (∂p/∂u), not normalized and not exactly perpendicular to
-    /// `ns`; see [`Surface::tangent_frame`].
+    /// Direction of increasing texture coordinate u (∂p/∂u). The vector is not normalized and not exactly
+    /// perpendicular to `ns` (see [`Surface::tangent_frame`]).
     pub tangent: Vec3A,
-    /// ∂p/∂v if the scene has bump maps (the length of `tangent` is then that of ∂p/∂u); otherwise 0.
+    /// ∂p/∂v if the scene has bump maps, otherwise 0. In scenes with bump maps, the length of `tangent` is
+    /// that of ∂p/∂u.
     pub bitangent: Vec3A,
     pub uv: [f32; 2],
     pub material: u32,
@@ -69,8 +70,9 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Returns the orthonormal frame with axes x (along ∂p/∂u), y, and z = `ns`, which maps local directions
-    /// to the world. Angles of polarizing elements and normal maps are relative to this frame.
+    /// Returns the orthonormal frame with axes x (along ∂p/∂u), y, and z = `ns`. The frame maps local
+    /// directions to the world. Angles of polarizing elements and normal maps are relative to the tangent
+    /// frame.
     #[inline]
     pub fn tangent_frame(&self) -> Mat3A {
         let x = optics::polarization::frame::project(self.tangent, self.ns);

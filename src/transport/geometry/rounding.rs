@@ -1,19 +1,20 @@
 //! Bounds the f32 rounding errors of points and hits. Rays start and end just beyond these errors.
 //!
 //! With u = 2⁻²⁴, a point v0 + u e1 + v e2 of a triangle deviates from the triangle's plane by a few units in
-//! the last place of its coordinates. The distance e2 · (s × e1) / |e1 × e2| of a ray origin from the plane
-//! (see [`super::pack`]), where s = o - v0, has an error of less than
+//! the last place of the point's coordinates. The distance e2 · (s × e1) / |e1 × e2| of a ray origin from the
+//! plane (see [`super::pack`]), where s = o - v0, has an error of less than
 //!
 //! > 6 u |s|∞ Σᵢ (|e1|ⱼ|e2|ₖ + |e1|ₖ|e2|ⱼ) / |e1 × e2|
 //!
 //! where every product and sum is rounded once (Higham 2002, "Accuracy and stability of numerical
 //! algorithms", sect. 3.1). The sum divided by |e1 × e2| is 1 in planes parallel to the coordinate planes, up
-//! to 4 elsewhere, and more for slivers. Upward and downward rounding partly cancel. The code therefore uses
-//! half of the bound, which exceeds the largest error of tens of millions of rays.
+//! to 4 elsewhere, and more for slivers. Errors of upward and downward rounding partly cancel. The code
+//! therefore uses half of the bound, which exceeds the largest error of tens of millions of rays.
 //!
 //! A ray from point p starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where
-//! k is a constant of the surface. A ray toward a surface ends at the same distance from the surface, or at k
-//! u times its length if this is larger. Thinner gaps are reported ([`crate::render::gaps`]).
+//! k is a constant of the surface. A ray toward a surface ends at the larger of two distances from the
+//! surface. The first is the distance at which rays start, and the second is k u times the length of the ray.
+//! Thinner gaps are reported ([`crate::render::gaps`]).
 
 use super::ray::Surface;
 use glam::{DVec3, Vec3A};
@@ -21,12 +22,12 @@ use glam::{DVec3, Vec3A};
 /// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Fraction by which a line is shortened at its end. This fraction exceeds the rounding error of a distance
-/// on a ray.
+/// Fraction by which a line is shortened at its end. `END_GAP` exceeds the rounding error of a distance on a
+/// ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
-/// Maximum rounding constant, which slivers and non-uniform maps may reach. On such surfaces, one ray in a
-/// million may hit the surface that it leaves.
+/// Maximum rounding constant, which slivers and non-uniform maps may reach. On slivers and after non-uniform
+/// maps, one ray in a million may hit the surface that the ray leaves.
 const MOST: f32 = 128.0;
 
 /// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. The corners of a
@@ -51,18 +52,18 @@ pub(crate) fn of_triangle(e1: Vec3A, e2: Vec3A) -> f32 {
 
 /// Returns the rounding constant of a surface in an instance, from the constant `k` of the surface in group
 /// coordinates. The map to the world stretches lengths by at most `stretch`, and the inverse map by at most
-/// `back`. Both bounds are results of [`super::instance::stretch`]. The product of both bounds is 3 for maps
-/// that preserve angles.
+/// `back`. The function [`super::instance::stretch`] computes both bounds. The product of the two bounds is 3
+/// for maps that preserve angles.
 pub(super) fn placed(k: f32, stretch: f32, back: f32) -> f32 {
     ((k + 4.0) * (stretch * back / 3.0)).min(MOST)
 }
 
-/// Returns the intersection of a ray from `from` along `dir` with the tangent plane of the surface that the
-/// ray hit, and the distance to the intersection, metres.
+/// Returns the intersection of a ray with the tangent plane of the surface that the ray hit, and the distance
+/// to the intersection, metres. The ray starts at `from` and has the direction `dir`.
 ///
 /// Positions from the barycentric coordinates of a large triangle deviate from the ray by several units in
-/// the last place: 50 µm in a scene of 100 m, which is 0.1 ps of travel time. The plane is more accurate than
-/// the position within the plane.
+/// the last place. In a scene of 100 m, the deviation is 50 µm, or 0.1 ps of travel time. The distance to the
+/// plane is more accurate than the position within the plane.
 #[inline(always)]
 pub(crate) fn met(from: DVec3, dir: Vec3A, surface: &Surface) -> (DVec3, f64) {
     let (p, dir, ng) = (surface.p.as_dvec3(), dir.as_dvec3(), surface.ng.as_dvec3());

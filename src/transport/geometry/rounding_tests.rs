@@ -1,5 +1,5 @@
-//! Tests that rays start and end close to surfaces, do not hit the surface that they leave, and do not pass
-//! through other surfaces.
+//! Tests of rays near surfaces: rays must start and end close to surfaces, must not hit the surface that they
+//! leave, and must not pass through other surfaces.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -51,7 +51,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// Samples a direction on the side of `n`; one direction in four is grazing.
+/// Samples a direction on the side of `n`. One direction in four is grazing.
 fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     let v = warp::sphere(stream.uniform2());
     let side = v - n * (2.0 * v.dot(n).min(0.0));
@@ -72,9 +72,9 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
     Some((ray, hit, g.surface(&ray, &hit)))
 }
 
-/// Verifies for primitives of all sizes and positions that a ray does not hit the surface that it leaves, and
-/// that a surface does not block lines to its own points. A ray may hit the opposite side or the inside of a
-/// curved surface, but nothing nearer.
+/// Verifies that a ray does not hit the surface that it leaves, and that a surface does not block lines to
+/// its own points. The primitives have all sizes and positions. A ray may hit the opposite side or the inside
+/// of a curved surface, but nothing nearer.
 #[test]
 fn rays_do_not_hit_the_surface_they_leave() {
     let mut stream = Stream::new(41, 0, 0);
@@ -122,7 +122,8 @@ fn rays_do_not_hit_the_surface_they_leave() {
                 let dir = away(n, &mut stream);
                 let on = Ray { origin: g.leave(&s, dir), dir };
                 left += 1;
-                // A ray must not hit a flat surface again, nor a convex surface that it leaves outward.
+                // A ray must not hit the surface that it leaves if the surface is flat, or if the surface is
+                // convex and the ray leaves outward.
                 let flat = matches!(shape, 0 | 1 | 3);
                 let next = g.intersect(&on, f32::INFINITY);
                 if flat || n == s.ng {
@@ -167,7 +168,7 @@ fn rays_do_not_escape_closed_shapes() {
         ] {
             let centre = warp::sphere(stream.uniform2()) * offset;
             let turn = turned(&mut stream);
-            // Groups have other sizes, but the instances scale each closed shape to a size of 1 m.
+            // Groups have different sizes, but the instances scale each closed shape to a size of 1 m.
             let place = Affine3A::from_scale_rotation_translation(Vec3::ONE, turn, centre.into());
             let mut builder = GeometryBuilder::default();
             let mut mesh = ball(32);
@@ -266,8 +267,8 @@ fn grazing_rays_do_not_escape_round_shapes() {
     }
 }
 
-/// Verifies that rays from each of two parallel sheets, 1 µm apart at a distance of 1 m, hit the other
-/// sheet.
+/// Verifies that rays from each of two parallel sheets hit the other sheet. The sheets are 1 µm apart, at a
+/// distance of 1 m from the origin.
 #[test]
 fn sheets_a_micrometre_apart_are_resolved_at_a_metre() {
     let mut stream = Stream::new(43, 0, 0);
@@ -303,7 +304,7 @@ fn sheets_a_micrometre_apart_are_resolved_at_a_metre() {
             let sheet = g.intersect(&back, f32::INFINITY).map(|h| g.surface(&back, &h));
             // Grazing rays may pass outside the rim of the sheet.
             let near = sheet.is_some_and(|s| s.material == 1) || back.dir.dot(turn.z_axis).abs() < 1e-3;
-            // The sheet must block lines to the wall, but not lines to the sheet itself.
+            // The sheet must block lines to the wall but must not block lines to the sheet itself.
             let stops = |at: &Surface| {
                 let to = g.reach(at, -dir, at.p.length());
                 let length = to.length();

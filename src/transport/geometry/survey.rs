@@ -1,6 +1,6 @@
 //! Computes conservative depth bounds for each small pyramid of directions from a point. The bounds are for
-//! the nearest primitive, for all other primitives, and for the primitive that occludes everything behind
-//! this primitive.
+//! the nearest primitive, for all other primitives, and for a primitive that occludes everything behind
+//! itself.
 
 use super::bvh::{Geometry, Outline, primitives};
 use super::instance::Instance;
@@ -18,10 +18,10 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// Minimum distance of primitives from the viewpoint, as a fraction of the scene's extent.
 const NEAR: f32 = 1e-3;
 /// Minimum ratio of an outline's area to its length, on the plane at distance 1. Below this ratio, the
-/// outline is a sliver, and rounding errors may change its orientation.
+/// outline is a sliver, and rounding errors may change the orientation of the outline.
 const SLIVER: f32 = 1e-5;
 /// Minimum sine of the angle between a plane and the line to a corner. Below this sine, the plane is seen
-/// nearly edge-on and its depths are unreliable.
+/// nearly edge-on, and depths on the plane are unreliable.
 const EDGE_ON: f32 = 1e-3;
 /// Relative enlargement of spheres, to allow for rounding errors of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
@@ -36,11 +36,11 @@ const MANY: usize = 1 << 16;
 const SMALL: f32 = 0.5;
 /// Fraction of a sphere's angular radius within which all directions certainly hit the sphere.
 const WELL_INSIDE: f32 = 0.99;
-/// Angle beyond which the tangent is treated as infinite, radians: just below π/2, where the f32 tangent
-/// changes sign.
+/// Angle beyond which the tangent is treated as infinite, radians. The angle is just below π/2, where the f32
+/// tangent changes sign.
 const RIGHT_ANGLE: f32 = 1.57;
 
-/// The bounds of one pyramid; depths are measured along the axis of the pinhole, metres.
+/// The bounds of one pyramid. Depths are measured along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// The primitive that may be the nearest in the pyramid.
@@ -157,8 +157,8 @@ impl Survey {
         Some(())
     }
 
-    /// Adds the boxes of an instance's tree, opening each box that is too close. `place` maps points of the
-    /// group to the pinhole's coordinates (right, down, forward).
+    /// Adds the boxes of an instance's tree. Replaces each box that is too close by the boxes of its
+    /// children. `place` maps points of the group to the pinhole's coordinates (right, down, forward).
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -215,8 +215,8 @@ impl Survey {
         true
     }
 
-    /// Adds a primitive to a pyramid, with its minimum depth and the depth behind which it occludes
-    /// everything.
+    /// Adds a primitive to a pyramid, with its minimum depth and the depth behind which the primitive
+    /// occludes everything.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
         let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {
@@ -272,14 +272,15 @@ impl Survey {
         let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() { area.signum() } else { 0.0 };
         let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
         let height = normal.dot(corners[0]);
-        // Depths on a plane that is nearly edge-on are also unknown.
+        // Depths on a plane that is nearly edge-on are unknown too.
         let sloped = height.abs() > EDGE_ON * normal.length() * corners[0].length();
         let more = skin / least;
         let [columns, rows] = self.touched(bounds, more);
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // No overlap: all corners are outside one edge. Full cover: all are inside all edges.
+                // The primitive and the pyramid do not overlap if all corners are outside one edge. The
+                // primitive covers the pyramid if all corners are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);

@@ -8,7 +8,7 @@ use glam::{Affine3A, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Returns `n` random triangles with a size of about `size`, around points on a sphere.
+/// Returns `n` random triangles of approximate size `size` around points on a sphere.
 pub(super) fn crowd(stream: &mut Stream, n: u32, (centre, radius): (Vec3A, f32), size: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..n {
@@ -27,7 +27,8 @@ pub(super) fn inward(stream: &mut Stream, far: f32, near: f32) -> Ray {
     Ray { origin, dir: (warp::sphere(stream.uniform2()) * near - origin).normalize() }
 }
 
-/// Returns the distance along a ray to a triangle's plane, and the smallest barycentric coordinate there.
+/// Returns the distance along a ray to a triangle's plane, and the smallest barycentric coordinate of the
+/// intersection.
 fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     let [a, b, c] = corners.map(glam::Vec3::as_dvec3);
     let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -171,9 +172,9 @@ fn an_empty_scene_has_no_hits() {
     assert!(!g.occluded(&ray, f32::INFINITY));
 }
 
-/// Verifies that the AVX2 code, the generic code and the code for other processors (feature `portable`)
-/// give bit-identical hits. All three use only sums, products, quotients and square roots, which every
-/// processor rounds equally.
+/// Verifies that the AVX2 code, the generic code and the code for other processors (feature `portable`) give
+/// bit-identical hits. Sums, products, quotients and square roots are the only operations in all three
+/// versions, and every processor rounds these operations equally.
 #[test]
 fn hits_are_bit_identical_on_all_processors() {
     let mut stream = Stream::new(21, 0, 0);

@@ -1,8 +1,8 @@
-//! A bounding volume hierarchy with eight boxes per node, all of which are tested against a ray at once.
+//! A bounding volume hierarchy with eight boxes per node. A ray is tested against all eight boxes at once.
 //!
-//! A binary tree ([`super::binary`]) is collapsed to width eight by repeatedly opening the child with the
-//! largest surface area (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision:
-//! in typical scenes, decoding compressed boxes would take longer than reading full boxes.
+//! A binary tree ([`super::binary`]) is collapsed to width eight. The method repeatedly opens the child with
+//! the largest surface area (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full
+//! precision, because in typical scenes decoding compressed boxes would take longer than reading full boxes.
 
 use super::binary::{Binary, Part};
 use super::eight::Eight;
@@ -11,7 +11,7 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 
-/// Flag of a child that is a leaf; the other bits are the index of the leaf.
+/// Flag of a child that is a leaf. The other bits are the index of the leaf.
 const LEAF: u32 = 1 << 31;
 /// Index of an unused child. The box of an unused child is inverted, so that no ray hits the box.
 const NONE: u32 = u32::MAX;
@@ -51,18 +51,19 @@ impl Node {
     }
 }
 
-/// The operations of a traversal at a leaf. The operations are a trait and not a closure, because a closure
-/// cannot be force-inlined into the loop that is compiled with particular target features.
+/// The operations of a traversal at a leaf. `Visit` is a trait and not a closure, because a closure cannot be
+/// force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
-    /// Processes leaf `leaf`; hits beyond `end` are ignored. Returns the new `end`; a value of 0 or less
+    /// Processes leaf `leaf`. Hits beyond `end` are ignored. Returns the new `end`. A value of 0 or less
     /// stops the traversal.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
-    /// Announces that leaf `leaf` will probably be visited, so that it can be prefetched.
+    /// Announces that leaf `leaf` will probably be visited, so that the visitor can prefetch the leaf.
     fn expect(&self, leaf: u32);
 }
 
-/// Prefetches a value into the cache. With large meshes, most time is spent waiting for boxes and triangles
-/// to load. The boxes and triangles of children on the stack can be loaded during other work.
+/// Prefetches a value into the cache. With large meshes, the processor spends most of the time waiting for
+/// boxes and triangles to load. The boxes and triangles of children on the stack can be loaded during other
+/// work.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -87,7 +88,7 @@ pub enum Child {
     Branch(u32),
 }
 
-/// A tree over leaves, whose indices the caller assigns.
+/// A tree over leaves. The caller assigns the indices of the leaves.
 #[derive(Default)]
 pub struct Tree {
     nodes: Vec<Node>,
@@ -176,7 +177,7 @@ impl Tree {
         Some(tree)
     }
 
-    /// Iterates over the boxes and contents of a node's children; node 0 is the root. An empty tree has no
+    /// Iterates over the boxes and contents of a node's children. Node 0 is the root. An empty tree has no
     /// children.
     pub fn children(&self, node: u32) -> impl Iterator<Item = (Aabb, Child)> + '_ {
         let node = self.nodes.get(node as usize);
@@ -215,7 +216,7 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Visits leaves along a ray until the visitor stops; near leaves come first if `ORDERED` is true.
+    /// Visits leaves along a ray until the visitor stops. Near leaves come first if `ORDERED` is true.
     #[inline(always)]
     pub fn traverse<const ORDERED: bool>(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
         if self.nodes.is_empty() {
@@ -243,7 +244,8 @@ impl Tree {
                     let lane = bits.trailing_zeros() as usize & 7;
                     bits &= bits - 1;
                     let mut nearest = (node.child[lane], enter.0[lane]);
-                    // Continue with the nearest child; push the others so that the next nearest is on top.
+                    // Continue with the nearest child. Push the other children so that the next nearest is on
+                    // top.
                     let first = stack.len();
                     while bits != 0 {
                         let lane = bits.trailing_zeros() as usize & 7;

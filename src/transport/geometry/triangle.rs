@@ -12,25 +12,25 @@ use glam::{Mat3A, Vec3A, Vec4};
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
-    /// First corner, metres; the fourth component is the material.
+    /// First corner, metres. The fourth component is the material.
     pub(super) v0: [f32; 4],
     /// Edges to the other corners, metres. The fourth components are the indices of the first two corners
-    /// into `normals`; the first index is `u32::MAX` for a flat triangle.
+    /// into `normals`. The first index is `u32::MAX` for a flat triangle.
     pub(super) e1: [f32; 4],
     pub(super) e2: [f32; 4],
-    /// Unit normal; the fourth component is the index of the third corner into `normals`.
+    /// Unit normal. The fourth component is the index of the third corner into `normals`.
     pub(super) normal: [f32; 4],
-    /// ∂p/∂u up to a positive factor; the fourth component is the index of the first corner into `uvs`, or
+    /// ∂p/∂u up to a positive factor. The fourth component is the index of the first corner into `uvs`, or
     /// `u32::MAX` without texture coordinates.
     pub(super) tangent: [f32; 4],
     /// Indices of the second and third corner into `uvs`.
     uvs: [u32; 2],
-    /// Rounding constant; see [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Rounding constant (see [`Surface::rounding`](super::ray::Surface::rounding)).
     pub(super) rounding: f32,
 }
 
-/// Mask that is XORed into an index stored next to a vector. Vector arithmetic also processes the fourth
-/// component, and small integers would be slow denormal numbers.
+/// Mask that is XORed into an index stored next to a vector. Vector arithmetic includes the fourth component,
+/// and small integers would be slow denormal numbers.
 const INDEX: u32 = 0x4000_0000;
 
 #[inline(always)]
@@ -57,8 +57,8 @@ impl Triangle {
         let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
         let tangent = uvs.map_or(e1, |[a, b, c]| {
             let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // Solve e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction is needed, and therefore only
-            // the sign of the determinant.
+            // Solve e = u·∂p/∂u + v·∂p/∂v for both edges. The caller needs only the direction, so the sign of
+            // the determinant is sufficient.
             (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
         });
         let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();
@@ -116,8 +116,8 @@ impl Triangle {
     }
 }
 
-/// Returns the derivative of the unit shading normal with respect to the position on a triangle, from corner
-/// normals, edges and barycentric coordinates. `ns` sets the sign of the normal.
+/// Returns the derivative of the unit shading normal with respect to the position on a triangle. The
+/// arguments are corner normals, edges and barycentric coordinates. `ns` sets the sign of the normal.
 #[inline]
 pub(super) fn bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
     let n = e1.cross(e2);

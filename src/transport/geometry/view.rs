@@ -1,10 +1,10 @@
-//! Visibility from a pinhole: the nearest primitive and possible occluders in each small pyramid of
-//! directions.
+//! Visibility from a pinhole. The view stores the nearest primitive and possible occluders in each small
+//! pyramid of directions.
 //!
-//! The pinholes of projector and camera are fixed, and millions of rays start or end there. Most pyramids
-//! contain a single primitive, or one primitive in front of all others. In these pyramids, visibility and
-//! first hits are known without tracing a ray. Pyramids that contain an edge require a ray. All bounds are
-//! conservative, so that the results equal those of traced rays.
+//! The pinholes of projector and camera are fixed, and millions of rays start or end at these pinholes. Most
+//! pyramids contain a single primitive, or one primitive in front of all others. For pyramids of both kinds,
+//! visibility and first hits are known without tracing a ray. Pyramids that contain an edge require a ray.
+//! All bounds are conservative, so that the results equal those of traced rays.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::many::{Many, turned};
@@ -15,8 +15,8 @@ use glam::{Mat3A, Vec2, Vec3A};
 
 /// Maximum number of pyramids along an axis. A larger table would not fit into the processor's caches.
 const MOST: u32 = 256;
-/// The bounds of a pyramid in eight bytes, because the table is read from memory. A depth is the upper half
-/// of an `f32`, rounded conservatively.
+/// The bounds of a pyramid in eight bytes. The compact format reduces memory traffic. A depth is the upper
+/// half of an `f32`, rounded conservatively.
 #[derive(Clone, Copy, Debug)]
 struct Pyramid {
     leaf: u32,
@@ -29,7 +29,7 @@ impl Pyramid {
         Self {
             leaf: bounds.leaf,
             others: (bounds.others.to_bits() >> 16) as u16,
-            // Round up. Infinity is excluded, because incrementing its bits would give NaN.
+            // Round up. Infinity is excluded, because incrementing the bits of infinity would give NaN.
             cover: if bounds.cover < f32::MAX / 2.0 {
                 (bounds.cover.to_bits() >> 16) as u16 + 1
             } else {
@@ -80,7 +80,7 @@ impl View {
     }
 
     /// Returns the indices of the pyramids that contain the points, given as arrays of right, down and
-    /// forward coordinates (x, y, z). A point outside the grid gets the index `OUTSIDE`. The compiler
+    /// forward coordinates (x, y, z). A point outside the grid receives the index `OUTSIDE`. The compiler
     /// vectorizes the plain loops.
     #[inline(always)]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
@@ -112,16 +112,16 @@ impl View {
         }
     }
 
-    /// Returns true if a hit is visible from the pinhole, false if it is occluded, and `None` if only a ray
-    /// can decide. `depth` is the distance from the pinhole to the hit along the forward axis, metres. `cell`
-    /// is the pyramid that contains the hit.
+    /// Returns true if a hit is visible from the pinhole, false if the hit is occluded, and `None` if only a
+    /// ray can decide. `depth` is the distance from the pinhole to the hit along the forward axis, metres.
+    /// `cell` is the pyramid that contains the hit.
     #[inline(always)]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
         let pyramid = self.pyramids.get(cell as usize)?;
         if depth * (1.0 - DEPTH_MARGIN) > pyramid.cover() {
             return Some(false);
         }
-        // A sphere occludes its own far side.
+        // A sphere occludes its far side.
         let facing = hit.leaf & QUADRIC == 0 || surface.ng.dot(self.origin - surface.p) > 0.0;
         let own = hit.leaf == pyramid.leaf && facing;
         (own && depth * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
@@ -131,7 +131,8 @@ impl View {
     #[inline(always)]
     pub(crate) fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
-        // The nearest primitive is known if it covers the pyramid in front of all other primitives.
+        // The nearest primitive is known if this primitive covers the pyramid in front of all other
+        // primitives.
         if pyramid.cover() < pyramid.others() { geometry.meet(ray, pyramid.leaf) } else { None }
     }
 }
@@ -213,7 +214,8 @@ mod tests {
         builder.build()
     }
 
-    /// Verifies that the view decides most points, and agrees with rays wherever it decides.
+    /// Verifies that the view decides the visibility of most points, and that these decisions agree with
+    /// traced rays.
     #[test]
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
@@ -223,8 +225,8 @@ mod tests {
         assert!(firsts > 27_000, "{firsts}");
     }
 
-    /// Verifies that the view decides most points next to or in front of a large mesh, and that it agrees
-    /// with rays.
+    /// Verifies that the view decides the visibility of most points next to or in front of a large mesh. The
+    /// decisions must agree with traced rays.
     #[test]
     fn views_of_large_meshes_agree_with_rays() {
         let mut stream = Stream::new(13, 0, 0);
@@ -234,8 +236,8 @@ mod tests {
         assert!(spoken > asked / 100 && free > 500 && firsts > 500, "{free} {spoken} {asked} {firsts}");
     }
 
-    /// Compares a view with rays. Returns the numbers of queries, of queries that the view decides, of
-    /// unoccluded points and of first hits.
+    /// Compares a view with rays. Returns four numbers: queries, queries that the view decides, unoccluded
+    /// points, and first hits.
     fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2], rays: u32) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];

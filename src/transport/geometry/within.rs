@@ -2,7 +2,7 @@
 //!
 //! A group is stored once, with a tree over its packs and quadrics in group coordinates. An instance is a
 //! leaf of the world's tree, with an affine map from the group to the world. Rays are intersected in group
-//! coordinates, where the surfaces have the accuracy of the group; the hit is then transformed to the world.
+//! coordinates, where the surfaces have the accuracy of the group. The hit is then transformed to the world.
 //!
 //! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform). Normals are
 //! transformed by the inverse transpose, at each corner before interpolation. Normals that point outward
@@ -59,8 +59,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::intersect`] in scenes with instances. This function is separate so that scenes
-        /// without instances are not slower.
+        /// Returns [`Geometry::intersect`] in scenes with instances. The function is separate from
+        /// `intersect` to avoid slowing down scenes without instances.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>

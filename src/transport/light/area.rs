@@ -1,8 +1,8 @@
 //! Area lights: emissive surfaces with the same radiance in all directions, on the front or on both sides.
 //!
-//! The light tree ([`super::tree`]) chooses a triangle of a mesh, on which a point is sampled uniformly by
-//! area. A mesh of at most two triangles is sampled by area as a whole. For a sphere, directions are sampled
-//! in the cone that the sphere subtends from an outside point (Shirley, Wang & Zimmerman 1996).
+//! The light tree ([`super::tree`]) chooses a triangle of a mesh. A point on the chosen triangle is sampled
+//! uniformly by area. A mesh of at most two triangles is sampled by area as a whole. For a sphere, directions
+//! are sampled in the cone that the sphere subtends from an outside point (Shirley, Wang & Zimmerman 1996).
 
 use super::Drawn;
 use super::bounds::Bounds;
@@ -24,15 +24,15 @@ struct Facet {
     edges: [Vec3A; 2],
     /// Unit normal of the front side.
     normal: Vec3A,
-    /// Rounding constant of the triangle; see [`Surface::rounding`].
+    /// Rounding constant of the triangle (see [`Surface::rounding`]).
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Fraction of the mesh's area in all triangles up to and including this one.
+    /// Fraction of the mesh's area in all triangles up to and including this triangle.
     until: f32,
 }
 
 impl Facet {
-    /// Returns the area of the triangle, m²; never 0.
+    /// Returns the area of the triangle, m². The area is never 0.
     #[inline]
     fn area(&self) -> f32 {
         let [a, b] = self.edges;
@@ -116,8 +116,9 @@ impl AreaLight {
         self.area
     }
 
-    /// Makes each triangle a separate light if there are more than two triangles and hits on them can be
-    /// distinguished (`numbered`, see [`crate::geometry::bvh::Geometry::facet`]).
+    /// Makes each triangle a separate light if there are more than two triangles and if hits on the triangles
+    /// can be distinguished. `numbered` is true if hits can be distinguished (see
+    /// [`crate::geometry::bvh::Geometry::facet`]).
     pub(super) fn split(&mut self, numbered: bool) {
         self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
     }
@@ -242,7 +243,7 @@ impl AreaLight {
         };
         let to = at - p;
         let wi = to.try_normalize()?;
-        // Offset the point from the surface, which would otherwise occlude it.
+        // Offset the point from the surface, because the surface would otherwise occlude the point.
         let off = rounding * UNIT * at.abs().max_element().max(to.length());
         let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);
@@ -263,7 +264,7 @@ impl AreaLight {
     }
 
     /// Returns the probability density per steradian with which [`Self::draw`] samples from `p` the point
-    /// `at` of a part in the unit direction `dir`.
+    /// `at` of a part. `dir` is the unit direction from `p` to `at`.
     #[inline]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {

@@ -15,7 +15,8 @@ pub struct Bounds {
     pub high: Vec3A,
     /// Unit axis of a cone that contains all surface normals.
     pub axis: Vec3A,
-    /// Half angle of the cone that contains all normals, radians; π for all directions.
+    /// Half angle of the cone that contains all normals, radians. The angle is π for normals in all
+    /// directions.
     pub spread: f32,
     /// Maximum angle between a normal and a direction of emission, radians.
     pub reach: f32,
@@ -76,8 +77,8 @@ impl Bounds {
         0.5 * (self.high - self.low).length()
     }
 
-    /// Returns the cost of a group of these lights by the surface area orientation heuristic: intensity ×
-    /// area of the bounding sphere × solid angle of emission.
+    /// Returns the cost of a group of these lights by the surface area orientation heuristic. The cost is
+    /// intensity × area of the bounding sphere × solid angle of emission.
     pub(super) fn cost(&self) -> f32 {
         let spread = self.spread;
         let end = (spread + self.reach).min(PI);

@@ -22,13 +22,13 @@ pub enum Across {
 pub struct Distant {
     /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point in the plane where travel time starts, in world space, metres. `None` for light from infinity,
-    /// which has no travel time.
+    /// A point in the plane where travel time starts, in world space, metres. The point is `None` for light
+    /// from infinity, which has no travel time.
     pub origin: Option<Vec3A>,
-    /// Divergence of a beam: the ratio of the radius at 1 m to the radius at the origin, minus 1; 0 for a
-    /// collimated beam.
+    /// Divergence of a beam: the ratio of the radius at 1 m to the radius at the origin, minus 1. The
+    /// divergence of a collimated beam is 0.
     pub spread: f32,
-    /// Irradiance profile; for a diverging beam, the profile at the origin.
+    /// Irradiance profile (at the origin for a diverging beam).
     pub across: Across,
     pub polarized: Polarized,
 }
@@ -51,7 +51,8 @@ impl Distant {
         }
     }
 
-    /// Returns the unoccluded light at point `p`. A distance of `far` metres always ends outside the scene.
+    /// Returns the unoccluded light at point `p`. Any point at a distance of `far` metres is outside the
+    /// scene.
     #[inline]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {
         let Some(origin) = self.origin else {
@@ -71,9 +72,9 @@ impl Distant {
         if along <= 0.0 {
             return None;
         }
-        // The rays of a diverging beam come from a point 1/spread behind the origin. Rays start where they
-        // intersect the plane through the origin. Path lengths are relative to a spherical wavefront that
-        // touches this plane at the origin.
+        // The rays of a diverging beam come from a point 1/spread behind the origin. The code starts rays at
+        // the plane through the origin. Path lengths are relative to a spherical wavefront that touches the
+        // plane through the origin.
         let growth = 1.0 + along * self.spread;
         let aside = (to - self.dir * along) / growth;
         let aside2 = aside.length_squared();

@@ -1,8 +1,9 @@
 //! Polarization of emitted light.
 //!
-//! The Mueller matrix of each path ends at the emitter: T acts on the Stokes vector that drives the emitter,
-//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the result has the first
-//! column T s and is 0 otherwise. For an emitter with a filter F, the result is T F, with all columns.
+//! The Mueller matrix of each path ends at the emitter. T acts on the Stokes vector that drives the emitter,
+//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column of the
+//! result is T s, and all other columns are 0. For an emitter with a filter F, the result is T F, with all
+//! columns.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -13,8 +14,8 @@ use optics::polarization::scatter::Scatter;
 /// Frame and filter of emitted light.
 #[derive(Clone, Copy, Debug)]
 pub struct Polarized {
-    /// Reference axis: its projection perpendicular to the ray is the horizontal direction of the Stokes
-    /// vectors.
+    /// Reference axis. The projection of the axis perpendicular to the ray is the horizontal direction of the
+    /// Stokes vectors.
     pub axis: Vec3A,
     /// Mueller matrix of the filter in front of the emitter, in the frame of [`Polarized::axis`].
     pub filter: Option<Mueller>,
@@ -28,7 +29,7 @@ impl Polarized {
     }
 
     /// Ends a product at the emitter. Before the call, the product acts on light that travels along `d` in
-    /// `frame`; after the call, the product acts on the emitter's input.
+    /// `frame`. After the call, the product acts on the emitter's input.
     #[inline]
     pub fn end(&self, chain: &mut Chain, d: Vec3A, frame: Vec3A) {
         let own = self.frame(d);

@@ -1,9 +1,9 @@
 //! Extended and directional emitters: area lights, environment maps, distant light and beams.
 //!
 //! Paths from the camera reach area lights and the sky by two techniques: material sampling, and one
-//! connection per vertex to a sampled light. The power heuristic combines both (Veach 1997, sect. 9.2).
-//! Distant lights and beams have a single direction, which material sampling never finds. Every vertex is
-//! therefore connected to all of these lights.
+//! connection per vertex to a sampled light. The power heuristic combines the two techniques (Veach 1997,
+//! sect. 9.2). Distant lights and beams have a single direction, which material sampling never finds. Every
+//! vertex is therefore connected to all of these lights.
 
 pub mod area;
 pub mod bounds;
@@ -32,15 +32,15 @@ use tree::{Choice, LightTree};
 pub struct Drawn {
     /// Unit direction from the receiving point to the light.
     pub wi: Vec3A,
-    /// Point from which the light comes, metres; for distant light, a point outside the scene.
+    /// Point from which the light comes, metres. For distant light, the position is outside the scene.
     pub position: Vec3A,
     /// Distance from the receiving point to `position`, metres.
     pub distance: f32,
     /// Irradiance at normal incidence divided by the sampling density, W/(m² nm).
     pub irradiance: Spectral,
-    /// Sampling density of the direction per steradian; 0 if material sampling cannot find the direction.
+    /// Sampling density of the direction per steradian, or 0 if material sampling cannot find the direction.
     pub density: f32,
-    /// Optical path length from the emitter to `position`, metres; infinite if travel time is undefined.
+    /// Optical path length from the emitter to `position`, metres, or infinity if travel time is undefined.
     pub start_m: f64,
     pub polarized: Polarized,
 }
@@ -54,15 +54,16 @@ const SKY: u32 = NONE >> 1;
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     pub areas: Vec<AreaLight>,
-    /// Index of the area light of each material; [`NONE`] if the material emits no light.
+    /// Index of the area light of each material, or [`NONE`] if the material emits no light.
     pub of_material: Vec<u32>,
     pub sky: Option<Sky>,
     pub distant: Vec<Distant>,
     /// Probability of sampling the sky.
     sky_chance: f32,
-    /// Light tree over the parts of all area lights; `None` if there is at most one part, or no part emits.
+    /// Light tree over the parts of all area lights. The tree is `None` if there is at most one part or if no
+    /// part emits.
     tree: Option<LightTree>,
-    /// Index of the area light and index of the part in this light, for each light of the tree.
+    /// Index of the area light and index of the part within the area light, for each light of the tree.
     parts: Vec<(u32, u32)>,
     /// Index of the first part of each area light.
     firsts: Vec<u32>,
@@ -81,7 +82,7 @@ pub struct Found<'a> {
 
 impl Lights {
     /// Prepares light sampling. Area lights are sampled by their estimated contribution at a point. If there
-    /// are area lights, the sky is sampled with probability ½, because its occlusion is unknown.
+    /// are area lights, the sky is sampled with probability ½, because the occlusion of the sky is unknown.
     pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
         for (material, number) in self.of_material.iter().enumerate() {
             if let Some(light) = self.areas.get_mut(*number as usize) {
@@ -121,7 +122,7 @@ impl Lights {
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins to choose a light by a uniform random number `which`; [`Self::choose`] completes the choice.
+    /// Begins to choose a light by a uniform random number `which`. [`Self::choose`] completes the choice.
     #[inline]
     pub fn begin(&self, which: f32) -> Choice {
         let rest = 1.0 - self.sky_chance;
@@ -144,8 +145,8 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light, with two further uniform random numbers in [0, 1). A distance of
-    /// `far` metres always ends outside the scene.
+    /// Samples a point of the chosen light, with two further uniform random numbers in [0, 1). Any point at a
+    /// distance of `far` metres is outside the scene.
     #[inline]
     pub fn draw(
         &self,
@@ -164,8 +165,8 @@ impl Lights {
         self.areas[number as usize].draw(textures, at.p, [choice.which, u, v], chosen)
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] samples, for a receiver, the hit `found`
-    /// in the unit direction `dir`.
+    /// Returns the density per steradian with which [`Self::draw`] samples the hit `found` for a receiver.
+    /// `dir` is the unit direction to the hit.
     #[inline]
     pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
         let light = &self.areas[found.number as usize];
@@ -181,15 +182,16 @@ impl Lights {
         (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
-    /// Returns the density per steradian of sampling the sky ([`Self::draw`]) in the unit direction `dir`.
+    /// Returns the density per steradian of sampling the sky in the unit direction `dir` (see
+    /// [`Self::draw`]).
     #[inline]
     pub(crate) fn sky_density(&self, dir: Vec3A) -> f32 {
         self.sky.as_ref().map_or(0.0, |sky| self.sky_chance * sky.density(dir))
     }
 }
 
-/// Returns the power-heuristic weight of a path that was sampled with density `own` and that another
-/// technique samples with density `other`.
+/// Returns the power-heuristic weight of a path that was sampled with density `own`. `other` is the density
+/// with which another technique samples the path.
 #[inline]
 pub fn share(own: f32, other: f32) -> f32 {
     if own == 0.0 {

@@ -34,9 +34,9 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// Returns the intersection of a direction with the plane of the rectangle, relative to the rectangle:
-    /// (0, 0) is the lower left corner, (1, 1) the upper right corner. Returns `None` for a direction
-    /// behind the point.
+    /// Returns the intersection of a direction with the plane of the rectangle, in coordinates relative to
+    /// the rectangle. (0, 0) is the lower left corner, and (1, 1) is the upper right corner. Returns `None`
+    /// for a backward direction.
     #[inline]
     pub fn uv(&self, dir: Vec3A) -> Option<Vec2> {
         let d = self.to_local * dir;
@@ -72,8 +72,8 @@ pub struct Table {
     pub values: Vec<f32>,
 }
 
-/// Returns the position of `x` in an ascending list: the index of the entry below `x`, and the distance of
-/// `x` from this entry as a fraction of the distance between this entry and the next.
+/// Returns the position of `x` in an ascending list as two numbers. The first is the index of the entry below
+/// `x`. The second is the fraction of the interval from this entry to the next at which `x` lies.
 fn place(list: &[f32], x: f32) -> (usize, f32) {
     let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
     if list.len() < 2 {

@@ -9,7 +9,7 @@ use glam::Vec3A;
 pub struct Receiver {
     /// Position of the receiver in world space, metres.
     pub p: Vec3A,
-    /// Unit normal of the side from which light can arrive; zero if light can arrive from all directions.
+    /// Unit normal of the side from which light can arrive, or zero if light can arrive from all directions.
     pub normal: Vec3A,
 }
 

@@ -1,8 +1,8 @@
 //! An environment map: radiance by direction, with importance sampling by brightness.
 //!
-//! The map is equirectangular. In local axes, the column is proportional to atan2(x, -z)/2π and the row to
-//! acos(y)/π, from the top (as in Mitsuba's `envmap`). [`Rows`] defines the positions of the rows.
-//! Interpolation between texels is bilinear, and periodic along the rows.
+//! The map is equirectangular. In local axes, the column is proportional to atan2(x, -z)/2π and the row,
+//! counted from the top, to acos(y)/π (as in Mitsuba's `envmap`). [`Rows`] defines the positions of the rows.
+//! Interpolation between texels is bilinear and periodic along the rows.
 //!
 //! Directions are sampled from a table with a constant weight per cell. The weight is the maximum brightness
 //! of all texels that contribute to the cell, times the solid angle of the cell (Pharr et al. 2023, sect.
@@ -39,7 +39,8 @@ pub struct Sky {
     cells: usize,
     /// Radiance of each texel, top row first, W/(m² sr nm).
     pub texels: Vec<[f32; 4]>,
-    /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
+    /// Cumulative fraction of the total weight at the end of each row, and at the end of each column within a
+    /// row.
     rows: Vec<f32>,
     columns: Vec<f32>,
     /// Rotation or reflection from world axes to the map's local axes.
@@ -119,7 +120,7 @@ impl Sky {
         self.to_local.transpose()
     }
 
-    /// Returns the position of a unit direction in the map: continuous column and row, in cells.
+    /// Returns the position of a unit direction in the map as a continuous column and row, in cells.
     #[inline]
     fn place(&self, dir: Vec3A) -> [f32; 2] {
         let d = self.to_local * dir;

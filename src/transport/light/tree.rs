@@ -1,9 +1,10 @@
-//! A light tree, which samples one of many lights by the estimated contribution at a point.
+//! A light tree, which samples one of many lights in proportion to the estimated contribution at a point.
 //!
 //! The method is that of Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree
-//! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. Starting at the root, a
-//! child is sampled with probability proportional to an upper estimate of its contribution, intensity · cosθ
-//! · cosθ' / distance². A node has eight children, whose estimates are computed in eight SIMD lanes.
+//! splitting" (2018), without the splitting, and of pbrt-v4's `BVHLightSampler`. The choice starts at the
+//! root and samples one child of each node. The probability of a child is proportional to an upper estimate
+//! of the child's contribution, intensity · cosθ · cosθ' / distance². A node has eight children, and the
+//! estimates of the children are computed in eight SIMD lanes.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;
@@ -28,16 +29,16 @@ type Row = Eight;
 const ZERO: Row = Eight::splat(0.0);
 const ONE: Row = Eight::splat(1.0);
 
-/// The children of a tree node; each is a group of lights and occupies one lane.
+/// The children of a tree node. Each child is a group of lights and occupies one lane.
 #[derive(Clone, Debug)]
 struct Node {
     centre: [Row; 3],
     /// Radius of each child's bounding sphere, metres, and 3/radius².
     radius: Row,
     nearest: Row,
-    /// Radiant intensity of each child as a fraction of the total over all lights; 0 for an unused lane.
+    /// Radiant intensity of each child as a fraction of the total over all lights, or 0 for an unused lane.
     intensity: Row,
-    /// Index of each child: of a node, or of a light with the flag [`LEAF`].
+    /// Index of each child: a node index, or a light index with the flag [`LEAF`].
     child: [u32; WIDTH],
     /// Index of the parent node × [`WIDTH`], plus the position of this node among the parent's children.
     parent: u32,
@@ -60,12 +61,12 @@ pub struct LightTree {
     places: Vec<u32>,
 }
 
-/// The choice of a light: in progress or complete.
+/// The choice of a light, which is in progress or complete.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
     /// Index of the current node, or index of the chosen light with the flag [`LEAF`].
     number: u32,
-    /// Probability of this choice up to the current node; 0 if no light can reach the point.
+    /// Probability of this choice up to the current node, or 0 if no light can reach the point.
     pub chance: f32,
     /// The part of the uniform random number that is still unused, rescaled to [0, 1).
     pub which: f32,
@@ -99,7 +100,7 @@ impl Choice {
     }
 }
 
-/// Returns cos(a - b) for two angles in [0, π], each given by its cosine and sine; 1 if a < b.
+/// Returns cos(a - b) for two angles in [0, π], each given by its cosine and sine. Returns 1 if a < b.
 #[inline(always)]
 fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;
@@ -184,7 +185,8 @@ impl Node {
             let emits = half * (most + middle.max(ZERO));
             self.cos_reach.lt(most).select(emits, ZERO)
         };
-        // Do the same for the angle between the receiver's normal and the direction to the lights.
+        // Apply the same computation to the angle between the receiver's normal and the direction to the
+        // lights.
         let receives = if at.normal == Vec3A::ZERO {
             ONE
         } else {
@@ -224,7 +226,7 @@ impl Node {
 }
 
 impl LightTree {
-    /// Builds a tree over lights, which keep their indices. Returns `None` if there are fewer than two
+    /// Builds a tree over lights. The lights keep their indices. Returns `None` if there are fewer than two
     /// lights, or if no light emits.
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
@@ -268,8 +270,8 @@ impl LightTree {
         number
     }
 
-    /// Completes the choices for several points. The choices descend the tree in lockstep, so that the
-    /// arithmetic of one choice hides the latency of the others.
+    /// Completes the choices of lights for several points. The choices descend the tree in lockstep, so that
+    /// the arithmetic of one choice hides the latency of the others.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         let mut open: ArrayVec<u8, N> = (0..N as u8).filter(|i| choices[*i as usize].is_open()).collect();
@@ -324,7 +326,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         let x = (b.centre()[axis] - low[axis]) / extent[axis];
         ((x * BINS as f32) as usize).min(BINS - 1)
     };
-    // The lowest cost so far, with its axis and the first bin of the second group.
+    // The lowest cost among the tested divisions, with the axis and the first bin of the second group.
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in (0..3).filter(|axis| extent[*axis] > 0.0) {
         let mut bins = [None::<Bounds>; BINS];

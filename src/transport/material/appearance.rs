@@ -1,4 +1,5 @@
-//! Ground-truth material quantities at a point: the visible plain material, its normal and its albedo.
+//! Ground-truth material quantities at a point: the visible plain material, and the normal and the albedo of
+//! this material.
 
 use super::{Lobe, Material, Materials, Specular, mirror_or_sheet};
 use crate::geometry::ray::Surface;
@@ -8,8 +9,11 @@ use optics::spectrum::Spectral;
 impl Materials {
     /// Returns the plain material visible from `wo`, and the surface with the normal of this material.
     ///
-    /// In a composite, the plain material is one of its parts: the side of a two-sided material that faces
-    /// `wo`, the blend component with the larger share, or the material under a normal map or a depolarizer.
+    /// In a composite, the plain material is one of the parts of the composite:
+    /// - the side of a two-sided material that faces `wo`,
+    /// - the blend component with the larger share,
+    /// - the material under a normal map or a depolarizer.
+    ///
     /// Returns `None` for a side that absorbs all light.
     pub(crate) fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
@@ -27,9 +31,9 @@ impl Materials {
     /// Returns the albedo of a material per wavelength.
     ///
     /// The result is the albedo of a diffuse surface or of a plastic body, the weighted mean over a blend,
-    /// and 0 for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
-    /// reflectance depends on angle, and for measured tables, which do not separate body and surface
-    /// reflection.
+    /// and 0 for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals,
+    /// because the reflectance of these materials depends on the angle. Returns `None` for measured tables
+    /// too, because measured tables do not separate body and surface reflection.
     pub fn albedo(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Spectral> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => Some(m.albedo.at(&self.textures, at.uv)),

@@ -1,4 +1,5 @@
-//! A mixture of two materials below pixel resolution: their Mueller matrices are averaged with area weights.
+//! A mixture of two materials below pixel resolution. The Mueller matrices of the materials are averaged with
+//! area weights.
 
 use super::Materials;
 use super::lanes::Lanes;
@@ -48,8 +49,8 @@ impl Blend {
         self.shares(materials, at).map(|(id, w)| w * materials.pdf(id, at, wo, wi)).iter().sum()
     }
 
-    /// Samples one of the materials with probability equal to its share, then a direction from this material.
-    /// The weight needs no further factor.
+    /// Samples one of the materials with a probability equal to the material's share, and then samples a
+    /// direction from this material. The weight needs no further factor.
     #[inline]
     pub fn sample(
         &self,

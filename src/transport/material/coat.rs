@@ -1,22 +1,23 @@
-//! Transmission of light into and out of a dielectric coat, through the mean surface or through its facets.
+//! Transmission of light into and out of a dielectric coat, through the mean surface or through facets.
 //!
 //! The body of [`super::plastic`] is illuminated through the coat. There are three models of the power
 //! transmittance at angle θ:
 //!
 //! - smooth: the Fresnel transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
 //!   `pplastic`);
-//! - facets: the fraction of light that the facets do not reflect, T(θ) = 1 - E(θ), where E is the directional
+//! - facets: the fraction T(θ) = 1 - E(θ) of light that the facets do not reflect, where E is the directional
 //!   albedo of the coat. A coat over a white body reflects all light;
-//! - single passage: light that is refracted by one facet and not masked by another, and internal light that is
-//!   reflected by one facet (Mitsuba's `roughplastic`). Light that hits a second facet is lost: 2 % at α = 0.1,
-//!   two thirds at α = 1.
+//! - single passage: light that is refracted by one facet and not masked by another, and internal light that
+//!   one facet reflects (Mitsuba's `roughplastic`). The model loses light that hits a second facet: 2 % of
+//!   the light at α = 0.1, and two thirds at α = 1.
 //!
-//! Let D_v be the density of the normals h that are visible from `wo`. Then E = ∫ D_v F(wo·h) G2/G1 dh, and
-//! T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the transmission is also a mean over
-//! facets, Σ D_v T_b(wo·h) cos 2φ, where φ is the angle between the planes of incidence.
+//! Let D_v be the density of the normals h that are visible from `wo`. The directional albedo is E = ∫ D_v
+//! F(wo·h) G2/G1 dh, and the single-passage transmittance is T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The
+//! diattenuation of the transmission is a mean over facets too: Σ D_v T_b(wo·h) cos 2φ, where φ is the angle
+//! between the planes of incidence.
 //!
-//! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image, as texels
-//! of two [`Textures`] images.
+//! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image. The tables
+//! are the texels of two [`Textures`] images.
 
 use super::facets::{Roughness, refract};
 use super::texture::{Filter, Image, Textures, Wrap};
@@ -34,7 +35,7 @@ pub enum Passage {
     Smooth,
     /// Transmission of all light that the facets do not reflect.
     Facets,
-    /// Transmission through a single facet only.
+    /// Transmission through a single facet.
     Single,
 }
 
@@ -48,7 +49,7 @@ const DRAWN: u32 = 32;
 /// integrand discontinuous.
 const DRAWN_INSIDE: u32 = 64;
 
-/// Power transmission of a coat: elements M00 and M01, in the frame perpendicular to the plane of
+/// Power transmission of a coat, as elements M00 and M01, in the frame perpendicular to the plane of
 /// incidence.
 #[derive(Clone, Copy, Debug)]
 pub struct Passed {
@@ -163,7 +164,8 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
             through = through.scaled(Spectral::new(kept));
         }
         a += through.a;
-        // The angle from the s direction of the mean surface (y) to that of the facet is φ; compute cos 2φ.
+        // The angle from the s direction of the mean surface (y) to the s direction of the facet is φ.
+        // Compute cos 2φ.
         let s = h.cross(wo);
         let length2 = s.length_squared();
         if length2 > 1e-12 {
@@ -179,8 +181,8 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The result is for a single α. If α is an image, half of the image's factor is used. In the facets model,
-/// reciprocity gives the result from outside directions, without an integral over inside directions.
+/// The result is for a single α. If α is an image, α is half of the image's factor. In the facets model,
+/// reciprocity gives the result from outside directions. An integral over inside directions is not needed.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
         return smooth_internal_reflectance(eta);
@@ -194,8 +196,8 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
             masking: Masking::Separable,
             ..model
         };
-        // Use Mitsuba's quadrature. The cosines of this quadrature include both ends, so that 1 - F is 2 %
-        // too low at small α.
+        // Use Mitsuba's quadrature. The cosines of this quadrature include both endpoints. As a result, 1 - F
+        // is 2 % too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);
@@ -215,7 +217,7 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
 /// midpoint rule is at most 1e-6.
 pub fn smooth_internal_reflectance(eta: Spectral) -> Spectral {
     const N: u32 = 4096;
-    // Integrate over outside angles, (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), because this integrand is smooth.
+    // Integrate over outside angles, because this integrand is smooth: (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ).
     // The integrand over inside angles is not smooth, because of total internal reflection.
     let mut sum = Spectral::ZERO;
     for k in 0..N {
@@ -259,8 +261,9 @@ mod tests {
         }
     }
 
-    /// Compares the single-passage model with `eval_transmittance` and `eval_reflectance` of Mitsuba 3.9.1,
-    /// which `roughplastic` tabulates (GGX, relative index 1.49, 65,536 normals).
+    /// Compares the single-passage model (GGX, relative index 1.49) with Mitsuba 3.9.1 and 65,536 normals.
+    /// The reference functions are `eval_transmittance` and `eval_reflectance`, whose values `roughplastic`
+    /// tabulates.
     #[test]
     fn a_single_passage_matches_roughplastic() {
         let eta = Spectral::splat(1.49);

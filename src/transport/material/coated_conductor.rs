@@ -1,4 +1,4 @@
-//! A mirror under thin films: metal or glass with up to four coatings. Only reflection is modelled.
+//! A mirror under thin films: metal or glass with up to four coatings. The model includes reflection only.
 //!
 //! [`thin_film::reflection`] computes the Mueller matrix. A film mainly changes the phase difference between
 //! s and p reflection, which distinguishes a protected mirror from a bare one.
@@ -20,7 +20,7 @@ pub struct CoatedConductor {
     pub n: Spectral,
     /// Imaginary part k ≥ 0 of the relative index of the substrate.
     pub k: Spectral,
-    /// Films, ordered from the outside in; only the first `count` are used.
+    /// Films, ordered from the outside in. Only the first `count` are used.
     pub films: [Film; MAX_FILMS],
     pub count: usize,
 }

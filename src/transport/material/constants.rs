@@ -71,12 +71,12 @@ fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {
     Ok(all)
 }
 
-/// Normalizes a name for comparison: converts it to lower case and replaces spaces and hyphens by `_`.
+/// Normalizes a name for comparison. Converts letters to lower case, and replaces spaces and hyphens by `_`.
 fn plain(name: &str) -> String {
     name.trim().to_lowercase().replace([' ', '-'], "_")
 }
 
-/// Finds a substance by name or alias; case is ignored.
+/// Finds a substance by name or alias, ignoring case.
 ///
 /// # Errors
 /// Returns [`ConstantsError::Unknown`], which lists all names, if there is no such substance.
@@ -92,7 +92,8 @@ pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
 /// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
 ///
 /// # Errors
-/// Returns a [`ConstantsError`] if the substance is unknown or the wavelength is outside its range.
+/// Returns a [`ConstantsError`] if the substance is unknown or the wavelength is outside the range of the
+/// substance's table.
 pub fn lookup(name: &str, nm: f64) -> Result<(f64, f64), ConstantsError> {
     find(name)?.at(nm)
 }
@@ -124,8 +125,8 @@ impl OpticalConstants {
 mod tests {
     use super::*;
 
-    /// Verifies n and k at 450, 550, 635 and 660 nm against printed values of an independent evaluation of
-    /// the database. The tolerance is about half a unit in the last printed digit.
+    /// Verifies n and k at 450, 550, 635 and 660 nm by comparison with printed values of an independent
+    /// evaluation of the database. The tolerance is about half a unit in the last printed digit.
     #[test]
     fn the_table_holds_the_published_numbers() {
         const FACTS: [(&str, [&str; 4], [&str; 4]); 17] = [
@@ -145,7 +146,7 @@ mod tests {
             ("quartz_e", ["1.56186", "1.55511", "1.55157", "1.55076"], ["0"; 4]),
             ("milk_fat", ["1.470", "1.463", "1.460", "1.459"], ["1.14e-5", "4.6e-6", "5.0e-6", "5.0e-6"]),
             ("casein", ["1.503"; 4], ["0"; 4]),
-            // The value of fused silica at the sodium D line is that in Born & Wolf.
+            // The value of fused silica at the sodium D line is the value given in Born & Wolf.
             ("SiO2", ["1.4656", "1.4599", "1.4570", "1.4563"], ["0"; 4]),
         ];
         let same = |got: f64, printed: &str| {

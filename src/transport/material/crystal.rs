@@ -1,39 +1,39 @@
-//! A closed surface filled with a uniaxial crystal, in the joined-ray model. [`super::rough_crystal`] is the
-//! same model with rough faces.
+//! A closed surface filled with a uniaxial crystal, in the joined-ray model. [`super::rough_crystal`]
+//! implements the same model with rough faces.
 //!
 //! The faces refract and reflect like glass with index (n_o + n_e)/2. Along each straight path segment of
-//! length L inside, the ordinary and the extraordinary wave accumulate the phase difference
+//! length L inside the crystal, the ordinary and the extraordinary wave accumulate the phase difference
 //!
 //! > δ = 2π L (n_e(ψ) - n_o)/λ,   1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e²
 //!
 //! where ψ is the angle between the ray and the optic axis c (Born & Wolf 1999, 15.3.3). For a wave along k,
 //! the ordinary electric vector is along k × c, and the extraordinary electric vector is in the plane of k
 //! and c. The segment is therefore a retarder. k × c is the fast axis if δ > 0 (quartz) and the slow axis if
-//! δ < 0 (calcite). One matrix with signed δ covers both cases.
+//! δ < 0 (calcite). One matrix with signed δ covers quartz and calcite.
 //!
 //! A Gaussian spectral line of full width Δλ at half maximum averages e^{iδ(λ)} over the line. If δ(λ) is
-//! linear across the line, dδ/dλ = -δ/λ, and σ = Δλ/√(8 ln 2), the mean is e^{iδ}·e^{-(δ σ/λ)²/2}. The cos δ
-//! and sin δ terms are thus multiplied by
+//! linear across the line with dδ/dλ = -δ/λ, the mean is e^{iδ}·e^{-(δ σ/λ)²/2} with σ = Δλ/√(8 ln 2). The
+//! cos δ and sin δ terms are therefore multiplied by
 //!
-//! > γ = exp(-(δ Δλ/λ)²/(16 ln 2)),
+//! > γ = exp(-(δ Δλ/λ)²/(16 ln 2)).
 //!
-//! so a plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) depolarizes all light that is not
-//! polarized along one of its axes.
+//! A plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) therefore depolarizes all light that is
+//! not polarized along an axis of the plate.
 //!
 //! The model neglects:
 //!
-//! - the separation of the two rays (walk-off, double images); `double_refraction` makes the
-//!   opposite approximation,
+//! - the separation of the two rays (walk-off, double images), whereas `double_refraction` makes the opposite
+//!   approximation,
 //! - the difference between the Fresnel factors of the two waves (both use the mean index),
 //! - the wavelength dependence of n_e - n_o within the line,
 //! - coherence between successive segments (each segment is averaged over the line separately),
 //! - optical activity (quartz along its axis) and absorption.
 //!
-//! Time of flight uses the mean index.
+//! The time of flight is computed with the mean index.
 //!
-//! The phase is computed in f64, but points are f32. At 1 m from the origin, points are rounded to 60 nm,
-//! which is a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick plate matters, place
-//! the crystal within a few centimetres of the origin.
+//! The phase is computed in f64, but points are f32. At 1 m from the origin, points are rounded to 60 nm. The
+//! rounding error corresponds to a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick
+//! plate matters, place the crystal within a few centimetres of the origin.
 
 use super::dielectric::Dielectric;
 use super::filling::{Filling, NO_CRYSTAL};
@@ -62,8 +62,8 @@ pub struct Crystal {
     pub waves_per_m: [f64; MAX_WAVELENGTHS],
     /// Relative full width of the spectral line at half maximum, Δλ/λ.
     pub bandwidth: [f64; MAX_WAVELENGTHS],
-    /// True if ordinary and extraordinary rays are separate and incoherent; false if they share one ray, with
-    /// a retardance between the waves.
+    /// True if ordinary and extraordinary rays are separate and incoherent. False if both waves share one
+    /// ray, with a retardance between the waves.
     pub split: bool,
 }
 
@@ -108,14 +108,14 @@ impl Crystal {
         }
     }
 
-    /// Returns the medium `filling` beyond the face; if `wo` is outside, the medium is this crystal (`id`).
+    /// Returns the medium `filling` beyond the face. If `wo` is outside, the medium is this crystal (`id`).
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
         Filling { crystal: if inward && !self.split { id } else { NO_CRYSTAL }, ..filling }
     }
 
-    /// Samples a direction (see [`super::Materials::sample`]); `id` is the index of this material.
+    /// Samples a direction (see [`super::Materials::sample`]). `id` is the index of this material.
     #[inline]
     pub fn sample(
         &self,
@@ -133,10 +133,10 @@ impl Crystal {
         Some(s)
     }
 
-    /// Returns a delta lobe (see [`super::Materials::specular`]); `id` is the index of this material.
+    /// Returns a delta lobe (see [`super::Materials::specular`]). `id` is the index of this material.
     ///
-    /// Inside a crystal that splits light, reflection and transmission each have two lobes. For such a
-    /// crystal, only the reflection on the outside is returned.
+    /// Inside a crystal that splits light, reflection and transmission each have two lobes. For a crystal
+    /// that splits light, only the reflection on the outside is returned.
     #[inline]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {
@@ -147,7 +147,7 @@ impl Crystal {
         Some(s)
     }
 
-    /// Returns the medium beyond the face (see [`super::Materials::beyond`]); `id` is this material's index.
+    /// Returns the medium beyond the face (see [`super::Materials::beyond`]). `id` is this material's index.
     #[inline]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         self.filling(id, at, wo, self.faces.beyond(at, wo, lanes))

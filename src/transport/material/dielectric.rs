@@ -1,4 +1,4 @@
-//! Smooth dielectric interface: reflection and refraction, sampled in proportion to their power.
+//! Smooth dielectric interface. Reflection and refraction are sampled in proportion to power.
 //!
 //! Refraction scales radiance by the squared ratio of the indices. If the index depends on wavelength,
 //! refraction separates the wavelengths. The path then continues with a single, uniformly sampled wavelength,
@@ -41,8 +41,8 @@ pub(super) struct Interface {
 }
 
 /// Returns the direction from which light is refracted into direction `wo`. `eta` is the index on the far
-/// side divided by that on the near side. Returns `None` under total reflection, or if shading and geometric
-/// normals disagree about the side.
+/// side divided by the index on the near side. Returns `None` under total internal reflection, or if shading
+/// and geometric normals disagree about the side.
 #[inline]
 fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
     let wi = refract(wo, n, eta)?.normalize();
@@ -50,7 +50,7 @@ fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Interface {
-    /// Returns the reflected or transmitted lobe; the refracted direction is that of wavelength `lane`.
+    /// Returns the reflected or transmitted lobe. The refracted direction is that of wavelength `lane`.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
         let Self { n, wo, .. } = *self;
@@ -63,7 +63,8 @@ impl Interface {
                 filling: None,
             });
         }
-        // Radiance divided by the squared index is invariant; both directions have equal transmittance.
+        // Radiance divided by the squared index is invariant. Light in opposite directions has equal
+        // transmittance.
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
@@ -88,9 +89,9 @@ impl Dielectric {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
-    /// Returns the direction on the other side from which light is refracted into direction `wo`, and the
-    /// ratio of the index on the side of `wo` to the index on the other side. Returns `None` under total
-    /// reflection, or if shading and geometric normals disagree.
+    /// Returns the direction on the far side from which light is refracted into direction `wo`. In addition,
+    /// returns the index on the side of `wo` divided by the index on the far side. Returns `None` under total
+    /// internal reflection, or if shading and geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
@@ -123,7 +124,7 @@ impl Dielectric {
     }
 
     /// Samples the wavelength that a refracted path keeps. Returns the lane of this wavelength, and the
-    /// weight with which the lane represents all live wavelengths.
+    /// weight by which the lane represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

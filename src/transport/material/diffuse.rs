@@ -30,15 +30,16 @@ impl Diffuse {
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
-        // Use `|` instead of `||`: each condition alone is unpredictable and would be a separate branch.
+        // Use `|` instead of `||`, because each condition alone is unpredictable and would be a separate
+        // branch.
         if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }
         Some(Scatter::Depolarize(self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI)))
     }
 
-    /// Returns true if light can arrive from `wi`, which was sampled with a density proportional to the
-    /// cosine to the shading normal on the side of `wo`.
+    /// Returns true if light can arrive from `wi`. The direction `wi` was sampled with a density proportional
+    /// to the cosine to the shading normal on the side of `wo`.
     #[inline(always)]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)

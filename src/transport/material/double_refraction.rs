@@ -6,19 +6,20 @@
 //! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
 //!
 //! extraordinary waves satisfy F(k) = 1, and ordinary waves satisfy k² = n_o² (Born & Wolf 1999, 15.2 and
-//! 15.3.3). A face conserves the tangential part of k (Snell's law); the normal part of k solves a quadratic
+//! 15.3.3). A face conserves the tangential part of k (Snell's law). The normal part of k solves a quadratic
 //! equation. Light travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). The optical
-//! path per unit length is k·S. The electric vector of the ordinary ray is along S × c. That of the
-//! extraordinary ray is perpendicular to S × c and to S.
+//! path per unit length is k·S. The electric vector of the ordinary ray is along S × c. The electric vector
+//! of the extraordinary ray is perpendicular to S × c and to S.
 //!
 //! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
-//! polarizer along the wave's electric vector. The two rays are incoherent, as if the crystal were much
-//! thicker than the coherence length or the beams narrower than their separation. Because the faces are
-//! approximate, the total transmitted power has a relative error of about (n_e - n_o)²/2 (1 to 2 % for
-//! calcite). A projector inside such a crystal is treated as if it were inside glass.
+//! polarizer along the wave's electric vector. The two rays are incoherent. This treatment is exact if the
+//! crystal is much thicker than the coherence length, or if the beams are narrower than their separation.
+//! Because the faces are approximate, the total transmitted power has a relative error of about (n_e -
+//! n_o)²/2 (1 to 2 % for calcite). A projector inside a birefringent crystal is treated as a projector inside
+//! glass.
 //!
-//! At a surface, it is unknown to which of the two waves a path from inside belongs. One wave is therefore
-//! sampled, and the polarizers correct the result: for the wrong wave, the polarizers are crossed, and the
+//! At a surface, the wave to which a path from inside belongs is unknown. One of the two waves is therefore
+//! sampled, and the polarizers correct the result. For the wrong wave, the polarizers are crossed, and the
 //! path contributes nothing.
 
 use super::crystal::Crystal;
@@ -86,7 +87,7 @@ impl Optics {
     }
 
     /// Returns the two waves (ordinary first) that travel to the side of the unit normal `n` and have the
-    /// tangential index vector `t`. A wave is `None` if it is evanescent.
+    /// tangential index vector `t`. Evanescent waves are `None`.
     #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;
@@ -95,7 +96,7 @@ impl Optics {
         let alpha = 1.0 / (self.n_e * self.n_e);
         let beta = 1.0 / (self.n_o * self.n_o) - alpha;
         let (tc, nc) = (t.dot(c), n.dot(c));
-        // F(t + q n) = 1 is a q² + 2 b q + d = 0; use the root whose ray is on the side of n.
+        // F(t + q n) = 1 is a q² + 2 b q + d = 0. Use the root whose ray is on the side of n.
         let (a, b) = (alpha + beta * nc * nc, beta * tc * nc);
         let d = alpha * t.length_squared() + beta * tc * tc - 1.0;
         let root2 = b * b - a * d;
@@ -108,8 +109,9 @@ impl Optics {
     }
 }
 
-/// Returns a Fresnel block as a Mueller matrix between the frames `out` of light along `d_out` and `inn` of
-/// light along `d_in`. The block's own frame vector is `s`, projected perpendicular to each direction.
+/// Returns a Fresnel block as a Mueller matrix between two frames. `out` is the frame of light along `d_out`,
+/// and `inn` is the frame of light along `d_in`. The block's own frame vector is `s`, projected perpendicular
+/// to each direction.
 #[inline]
 fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
     let mut m = block.to_mueller();
@@ -183,9 +185,9 @@ impl Crystal {
         })
     }
 
-    /// Returns the lobe of light that passes the face as one wave (0 ordinary, 1 extraordinary) at one
-    /// wavelength, for a crystal that splits light. If `wo` is inside, the light along `wo` must be this
-    /// wave.
+    /// Returns the lobe of light that passes the face as one wave at one wavelength, for a crystal that
+    /// splits light. `wave` is 0 for the ordinary wave and 1 for the extraordinary wave. If `wo` is inside,
+    /// the light along `wo` must be this wave.
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         if at.ng.dot(wo) > 0.0 {
             return self.entered(at, wo, lane, Spectral::ONE)[wave & 1];
@@ -205,8 +207,8 @@ impl Crystal {
         choose(&lobes, 0.5, lanes, stream)
     }
 
-    /// Returns the lobes of light that leaves along `wo` inside the crystal as one wave: a lobe from the
-    /// outside, and two lobes of waves that the face reflects.
+    /// Returns the lobes of light that leaves along `wo` inside the crystal as one wave. The lobes are one
+    /// lobe from the outside and two lobes of waves that the face reflects.
     fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
         let (optics, n) = (self.optics(lane), at.ns);
         let from = optics.along(-wo)[wave];

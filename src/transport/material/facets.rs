@@ -5,7 +5,8 @@
 //! 13, 14, 16, 17). If facets reflect or refract all light, the BSDF times cosθ_i is
 //!
 //! - D·G2 / (4 cosθ_o) for reflection,
-//! - D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²) for refraction, Walter's eq. 21 with radiance scaled by 1/η².
+//! - D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²) for refraction, eq. 21 of Walter et al. with radiance
+//!   scaled by 1/η².
 //!
 //! Light that would be scattered by more than one facet is absorbed.
 
@@ -32,7 +33,7 @@ pub(super) struct Facets {
     model: Microfacet,
     /// Rotation from the local frame to world space.
     frame: Mat3A,
-    /// Direction `wo` in the local frame; the z component is the cosine to the normal and exceeds 0.
+    /// Direction `wo` in the local frame. The z component is the cosine to the normal and exceeds 0.
     pub lo: Vec3A,
 }
 
@@ -45,7 +46,7 @@ pub(super) struct Passage {
     pub cos_i: f32,
     /// BSDF times cosθ_i if the facets reflect or refract all light.
     pub value: f32,
-    /// Density of `wi`, 1/sr, if a visible facet is sampled that reflects or refracts all light.
+    /// Density of `wi`, 1/sr, if a visible facet is sampled and the facet reflects or refracts all light.
     pub pdf: f32,
 }
 
@@ -56,7 +57,7 @@ pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
 }
 
 /// Returns the refraction of `wo` at the plane with normal `h` (on the side of `wo`) for the index ratio
-/// `eta`; `None` under total reflection.
+/// `eta`. Returns `None` under total internal reflection.
 #[inline]
 pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos = wo.dot(h);
@@ -65,7 +66,7 @@ pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Facets {
-    /// Creates the facets at a point; `n` is the shading normal on the side of `wo`.
+    /// Creates the facets at a point. `n` is the shading normal on the side of `wo`.
     #[inline]
     pub fn new(roughness: &Roughness, textures: &Textures, at: &Surface, n: Vec3A, wo: Vec3A) -> Self {
         let frame = basis(n);

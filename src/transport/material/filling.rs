@@ -1,4 +1,4 @@
-//! The medium along a ray: its refractive index, and whether it is a crystal.
+//! The medium along a ray, with the refractive index and the index of the crystal.
 
 /// The medium along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]

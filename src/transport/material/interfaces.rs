@@ -1,11 +1,12 @@
-//! Queries for manifold connections to pinholes: which materials redirect light, and in which direction.
+//! Queries for manifold connections to pinholes. The queries return which materials redirect light, and in
+//! which direction.
 
 use super::{Material, Materials, Specular, dielectric};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
 impl Materials {
-    /// Returns true if `is` holds for some material.
+    /// Returns true if `is` holds for at least one material.
     pub(crate) fn any(&self, is: impl Fn(&Self, u32) -> bool) -> bool {
         (0..self.list.len() as u32).any(|id| is(self, id))
     }
@@ -27,8 +28,8 @@ impl Materials {
     }
 
     /// Returns the direction from which light of wavelength `lane` is refracted into direction `wo` by a
-    /// smooth interface, and the ratio of the index on the side of `wo` to the index on the other side.
-    /// Returns `None` under total reflection and for all other materials.
+    /// smooth interface. Also returns the ratio of the index on the side of `wo` to the index on the other
+    /// side. Returns `None` under total internal reflection and for all other materials.
     #[inline]
     pub fn refracted(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         self.interface(id)?.refracted(at, wo, lane)
@@ -55,8 +56,8 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    /// Returns the lobe of light that passes the face of a crystal as one of its two waves
-    /// (`double_refraction`), at one wavelength.
+    /// Returns the lobe of light that passes the face of a crystal as one of the crystal's two waves, at one
+    /// wavelength (see `double_refraction`).
     #[inline]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         match &self.list[id as usize] {

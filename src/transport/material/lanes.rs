@@ -3,10 +3,10 @@
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// The set of wavelength lanes that a path still carries; dispersion reduces the set to one lane.
+/// The set of wavelength lanes that a path still carries. Dispersion reduces the set to one lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lanes {
-    /// Bit mask of the live lanes: bit i is set if lane i is live.
+    /// Bit mask of the live lanes. Bit i is set if lane i is live.
     pub mask: u8,
 }
 
@@ -60,7 +60,7 @@ impl Lanes {
         self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
     }
 
-    /// Samples one live lane uniformly and removes the others. Returns the lane, and the weight with which
+    /// Samples one live lane uniformly and removes the other lanes. Returns the lane, and the weight by which
     /// this lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {

@@ -38,7 +38,7 @@ pub enum Lobe {
 pub struct Specular {
     /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// Scattering matrix: radiance along `wo` = matrix · radiance from `wi`.
+    /// Scattering matrix, where radiance along `wo` = matrix · radiance from `wi`.
     pub scatter: Scatter,
     /// The medium along `wi`, if light crossed an interface.
     pub filling: Option<Filling>,

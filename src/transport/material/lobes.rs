@@ -1,9 +1,9 @@
-//! The lobes of a material by kind, for slices with path labels: the label bits ([`tensor::label`]) that a
-//! scattering event sets, and the contribution of each kind.
+//! The lobes of a material by kind, for slices with path labels. For a scattering event, this module returns
+//! the label bits ([`tensor::label`]) and the contribution of each kind of lobe.
 //!
 //! Reflection by a smooth surface is specular. Reflection by facets and single scattering below a plastic
 //! coat are glossy. Reflection by Lambertian surfaces and plastic bodies is diffuse. Smooth transmission sets
-//! no bit; transmission through facets is glossy. A measured table is both glossy and diffuse.
+//! no bit. Transmission through facets is glossy. A measured table is both glossy and diffuse.
 
 use super::lobe::{Lobes, Sampled};
 use super::{Material, Materials, mirror_or_sheet};
@@ -15,7 +15,7 @@ use optics::spectrum::Spectral;
 use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
 
 impl Materials {
-    /// Returns [`Self::eval`] by kind of lobe; empty if the value is zero.
+    /// Returns [`Self::eval`] by kind of lobe. The list is empty if the value is zero.
     pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
         match &self.list[id as usize] {
@@ -76,15 +76,15 @@ impl Materials {
             here.then_some((*kind, s))
         })?;
         let chance = brings(scatter) / all;
-        // If all lobes have intensity 0, any of them may be returned.
+        // If all lobes have intensity 0, the function may return any lobe.
         (chance > 0.0).then(|| (kind, scatter.scaled(Spectral::splat(1.0 / chance))))
     }
 
     /// Returns the path-label bits of a sampled direction.
     ///
     /// If several kinds of lobe contribute to the direction, one kind is sampled. The matrix in `sampled` is
-    /// then replaced by that of this kind, divided by the density over all kinds and by the probability of
-    /// the kind.
+    /// then replaced by the matrix of the sampled kind. This matrix is divided by the density over all kinds
+    /// and by the probability of the kind.
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

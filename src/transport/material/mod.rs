@@ -2,7 +2,7 @@
 //!
 //! Directions are unit vectors in world space that point away from the surface. `wo` is the direction in
 //! which light leaves (toward the camera). `wi` is the direction from which light arrives. Values include the
-//! factor |cosθ_i|. Opaque materials are two-sided: the shading normal is flipped to the side of `wo`.
+//! factor |cosθ_i|. Opaque materials are two-sided. The shading normal is flipped to the side of `wo`.
 //!
 //! Composite materials ([`two_sided`], [`blend`], …) refer to other materials by index in [`Materials`].
 
@@ -123,7 +123,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Returns the material if it is a plain Lambertian surface, otherwise `None`.
+    /// Returns the material if the material is a plain Lambertian surface, otherwise `None`.
     #[inline(always)]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
         match &self.list[id as usize] {
@@ -132,7 +132,8 @@ impl Materials {
         }
     }
 
-    /// Returns true if some lobe is not a delta lobe, so that next-event estimation applies.
+    /// Returns true if at least one lobe is not a delta lobe. Next-event estimation applies to materials with
+    /// such a lobe.
     #[inline(always)]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
         match &self.list[id as usize] {
@@ -150,14 +151,14 @@ impl Materials {
         material.parts().any(|part| self.has_extended_lobe(part))
     }
 
-    /// Returns the Mueller BRDF times |cosθ_i|, 1/sr, or `None` if it is zero.
+    /// Returns the Mueller BRDF times |cosθ_i|, 1/sr, or `None` if the result is zero.
     #[inline(never)]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval_inline(id, at, wo, wi)
     }
 
-    /// Works as [`Self::eval`], but is always inlined. Use this only in the path-tracing loop, where the gain
-    /// justifies the code size.
+    /// Works as [`Self::eval`], but is always inlined. Use this function only in the path-tracing loop, where
+    /// the gain justifies the code size.
     #[inline(always)]
     pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
@@ -175,8 +176,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate so that common
-    /// materials can be inlined.
+    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate from `eval` so
+    /// that the code for common materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
@@ -222,8 +223,8 @@ impl Materials {
         self.sample_inline(id, at, wo, lanes, stream)
     }
 
-    /// Works as [`Self::sample`], but is always inlined. Use this only in the path-tracing loop, where the
-    /// gain justifies the code size.
+    /// Works as [`Self::sample`], but is always inlined. Use this function only in the path-tracing loop,
+    /// where the gain justifies the code size.
     #[inline(always)]
     pub fn sample_inline(
         &self,
@@ -244,8 +245,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate so that common
-    /// materials can be inlined.
+    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate from `sample`
+    /// so that the code for common materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -281,7 +282,7 @@ impl Materials {
     }
 
     /// Returns a delta lobe that is not divided by a sampling probability. Returns `None` if the material has
-    /// no such lobe, or if the lobe carries no light.
+    /// no delta lobe of this kind, or if the lobe carries no light.
     ///
     /// If the material is dispersive, the wavelength lane `lane` determines the direction.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
@@ -309,10 +310,10 @@ impl Materials {
         }
     }
 
-    /// Returns true if some material transmits light without deflection, so that connections must be tested
-    /// for such materials.
+    /// Returns true if at least one material transmits light without deflection. Connections through these
+    /// materials must then be tested.
     pub(crate) fn any_straight(&self) -> bool {
-        // Composite materials need no case, because the list also contains their components.
+        // Composite materials need no case, because the list contains the components too.
         self.list.iter().any(|m| {
             matches!(
                 m,
@@ -321,7 +322,8 @@ impl Materials {
         })
     }
 
-    /// Returns true if some material redirects light from one direction into a single, different direction.
+    /// Returns true if at least one material redirects light from one direction into a single, different
+    /// direction.
     pub(crate) fn any_redirecting(&self) -> bool {
         self.list.iter().any(|m| {
             matches!(
@@ -378,7 +380,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if some normal map is a bump map.
+    /// Returns true if at least one normal map is a bump map.
     pub(crate) fn any_heights(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }

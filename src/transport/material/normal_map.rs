@@ -1,8 +1,8 @@
 //! Bump maps and normal maps: an image perturbs the shading normal of another material.
 //!
 //! A bump map contains heights along the shading normal n, in units of `strength` metres. The surface
-//! derivatives become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the new normal is perpendicular to both (Blinn
-//! 1978, "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
+//! derivatives become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the new normal is perpendicular to both
+//! derivatives (Blinn 1978, "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
 //!
 //! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, z along the shading normal). Each
 //! component c is stored as (c + 1)/2 (Cohen et al. 1998), with +y up as in OpenGL.
@@ -15,11 +15,11 @@ use glam::Vec3A;
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
     pub material: u32,
-    /// Index of the image. The first three channels of a normal map are x, y, z; the first channel of a bump
+    /// Index of the image. The first three channels of a normal map are x, y, z. The first channel of a bump
     /// map is the height.
     pub texture: u32,
-    /// For a normal map, the factor that multiplies x and y: 0 gives the shading normal, 1 the stored
-    /// normals. For a bump map, the height in metres for the image value 1.
+    /// For a normal map, the factor that multiplies x and y. A factor of 0 gives the shading normal, and 1
+    /// gives the stored normals. For a bump map, the height in metres for the image value 1.
     pub strength: f32,
     /// True for a bump map, false for a normal map.
     pub heights: bool,
@@ -29,7 +29,8 @@ pub struct NormalMap {
 const LEAST_COS: f32 = 0.02;
 
 impl NormalMap {
-    /// Returns the surface with the perturbed normal, which stays on the side of the geometric normal.
+    /// Returns the surface with the perturbed normal. The perturbed normal stays on the side of the geometric
+    /// normal.
     #[inline]
     pub(super) fn turned(&self, materials: &Materials, at: &Surface) -> Surface {
         let mut n = if self.heights { self.raised(materials, at) } else { self.stored(materials, at) };

@@ -1,8 +1,10 @@
-//! A material that partly depolarizes light, to model subsurface scattering at scales that cannot be traced.
+//! A material that partly depolarizes light. This material models subsurface scattering at scales that cannot
+//! be traced.
 //!
 //! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer with equal
 //! reflectance (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is unchanged.
-//! Two materials that differ only in f are therefore *metamers*: only their Mueller matrices differ.
+//! Two materials with different f are therefore *metamers*, which differ only in the polarization of the
+//! reflected light.
 
 use super::Materials;
 use super::texture::Scalar;
@@ -11,7 +13,7 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Another material, whose light is partly depolarized.
+/// The material whose light is partly depolarized, and the fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
     pub material: u32,

@@ -4,19 +4,20 @@
 //! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i)
 //!
 //! The first term is microfacet reflection with the Fresnel matrix R. The second term is body reflection.
-//! Light enters through the coat (T in the frame perpendicular to n and `wi`) and is depolarized inside. The
-//! light that leaves is partly polarized in the plane of n and `wo` (T in the frame perpendicular to n and
-//! `wo`). T is the Fresnel transmission of the smooth mean surface, or the transmission of the facets
-//! ([`super::coat`]).
+//! Light enters through the coat and is depolarized inside. The light that leaves is partly polarized in the
+//! plane of n and `wo`. T(θ_i) is in the frame perpendicular to n and `wi`, and T(θ_o) is in the frame
+//! perpendicular to n and `wo`. T is the Fresnel transmission of the smooth mean surface, or the transmission
+//! of the facets ([`super::coat`]).
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
-//! into the body may leave later. Then ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal
-//! reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true, and otherwise ρ' = ρ / (η² (1 - F)),
-//! proportional to ρ. In both cases, a white body returns all light that enters.
+//! into the body may leave later. In this case, ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean
+//! internal reflectance. Mitsuba's `plastic` uses this ρ' if `nonlinear` is true. If `nonlinear` is false,
+//! Mitsuba's `plastic` uses ρ' = ρ / (η² (1 - F)), which is proportional to ρ. With either formula for
+//! interreflection, a white body returns all light that enters.
 //!
 //! An optional third lobe models light that is scattered once below the surface (Hwang et al. 2022, "Sparse
-//! ellipsometry"). The lobe has the form of the surface reflection, including R, but has its own colour and
-//! width: ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
+//! ellipsometry"). The lobe ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i) has the form of the surface reflection,
+//! including R, but a separate colour and width.
 
 use super::coat;
 use super::facets::{Facets, Roughness, reflect};
@@ -44,9 +45,9 @@ pub struct Plastic {
     /// Factor k of the surface reflection.
     pub specular: Spectral,
     pub interreflection: Interreflection,
-    /// Transmission of the coat's facets; `None` if the smooth mean surface transmits the light.
+    /// Transmission of the coat's facets, or `None` if the smooth mean surface transmits the light.
     pub passage: Option<coat::Table>,
-    /// Lobe of light scattered once below the coat, if this lobe is modelled.
+    /// Lobe of light scattered once below the coat, or `None` for a plastic without single scattering.
     pub single_scatter: Option<SingleScatter>,
 }
 
@@ -54,11 +55,12 @@ pub struct Plastic {
 /// [`coat::internal_reflectance`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interreflection {
-    /// The light is lost: ρ' = ρ.
+    /// The light is lost, so ρ' = ρ.
     Lost,
-    /// The body reflects the light again: ρ' = ρ / (η² (1 - ρ F)). The field is F.
+    /// The body reflects the light again, with ρ' = ρ / (η² (1 - ρ F)). The field is F.
     Coloured(Spectral),
-    /// A white body would reflect the light again: ρ' = ρ / (η² (1 - F)), proportional to ρ. The field is F.
+    /// A white body would reflect the light again, with ρ' = ρ / (η² (1 - F)), which is proportional to ρ.
+    /// The field is F.
     Linear(Spectral),
 }
 
@@ -67,7 +69,8 @@ pub enum Interreflection {
 pub struct SingleScatter {
     /// Factor ρ_s in [0, 1].
     pub albedo: Spectrum,
-    /// Width parameter α of the distribution of normals, which is of the same kind as that of the surface.
+    /// Width parameter α of the distribution of normals. The distribution is of the same kind as the
+    /// distribution of the surface.
     pub alpha: Scalar,
 }
 
@@ -87,8 +90,9 @@ struct Seen {
 }
 
 impl Seen {
-    /// Evaluates facet reflection from the local direction `li`. Returns the cosine between the facet normal
-    /// and the light, the sum of the facet lobes without R, and the density of `li` over all lobes.
+    /// Evaluates facet reflection from the local direction `li`. Returns three numbers: the cosine between
+    /// the facet normal and the light, the sum of the facet lobes without R, and the density of `li` over all
+    /// lobes.
     #[inline]
     fn reflection(&self, specular: Spectral, li: Vec3A) -> Option<(f32, Spectral, f32)> {
         let to = self.facets.reflection(li)?;
@@ -153,8 +157,8 @@ impl Plastic {
         Some(Scatter::Full { mueller, frame_out: s, frame_in: s })
     }
 
-    /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` and `li` are the direction from
-    /// which light arrives, in world space and in the local frame.
+    /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` is the direction from which
+    /// light arrives in world space, and `li` is the same direction in the local frame.
     #[inline(always)]
     fn add_body(
         &self,
@@ -213,8 +217,8 @@ impl Plastic {
         self.value(textures, &seen, wi, |_| 1.0)
     }
 
-    /// Returns the sampling density of `wi`: a mixture of visible facets and a cosine lobe, weighted by the
-    /// reflection and transmission of a smooth surface.
+    /// Returns the sampling density of `wi`. The density is a mixture of visible facets and a cosine lobe,
+    /// weighted by the reflection and transmission of a smooth surface.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));

@@ -1,17 +1,17 @@
 //! Polarizer sheets, linear or circular.
 //!
-//! A linear polarizer is dichroic: it blocks the component of the electric vector along the absorbing axis a.
-//! With a' = a projected perpendicular to the ray d, the component along t = d × a' passes (Korger et al.
-//! 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At normal
-//! incidence, t is the transmission axis. In the frame of t, the matrix is a diattenuator with power
-//! transmittances T (along t) and ε·T (along a'):
+//! A linear polarizer is dichroic, that is, the polarizer blocks the component of the electric vector along
+//! the absorbing axis a. With a' = a projected perpendicular to the ray d, the component along t = d × a'
+//! passes (Korger et al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's
+//! `polarizer`). At normal incidence, t is the transmission axis. In the frame of t, the matrix is a
+//! diattenuator with power transmittances T (along t) and ε·T (along a'):
 //!
 //! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
 //!
 //! Reflection by the faces is neglected, but T may include the reflection loss.
 //!
-//! A circular polarizer passes one handedness of circular polarization and blocks the other, from either
-//! side. In any frame, its elements are
+//! A circular polarizer passes one handedness of circular polarization and blocks the other, for light from
+//! either side. In any frame, the elements of the matrix are
 //!
 //! > M00 = M33 = T(1 + ε)/2,  M03 = M30 = ±T(1 - ε)/2 (+ right),  M11 = M22 = T√ε.
 
@@ -45,7 +45,7 @@ pub enum Passes {
 pub struct Polarizer {
     /// Transmission axis.
     pub axis: SheetAxis,
-    /// The polarization state that passes. `axis` is used only for linear polarizers.
+    /// The polarization state that passes. Only linear polarizers use `axis`.
     pub passes: Passes,
     /// Power transmittance T of light polarized along the transmission axis, in [0, 1].
     pub transmittance: Spectral,

@@ -1,17 +1,18 @@
 //! Retarder sheet: a wave plate or a stretched film.
 //!
-//! In the frame of the sheet's fast axis, the matrix has M22 = M33 = cos δ and M23 = -M32 = sin δ; light
+//! In the frame of the sheet's fast axis, the matrix has M22 = M33 = cos δ and M23 = -M32 = sin δ. Light
 //! along the slow axis lags by δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is
 //! selectable:
 //!
 //! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. The optic axis c is in the
-//!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray
-//!   and c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t: the path is longer by 1/cosθ_t, and
-//!   n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born & Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected
-//!   perpendicular to the refracted ray. Refraction rotates the slow axis about s together with the ray.
-//! - [`Tilt::Constant`]: δ = δ₀ at any incidence; the fast axis is projected perpendicular to the ray.
-//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. This model is not
-//!   physical.
+//!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray and
+//!   c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t (Born & Wolf 1999, 15.3.3 and 15.4.1). The
+//!   path is longer by the factor 1/cosθ_t, and n_e(ψ) - n_o = (n_e - n_o) sin²ψ. The slow axis is c
+//!   projected perpendicular to the refracted ray. Refraction rotates the slow axis about s together with the
+//!   ray.
+//! - [`Tilt::Constant`]: δ = δ₀ at any incidence. The fast axis is projected perpendicular to the ray.
+//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis as [`Tilt::Constant`], as in Mitsuba 3's `retarder`.
+//!   The cosine model is not physical.
 //!
 //! Reflection by the faces is neglected, but the transmittance may include the reflection loss.
 
@@ -82,7 +83,8 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     // normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
-    // Outside the plate, the component along s is the same; the perpendicular one is rotated with the ray.
+    // Outside the plate, the component along s is the same. The perpendicular component is rotated with the
+    // ray.
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }

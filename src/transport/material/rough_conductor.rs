@@ -1,8 +1,8 @@
 //! Rough metals with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
-//! Only single scattering by facets is modelled; light that would hit several facets is absorbed. Mitsuba's
-//! `roughconductor` uses separable masking and shadowing. At α = 0.3, the result of the correlated form used
-//! here differs from Mitsuba's by well under 1 %; the difference increases as α⁴.
+//! The model includes single scattering by facets only. Light that would hit several facets is absorbed.
+//! Mitsuba's `roughconductor` uses separable masking and shadowing. At α = 0.3, the result of the correlated
+//! form in this program differs from Mitsuba's result by much less than 1 %. The difference increases as α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;
@@ -62,7 +62,7 @@ impl RoughConductor {
         }
     }
 
-    /// Samples a facet among those visible from `wo`; the weight is F·G2/G1, with the Fresnel matrix F.
+    /// Samples a facet among those visible from `wo`. The weight is F·G2/G1, with the Fresnel matrix F.
     #[inline]
     pub fn sample(
         &self,

@@ -1,14 +1,14 @@
-//! A closed surface filled with a uniaxial crystal with rough faces, in the joined-ray model.
+//! A closed surface with rough faces that is filled with a uniaxial crystal, in the joined-ray model.
 //!
-//! The faces reflect and refract like a [`super::rough_dielectric`] with index (n_o + n_e)/2. Each straight
-//! path segment inside is a retarder as in the smooth [`super::crystal`], which depends on the length and
-//! direction of the segment. The two models agree as α → 0.
+//! The faces reflect and refract like a [`super::rough_dielectric`] with index (n_o + n_e)/2. As in the
+//! smooth [`super::crystal`], each straight path segment inside is a retarder. The retardance depends on the
+//! length and direction of the segment. The two models agree as α → 0.
 //!
 //! Approximations, in addition to those of [`super::crystal`]:
 //!
-//! - Paths through different facets add incoherently, each with its own matrix. Light that passes a rough
+//! - Paths through different facets add incoherently, each with a separate matrix. Light that passes a rough
 //!   face is therefore depolarized by the spread of retardances, without speckle.
-//! - Facets do not split light into ordinary and extraordinary rays; `split` requires smooth faces.
+//! - Facets do not split light into ordinary and extraordinary rays. `split` requires smooth faces.
 //! - Light that would be scattered by several facets is absorbed, as in all rough materials.
 
 use super::crystal::Crystal;
@@ -38,7 +38,7 @@ impl RoughCrystal {
         RoughDielectric { interface: self.crystal.faces, roughness: self.roughness, lanes: self.lanes }
     }
 
-    /// Samples a direction (see [`super::Materials::sample`]); `id` is the index of this material.
+    /// Samples a direction (see [`super::Materials::sample`]). `id` is the index of this material.
     #[inline]
     pub fn sample(
         &self,

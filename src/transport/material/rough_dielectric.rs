@@ -31,11 +31,11 @@ pub struct RoughDielectric {
     pub lanes: Lanes,
 }
 
-/// Returns the cosine to the facet normal on the side of lower index, and the BSDF value of refraction with
-/// index ratio `eta`.
+/// Returns two numbers for refraction with index ratio `eta`: the cosine to the facet normal on the side of
+/// lower index, and the BSDF value.
 ///
 /// The power transmittance is equal in both directions. On the side of lower index, there is no total
-/// reflection, so f32 cosines are accurate enough.
+/// internal reflection, so f32 cosines are accurate enough.
 #[inline]
 fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
     passage.map_or((1.0, 0.0), |p| (if eta < 1.0 { p.cos_i } else { p.cos_o }, p.value))
@@ -56,7 +56,7 @@ impl RoughDielectric {
         self.interface.dispersive && self.lanes.count() > 1
     }
 
-    /// Returns the Mueller BSDF times |cosθ_i| (see [`super::Materials::eval`]); `wi` may be on either side.
+    /// Returns the Mueller BSDF times |cosθ_i| (see [`super::Materials::eval`]). `wi` may be on either side.
     #[inline]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let (facets, _, eta) = self.facets(textures, at, wo)?;
@@ -85,7 +85,8 @@ impl RoughDielectric {
     }
 
     /// Returns the density of [`Self::sample`] for a path that carries all wavelengths of the scene. For
-    /// refraction with a dispersive index, this is the mean over the wavelengths that may continue.
+    /// refraction with a dispersive index, the result is the mean over the wavelengths with which the path
+    /// may continue.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some((facets, _, eta)) = self.facets(textures, at, wo) else {
@@ -105,8 +106,8 @@ impl RoughDielectric {
         }
     }
 
-    /// Samples a visible facet, then reflection or refraction in proportion to their power. The weight is
-    /// F·G2/G1.
+    /// Samples a visible facet, and then samples reflection or refraction in proportion to the power. The
+    /// weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

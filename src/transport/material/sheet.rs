@@ -1,6 +1,7 @@
-//! Shared code of sheets (polarizers, retarders): an axis in the sheet, and transmission without deflection.
+//! Shared code of sheets (polarizers and retarders) for an axis in the sheet and transmission without
+//! deflection.
 //!
-//! Sheets are thin: light leaves at the point of entry, in the same direction and into the same medium. In
+//! Sheets are thin, so light leaves at the point of entry, in the same direction and into the same medium. In
 //! the frame of the sheet's axis, the matrix of a sheet has the block form of a Fresnel matrix.
 
 use super::lobe::Specular;
@@ -36,15 +37,15 @@ impl SheetAxis {
     }
 }
 
-/// Returns the lobe of transmission to `wo` without deflection, by an element with matrix `block` in the
+/// Returns the lobe of transmission to `wo` without deflection. The element has the matrix `block` in the
 /// frame `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The light keeps its
-/// direction and its polarization.
+/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The direction and the
+/// polarization of the light do not change.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

@@ -1,4 +1,4 @@
-//! Sides of a surface: the normal on the side of a direction, and the frame vector of the plane of incidence.
+//! Functions for the sides of a surface and for the plane of incidence.
 
 use crate::geometry::ray::Surface;
 use glam::Vec3A;

@@ -66,7 +66,8 @@ impl Image {
         }
     }
 
-    /// Returns the index of the texel in column `i`, row `j`, which may be beyond the edges.
+    /// Returns the index of the texel in column `i`, row `j`. `i` and `j` may be beyond the edges of the
+    /// image.
     #[inline]
     fn texel(&self, i: i64, j: i64) -> usize {
         let along = |i: i64, n: u32| {
@@ -85,7 +86,7 @@ impl Image {
     }
 }
 
-/// Interpolates the four values around a position; `at` returns the value at integer coordinates.
+/// Interpolates the four values around a position. `at` returns the value at integer coordinates.
 #[inline(always)]
 pub(crate) fn bilinear(x: f32, y: f32, at: impl Fn(f32, f32) -> Spectral) -> Spectral {
     let (x0, y0) = (x.floor(), y.floor());
@@ -114,7 +115,7 @@ pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
     [2.0 * cell[0] as f32 + 0.5 + u, 2.0 * cell[1] as f32 + 0.5 + v]
 }
 
-/// All images of a scene, whose texels are in one table.
+/// All images of a scene. The texels of all images are in one table.
 #[derive(Clone, Debug, Default)]
 pub struct Textures {
     pub images: Vec<Image>,
@@ -126,7 +127,8 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Returns the value of an image at texture coordinates, which are (0, 0) in the lower left corner.
+    /// Returns the value of an image at texture coordinates. The coordinates (0, 0) are the lower left
+    /// corner.
     #[inline]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
         if texture == ATTRIBUTE {
@@ -196,7 +198,7 @@ impl Spectrum {
     }
 }
 
-/// A number, optionally multiplied by the first channel of an image.
+/// A number that is optionally multiplied by the first channel of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar {
     /// The value, or the factor by which the image is multiplied.
@@ -251,7 +253,7 @@ mod tests {
 
     #[test]
     fn images_continue_by_wrap_mode() {
-        // The lower left texel has the value 4, the lower right texel the value 6.
+        // The lower left texel has the value 4, and the lower right texel has the value 6.
         let at = |wrap, u| value(&textures(Filter::Nearest, wrap, SAME), u, 0.25);
         for (wrap, expected) in [
             (Wrap::Repeat, [4.0, 6.0, 6.0, 4.0]),
@@ -285,7 +287,8 @@ mod tests {
         }
     }
 
-    /// Verifies interpolated corner values, also for high triangle indices, whose coordinates are coarse.
+    /// Verifies interpolated corner values. The test includes high triangle indices, which have coarse
+    /// coordinates.
     #[test]
     fn corner_values_are_interpolated() {
         let mut t = Textures::default();

@@ -1,15 +1,16 @@
 //! Thin glass plates, such as window panes, beam splitters and cover glasses.
 //!
 //! The plate is plane-parallel, much thicker than the coherence length of the light, and much thinner than
-//! the scene. Light that is reflected repeatedly between the faces leaves in parallel orders, whose Mueller
-//! matrices add. Let R and T be the power reflection and transmission matrices of one face in the s frame. R
-//! and T commute, and are equal for both faces. Then
+//! the scene. Light that is reflected repeatedly between the faces leaves in parallel orders. The Mueller
+//! matrices of the orders add. Let R and T be the power reflection and transmission matrices of one face in
+//! the s frame. R and T commute and are equal for both faces. The matrices of the plate are
 //!
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!
 //! (Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates";
-//! Mitsuba 3's `thindielectric` computes the same sum for unpolarized powers). Let r be the power
-//! reflectance of a face for s (or p), and x = ±√(r_s r_p) the element M22 of R. Then
+//! Mitsuba 3's `thindielectric` computes the same sum for unpolarized powers). Let r be the power reflectance
+//! of a face for s (or p), and x = ±√(r_s r_p) the element M22 of R. The corresponding values of the plate
+//! are
 //!
 //! > t̄ = (1 - r)/(1 + r), r̄ = r (1 + t̄);  M22: x̄_t = (1 - r_s)(1 - r_p)/(1 - x²), x̄_r = x (1 + x̄_t).
 //!
@@ -38,12 +39,12 @@ pub struct ThinDielectric {
 
 /// Returns the power reflection and transmission matrices of the plate in the s frame.
 ///
-/// `cos` is the cosine of incidence; `eta` is the index inside divided by the index outside.
+/// `cos` is the cosine of incidence. `eta` is the index inside divided by the index outside.
 #[inline]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;
     let one = Spectral::ONE;
-    // Rounding may give a power above 1. Under total reflection, the sums would be 0/0, so compute 0.
+    // Rounding may give a power above 1. Under total internal reflection, the sums would be 0/0, so return 0.
     let passed = |r: Spectral| (one - r).max(Spectral::ZERO);
     let (s, p) = (face.a + face.b, face.a - face.b);
     let (t_s, t_p) = (passed(s) / (one + s), passed(p) / (one + p));

@@ -8,7 +8,7 @@ use glam::Vec3A;
 pub struct TwoSided {
     /// Index of the material on the front.
     pub front: u32,
-    /// Index of the material on the back; if `None`, the back absorbs all light.
+    /// Index of the material on the back. If `None`, the back absorbs all light.
     pub back: Option<u32>,
 }
 
@@ -19,7 +19,7 @@ impl TwoSided {
         [Some(self.front), self.back].into_iter().flatten()
     }
 
-    /// Returns the index of the material on the side of `wo`. No light is transmitted between the sides.
+    /// Returns the index of the material on the side of `wo`. The surface transmits no light.
     #[inline]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
         if at.ng.dot(wo) > 0.0 { Some(self.front) } else { self.back }

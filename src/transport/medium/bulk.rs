@@ -1,10 +1,11 @@
 //! Bulk optical properties of a cloud of particles, computed from the scattering by single particles.
 //!
-//! With N particles per m³ of mean cross section C, μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed over
-//! the kinds of particle. The scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each
-//! kind. Scattering is independent (only the incident wave illuminates each particle), which is valid up to
-//! volume fractions of a few per cent. For a volume fraction f, the number density is N = f/⟨V⟩; a mass
-//! concentration c gives f = c/ρ.
+//! Let N be the number of particles per m³ and let C be the mean cross section of the particles. The
+//! coefficients are μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The
+//! scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each kind. Scattering is assumed
+//! to be independent, so that each particle is illuminated by the incident wave alone. Independent scattering
+//! is valid up to volume fractions of a few per cent. For a volume fraction f, the number density is N =
+//! f/⟨V⟩. A mass concentration c gives f = c/ρ.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
@@ -105,7 +106,7 @@ pub struct Bulk {
     pub c_abs: f64,
 }
 
-/// Particles at one wavelength: a list of spheres, each with its number per m³ divided by k².
+/// Particles at one wavelength. The spheres are listed, each with the number per m³ divided by k².
 #[derive(Clone, Debug)]
 pub struct Ensemble {
     spheres: Vec<(f64, Sphere)>,
@@ -121,7 +122,7 @@ pub struct Ensemble {
     cosine: f64,
     /// Number of terms of the longest Mie series.
     terms: usize,
-    /// Precomputed products of the series, which replace the spheres if there are many spheres.
+    /// Precomputed products of the series, which replace a long list of spheres.
     products: Option<Products>,
 }
 
@@ -190,7 +191,7 @@ impl Ensemble {
         }
     }
 
-    /// Returns true if the ensemble does not scatter.
+    /// Returns true if the ensemble does not scatter light.
     pub(crate) fn is_clear(&self) -> bool {
         self.scattering <= 0.0
     }

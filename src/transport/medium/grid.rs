@@ -1,10 +1,10 @@
 //! A grid of values in a box, for spatially varying media.
 //!
 //! Interpolation between grid points is trilinear. Within half a step of the faces of the box, the values are
-//! those of the outermost points; outside the box, the values are 0. Along a ray, the value is a cubic
-//! polynomial in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule gives its
-//! exact integral. Optical depths are therefore free of noise, and free paths are sampled by inverting the
-//! optical depth.
+//! those of the outermost points. Outside the box, the values are 0. Along a ray, the value is a cubic
+//! polynomial in each cell, and Simpson's rule gives the exact integral of the polynomial. Cells are
+//! traversed as in Amanatides & Woo (1987). Optical depths are therefore free of noise, and free paths are
+//! sampled by inverting the optical depth.
 
 use crate::geometry::ray::Ray;
 use glam::{Affine3A, Vec3A};
@@ -17,16 +17,17 @@ const STEPS: usize = 24;
 #[derive(Clone, Debug)]
 pub struct Grid {
     size: [usize; 3],
-    /// Map from world space to grid space, where the box extends from 0 to size along each axis, and the grid
-    /// points are the centres of unit cubes.
+    /// Map from world space to grid space. In grid space, the box extends from 0 to size along each axis, and
+    /// the grid points are the centres of unit cubes.
     to_grid: Affine3A,
-    /// Values at the grid points; x varies fastest, then y, then z.
+    /// Values at the grid points. x varies fastest, then y, then z.
     values: Vec<[f32; 4]>,
     /// True if values are constant in each cell instead of interpolated.
     nearest: bool,
 }
 
-/// A ray segment in one cell: start and end in metres, and the values at both ends and at the midpoint.
+/// A ray segment in one cell, with the start and end in metres. The values at both ends and at the midpoint
+/// are included.
 struct Piece {
     from: f32,
     to: f32,
@@ -71,7 +72,7 @@ impl Grid {
         mix(plane(0), plane(1), part.z)
     }
 
-    /// Returns the value at a world point; 0 outside the box.
+    /// Returns the value at a world point, or 0 outside the box.
     pub fn at(&self, p: Vec3A) -> Spectral {
         let own = self.to_grid.transform_point3a(p);
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
@@ -81,7 +82,8 @@ impl Grid {
         self.value(own)
     }
 
-    /// Returns the value at a world point, or outside the box the value at the nearest point of the box.
+    /// Returns the value at a world point. Outside the box, returns the value at the nearest point of the
+    /// box.
     pub fn beyond(&self, p: Vec3A) -> Spectral {
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         self.value(self.to_grid.transform_point3a(p).clamp(Vec3A::ZERO, size))
@@ -106,7 +108,8 @@ impl Grid {
         }
         // With interpolation, cell boundaries pass through the grid points, at an offset of half a unit cube.
         let shift = if self.nearest { 0.0 } else { 0.5 };
-        // For each axis: index of the next plane, and distance at which the ray crosses this plane.
+        // Compute for each axis the index of the next plane and the distance at which the ray crosses this
+        // plane.
         let start = o + d * near - shift;
         let mut plane =
             [0, 1, 2].map(|k| if d[k] > 0.0 { start[k].floor() + 1.0 } else { start[k].ceil() - 1.0 });
@@ -163,8 +166,8 @@ impl Grid {
         found
     }
 
-    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`,
-    /// which is at most the integral over the whole segment.
+    /// Returns the distance, in metres, at which the integral from the start of a segment reaches `wanted`.
+    /// The value `wanted` is at most the integral over the whole segment.
     fn within(&self, ray: &Ray, piece: &Piece, lane: usize, wanted: f32) -> f32 {
         let at = |t: f32| self.at_along(ray, t).to_array()[lane];
         let first = piece.ends[0].to_array()[lane];
@@ -280,7 +283,8 @@ mod tests {
         let along = |y: f32, dir: Vec3A| Ray { origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0, dir };
         for y in [0.0, 0.5, 1.0] {
             for dir in [Vec3A::X, -Vec3A::X] {
-                // The value is 1 for a quarter of the ray, increases to 3 over half, and is then 3.
+                // The value is 1 in the first quarter of the ray, increases to 3 over half of the ray, and is
+                // 3 in the last quarter.
                 let found = grid.integral(&along(y, dir), 9.0).to_array()[0];
                 assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
             }

@@ -1,15 +1,16 @@
 //! The Henyey–Greenstein phase function, with selectable polarization.
 //!
 //! S11 = (1 - g²)/(4π (1 + g² - 2 g μ)^{3/2}) (Henyey & Greenstein 1941), where g is the mean cosine. The
-//! formula does not define polarization. By default, scattering depolarizes completely. Otherwise, the
-//! reduced matrix is that of a dipole (the Rayleigh matrix, as measured in ocean water by Voss & Fry 1984,
-//! Appl. Opt. 23, 4427), but only a fraction l of linear and a fraction c of circular polarization is
-//! preserved. With f = 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
+//! formula does not define polarization. By default, scattering depolarizes completely. If polarization is
+//! selected, the matrix is that of a dipole, but preserves only a fraction l of linear and a fraction c of
+//! circular polarization. Voss & Fry (1984, Appl. Opt. 23, 4427) measured the dipole (Rayleigh) matrix in
+//! ocean water. With f = 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
 //!
 //! S12/S11 = S21/S11 = l b, S22/S11 = l, S33/S11 = l f, S44/S11 = c f.
 //!
-//! Such a matrix is realizable (Cloude) if and only if |l - c| |f| ≤ 1 - l and (l + c)² f² ≤ (1 + l)² - 4 l²
-//! b² for all angles (Hovenier & van der Mee 1996). For l and c in [0, 1], the condition is l ≤ (1 + c)/2.
+//! The scattering matrix is realizable (Cloude) if and only if two conditions hold for all angles (Hovenier &
+//! van der Mee 1996): |l - c| |f| ≤ 1 - l, and (l + c)² f² ≤ (1 + l)² - 4 l² b². For l and c in [0, 1], the
+//! condition is l ≤ (1 + c)/2.
 
 use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;
@@ -30,8 +31,8 @@ pub struct HenyeyGreenstein {
 
 impl HenyeyGreenstein {
     /// Creates a phase function from mean cosines and the preserved fractions of linear and circular
-    /// polarization. Mean cosines are clamped to ±[`LARGEST_G`], fractions to [0, 1], and `linear` to at most
-    /// (1 + circular)/2.
+    /// polarization. Mean cosines are clamped to ±[`LARGEST_G`], and fractions are clamped to [0, 1].
+    /// `linear` is limited to at most (1 + circular)/2.
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
         let largest = Spectral::splat(LARGEST_G as f32);
@@ -49,7 +50,7 @@ impl HenyeyGreenstein {
     pub fn intensity(self, at: Angle) -> Spectral {
         let (one, two) = (Spectral::ONE, Spectral::splat(2.0));
         let size = self.g.abs();
-        // Compute 1 + g² - 2gμ from 1 - μ or 1 + μ, whichever is small at the peak.
+        // Compute 1 + g² - 2gμ from either 1 - μ or 1 + μ. Select the term that is small at the peak.
         let toward_back = self.g.simd_lt(Spectral::ZERO);
         let off_peak = toward_back.bitselect(Spectral::splat(at.backward), Spectral::splat(at.forward));
         let base = (one - size) * (one - size) + two * size * off_peak;
@@ -73,9 +74,9 @@ impl HenyeyGreenstein {
         }
     }
 
-    /// Samples a scattering angle with density proportional to [`Self::intensity`] of one lane, by a uniform
-    /// random number in [0, 1). The cumulative distribution is inverted for 1 - μ, which avoids division by g
-    /// and cancellation at the peak.
+    /// Samples a scattering angle with density proportional to [`Self::intensity`] of one lane, from a
+    /// uniform random number in [0, 1). The cumulative distribution is inverted for 1 - μ. Inversion for 1 -
+    /// μ avoids division by g and cancellation at the peak.
     #[inline]
     pub fn sample(self, lane: usize, u: f32) -> Angle {
         let g = self.g.to_array()[lane];

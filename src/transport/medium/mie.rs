@@ -9,16 +9,16 @@
 //! - b_n the same with A = m D_n(mx) + n/x,
 //! - S1 = Σ (2n+1)/(n(n+1)) (a_n π_n + b_n τ_n), S2 = Σ (2n+1)/(n(n+1)) (a_n τ_n + b_n π_n) (their 4.74).
 //!
-//! S1 acts on the field perpendicular to the scattering plane, S2 on the field in this plane. The
+//! S1 acts on the field perpendicular to the scattering plane, and S2 acts on the field in this plane. The
 //! perpendicular direction is the first axis of both frames, and (perpendicular, parallel, direction) is
-//! right-handed, as in `polarization::fresnel`. S1 and S2 thus replace r_s and r_p, and the scattering matrix
-//! has the same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1*
-//! S2. (S12 has the opposite sign of S12 in Bohren & Huffman, whose first axis is the parallel one. S34 has
-//! the same sign.)
+//! right-handed, as in `polarization::fresnel`. S1 and S2 therefore replace r_s and r_p, and the scattering
+//! matrix has the same block form as a Fresnel matrix: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33
+//! = Re S1* S2, S34 = Im S1* S2. S12 has the opposite sign of S12 in Bohren & Huffman, because their first
+//! axis is the parallel axis. S34 has the same sign.
 //!
-//! The recurrences are numerically stable at any size. For n ≤ x, where ψ_n oscillates, ψ_n is computed by
-//! an upward recurrence. For n > x, where ψ_n decays, ψ_n is computed from the logarithmic derivative, by a
-//! downward recurrence. Absorption is summed directly and not as a difference: the Wronskian ψ_{n-1} χ_n -
+//! The recurrences are numerically stable at any size. For n ≤ x, where ψ_n oscillates, ψ_n is computed by an
+//! upward recurrence. For n > x, where ψ_n decays, ψ_n is computed from the logarithmic derivative by a
+//! downward recurrence. Absorption is summed directly and not as a difference. The Wronskian ψ_{n-1} χ_n -
 //! ψ_n χ_{n-1} = 1 gives Re a_n - |a_n|² = -Im A/|p - i q|².
 
 use num_complex::Complex;
@@ -58,8 +58,8 @@ pub struct Sphere {
     sums: Vec<[C; 2]>,
 }
 
-/// Returns the number of terms of the series: a few more than the number of Wiscombe (1980, Appl. Opt. 19,
-/// 1505).
+/// Returns the number of terms of the series. The result is a few terms more than recommended by Wiscombe
+/// (1980, Appl. Opt. 19, 1505).
 fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
@@ -72,7 +72,7 @@ fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let mut d = C::default();
     for n in (1..=start).rev() {
         let ratio = n as f64 / z;
-        // The constant is negligible, except that it avoids division by zero at an exact zero of ψ.
+        // The constant avoids division by zero at an exact zero of ψ and is otherwise negligible.
         d = ratio - (d + ratio + 1e-150).inv();
         if n - 1 <= count {
             out[n - 1] = d;
@@ -81,8 +81,8 @@ fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     out
 }
 
-/// Returns the Riccati–Bessel functions ψ_0 … ψ_count and χ_0 … χ_count of a real argument, with the sign of
-/// Bohren & Huffman: ψ_0 = sin x, χ_0 = cos x.
+/// Returns the Riccati–Bessel functions ψ_0 … ψ_count and χ_0 … χ_count of a real argument. The signs are
+/// those of Bohren & Huffman: ψ_0 = sin x, χ_0 = cos x.
 fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
     let (mut psi, mut chi) = (vec![0.0; count + 1], vec![0.0; count + 1]);
     let (sin, cos) = x.sin_cos();
@@ -104,7 +104,7 @@ fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
 }
 
 impl Sphere {
-    /// Computes a sphere with size parameter `x` and index `m` relative to the host, m.im ≥ 0.
+    /// Computes a sphere with size parameter `x` and index `m` relative to the host, where m.im ≥ 0.
     ///
     /// # Errors
     /// Returns a [`MieError`] if `x` is outside [`SIZES`], or if `m` is not the index of a passive material.
@@ -165,8 +165,8 @@ impl Sphere {
         self.sums.len()
     }
 
-    /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …: the coefficients of π_n + τ_n
-    /// and π_n - τ_n in S1.
+    /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …. The results are the
+    /// coefficients of π_n + τ_n and π_n - τ_n in S1.
     pub fn coefficients(&self) -> &[[C; 2]] {
         &self.sums
     }
@@ -190,8 +190,8 @@ impl Sphere {
     }
 }
 
-/// Writes π_n + τ_n and π_n - τ_n for n = 1 … count and a cosine of the scattering angle (Bohren & Huffman
-/// 4.47) to `out`.
+/// Writes π_n + τ_n and π_n - τ_n for n = 1 … count to `out` (Bohren & Huffman 4.47). `cos` is the cosine of
+/// the scattering angle.
 pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
     out.clear();
     let (mut before, mut pi) = (0.0, 1.0);
@@ -224,8 +224,12 @@ mod tests {
     }
 
     /// Compares with the printed result of the program in appendix A of Bohren & Huffman (radius 0.525 µm,
-    /// 632.8 nm, m = 1.55): S11 divided by S11 at 0°, degree of polarization -S12/S11 (in their convention),
-    /// S33/S11 and S34/S11. Signs are converted to those of this file.
+    /// 632.8 nm, m = 1.55). The compared quantities are:
+    /// - S11 divided by S11 at 0°,
+    /// - the degree of polarization -S12/S11 in the convention of Bohren & Huffman,
+    /// - S33/S11 and S34/S11.
+    ///
+    /// Signs are converted to those of this file.
     #[test]
     // One of the reference values is close to π/4, but is not π/4.
     #[expect(clippy::approx_constant)]
@@ -252,7 +256,7 @@ mod tests {
         }
     }
 
-    /// Compares Q_ext, Q_sca and g with those of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to the printed
+    /// Compares Q_ext, Q_sca and g with those of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), within the printed
     /// precision.
     #[test]
     fn matches_wiscombe() {
@@ -277,8 +281,8 @@ mod tests {
         }
     }
 
-    /// Compares with the Rayleigh limits (8/3) x⁴ |K|² and 4 x Im K, where K = (m² - 1)/(m² + 2), up to
-    /// relative corrections of order x² (Bohren & Huffman 5.7).
+    /// Compares with the Rayleigh limits (8/3) x⁴ |K|² and 4 x Im K, where K = (m² - 1)/(m² + 2) (Bohren &
+    /// Huffman 5.7). The relative deviation from the limits is of order x².
     #[test]
     fn small_spheres_match_rayleigh() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
@@ -303,8 +307,8 @@ mod tests {
         }
     }
 
-    /// Verifies Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11, which
-    /// are computed by Gauss–Legendre quadrature.
+    /// Verifies Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11. The
+    /// integrals are computed by Gauss–Legendre quadrature.
     #[test]
     fn series_and_amplitudes_agree() {
         for (x, n, k) in
@@ -348,9 +352,10 @@ mod tests {
         (0..count).map(node).collect()
     }
 
-    /// Verifies that, outside the forward direction, scattering by a large metal sphere equals Fresnel
-    /// reflection at the specular point, with angle of incidence (180° - θ)/2. This verifies that the order
-    /// and signs of S1 and S2 and the signs of time and k agree with `polarization::fresnel`.
+    /// Verifies that scattering by a large metal sphere outside the forward direction equals Fresnel
+    /// reflection at the specular point. The angle of incidence at this point is (180° - θ)/2. The test thus
+    /// verifies that the order and signs of S1 and S2 and the signs of time and k agree with
+    /// `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_matches_fresnel() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -362,8 +367,8 @@ mod tests {
             for (got, want) in [b / a, c / a, d / a].into_iter().zip(&want[1..]) {
                 assert!((got - want / f64::from(f.a.to_array()[0])).abs() < 2e-3, "{deg}°: {got} {want}");
             }
-            // The geometric reflection by a sphere is isotropic, with a quarter of the reflectance per
-            // steradian in units of r².
+            // The geometric reflection by a sphere is isotropic. The reflected intensity per steradian is a
+            // quarter of the reflectance, in units of r².
             let brightness = 4.0 * a / 3000.0_f64.powi(2);
             assert!((brightness / want[0] - 1.0).abs() < 5e-3, "{deg}°: {brightness} {want:?}");
         }
@@ -402,7 +407,7 @@ mod tests {
             prop_assert!(s.g.abs() <= 1.0 && s.q_back >= 0.0 && s.q_back.is_finite());
             let [a, b, c, d] = matrix(s.amplitudes(mu));
             prop_assert!(a >= 0.0 && (b * b + c * c + d * d - a * a).abs() <= 1e-12 * a * a);
-            // Verify the optical theorem where cancellation leaves enough digits.
+            // Verify the optical theorem only where the result keeps enough digits after cancellation.
             let theorem = 4.0 * s.amplitudes(1.0)[0].re / (x * x);
             prop_assert!((theorem - s.q_ext()).abs() < 1e-9 * s.q_ext(), "{} {}", theorem, s.q_ext());
         }

@@ -1,4 +1,5 @@
-//! Participating media: scattering and absorption. One phase function per file, dispatched by enum.
+//! Participating media, which scatter and absorb light. Each phase function has a file and is dispatched by
+//! enum.
 //!
 //! Scattering matrices are per steradian and normalized to ∫ S11 dω = 1. Directions and frames are defined in
 //! [`scattered`]. `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
@@ -49,17 +50,18 @@ pub const NO_GRID: u32 = u32::MAX;
 /// A medium that is homogeneous, except for the grids to which it refers.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium {
-    /// Absorption coefficient μ_a, 1/m; 0 in unused lanes.
+    /// Absorption coefficient μ_a, 1/m (0 in unused lanes).
     pub absorption: Spectral,
-    /// Scattering coefficient μ_s, 1/m; 0 in unused lanes.
+    /// Scattering coefficient μ_s, 1/m (0 in unused lanes).
     pub scattering: Spectral,
-    /// Real refractive index of the host medium; 1 in unused lanes.
+    /// Real refractive index of the host medium (1 in unused lanes).
     pub index: Spectral,
     pub phase: Phase,
     /// Index of a grid in [`Media::grids`] that multiplies both coefficients. Outside the grid's box, the
     /// factor is 0.
     pub density: u32,
-    /// Index of a grid: the fraction of `scattering` that is scattered. The remaining fraction is absorbed.
+    /// Index of a grid with the fraction of `scattering` that is scattered. The remaining fraction is
+    /// absorbed.
     pub albedo: u32,
 }
 
@@ -160,9 +162,9 @@ impl Media {
         extinction[..lanes].iter().fold(f32::INFINITY, |a, b| a.min(*b))
     }
 
-    /// Returns the Mueller phase function per steradian, from light that travels along `-wi` to light that
-    /// travels along `wo`. `wi` and `wo` are unit vectors that point away from the scattering point. The
-    /// first axis of both frames is the normal of the scattering plane.
+    /// Returns the Mueller phase function per steradian. The matrix maps light that travels along `-wi` to
+    /// light that travels along `wo`. `wi` and `wo` are unit vectors that point away from the scattering
+    /// point. The first axis of both frames is the normal of the scattering plane.
     #[inline]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
         let at = Angle::between(wo, wi);
@@ -202,8 +204,8 @@ impl Media {
         }
     }
 
-    /// Returns the scattering matrix at a scattering angle; `s` computes the normal of the scattering plane
-    /// if it is needed.
+    /// Returns the scattering matrix at a scattering angle. If the normal of the scattering plane is needed,
+    /// `s` computes the normal.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A) -> Scatter {
         match phase {

@@ -1,9 +1,9 @@
 //! Tracks the medium of a path through nested or overlapping filled objects.
 //!
 //! Each filled object has a priority. Where several objects overlap, the object with the highest priority
-//! fills the space, and light ignores the boundaries of the other objects there (Schmidt & Budge 2002,
-//! "Simple nested dielectrics in ray traced images"). If priorities are equal, the object that was entered
-//! last fills the space. Nested objects therefore need no priorities.
+//! fills the space. Within this space, light ignores the boundaries of the other objects (Schmidt & Budge
+//! 2002, "Simple nested dielectrics in ray traced images"). If priorities are equal, the object that was
+//! entered last fills the space. Nested objects therefore need no priorities.
 
 /// Maximum number of filled objects that may contain the same point. Further objects are ignored.
 pub const DEPTH: usize = 8;
@@ -13,7 +13,8 @@ pub const DEPTH: usize = 8;
 pub struct Boundary {
     /// Index of the medium inside.
     pub medium: u32,
-    /// Priority of the object. Among overlapping objects, the one with the highest priority fills the space.
+    /// Priority of the object. Among overlapping objects, the object with the highest priority fills the
+    /// space.
     pub priority: i32,
     /// Index of the first boundary of the same object. The surfaces of an object may have different
     /// materials, so light may enter through one boundary and leave through another.
@@ -38,7 +39,7 @@ impl Nest {
         &self.entered[..usize::from(self.count)]
     }
 
-    /// Returns the index of the medium at the point; `None` outside all filled objects.
+    /// Returns the index of the medium at the point, or `None` outside all filled objects.
     #[inline]
     pub fn medium(&self, boundaries: &[Boundary]) -> Option<u32> {
         let filled = self.list().iter().map(|id| boundaries[*id as usize]);
@@ -46,7 +47,8 @@ impl Nest {
         filled.max_by_key(|b| b.priority).map(|b| b.medium)
     }
 
-    /// Returns true if boundary `id` is inside an object of higher priority and thus has no effect on light.
+    /// Returns true if boundary `id` is inside an object of higher priority and therefore has no effect on
+    /// light.
     #[inline]
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {
         let own = boundaries[id as usize];
@@ -54,7 +56,7 @@ impl Nest {
             && self.list().iter().any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
-    /// Crosses boundary `id`: to the inside if `enters` is true, otherwise to the outside.
+    /// Crosses boundary `id` to the inside if `enters` is true, otherwise to the outside.
     #[inline]
     pub fn cross(&mut self, boundaries: &[Boundary], id: u32, enters: bool) {
         let own = boundaries[id as usize];

@@ -1,16 +1,17 @@
 //! Predefined media: milk, polystyrene beads in water, marble, skin.
 //!
-//! **Milk** consists of fat globules and casein micelles in water, after Frisvad, Christensen & Jensen 2007,
-//! "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60),
-//! with the parameters of Frisvad's program of 2009:
+//! **Milk** consists of fat globules and casein micelles in water. The model is that of Frisvad, Christensen
+//! & Jensen 2007, "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM
+//! TOG 26(3), 60). The parameters are those of Frisvad's program of 2009:
 //!
-//! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030), where w is the percentage
-//!   by weight of fat or of protein,
+//! - volume fraction of fat (w/0.915)/(100/1.030) and of casein 0.76 (w/1.11)/(100/1.030), where w is the
+//!   percentage by weight of fat or of protein,
 //! - fat: log-normal, with area-weighted mean radius r43/(c² + 1) and coefficient of variation c = 0.6. r43
 //!   decreases with the homogenization pressure P in MPa as log r43 = log r_0 - log(r_0/r_50)/log(50) log P.
-//!   r_0 is a fit for untreated milk and r_50 a fit for 50 MPa (Walstra 1975; Olson, White & Richter 2004),
+//!   r_0 is a fit for untreated milk, and r_50 is a fit for 50 MPa (Walstra 1975; Olson, White & Richter
+//!   2004),
 //! - casein: the volume-weighted distribution of t = r/(150 nm - r) is log-normal with mean 43/107 and
-//!   standard deviation 0.23; the index is 1.503,
+//!   standard deviation 0.23, and the index is 1.503,
 //! - riboflavin (vitamin B2): the water contains 0.17 mg per 100 g of milk. The absorbance (Du et al. 1998,
 //!   33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
@@ -19,8 +20,9 @@
 //!
 //! **Marble, skin**: the source is Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for
 //! subsurface light transport", table of figure 5. The table lists reduced scattering and absorption in red,
-//! green and blue. These values are assigned to 650, 550 and 450 nm and interpolated linearly. Reduced
-//! scattering is μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with selectable g.
+//! green and blue. The values for red, green and blue are assigned to 650, 550 and 450 nm and interpolated
+//! linearly. Reduced scattering is μ_s' = (1 - g) μ_s. The phase function is that of Henyey & Greenstein with
+//! selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;
@@ -32,10 +34,11 @@ use optics::spectrum::Wavelengths;
 /// Composition of milk: fat content, homogenization and dilution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milk {
-    /// Percentage of fat by weight: 3.5 in whole milk, 1.5 in reduced-fat milk, 0.1 in skimmed milk.
+    /// Percentage of fat by weight, for example 3.5 in whole milk, 1.5 in reduced-fat milk and 0.1 in skimmed
+    /// milk.
     pub fat_percent: f64,
     pub protein_percent: f64,
-    /// Homogenization pressure in MPa; 0 for untreated milk.
+    /// Homogenization pressure in MPa, or 0 for untreated milk.
     pub homogenization_mpa: f64,
     /// Volume fraction of milk in a mixture of milk and water, in [0, 1].
     pub concentration: f64,
@@ -47,7 +50,7 @@ const RIBOFLAVIN: [f64; 17] = [
     0.010_46, 0.010_61, 0.006_71, 0.010_34, 0.005_89, 0.008_86, 0.010_15,
 ];
 
-/// Unit of [`RIBOFLAVIN`], per M and metre: an absorbance of 0.25654 corresponds to 33 000 per M and cm.
+/// Unit of [`RIBOFLAVIN`], per M and metre. An absorbance of 0.25654 corresponds to 33 000 per M and cm.
 const RIBOFLAVIN_UNIT: f64 = 3.3e6 / 0.256_54;
 
 /// Concentration of riboflavin in milk, in moles per litre: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
@@ -65,7 +68,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
         if w < 2.0 { -0.252_803_379_4 * w * w + 1.418_606_759 * w } else { 1.456_189_142 * w.powf(0.36) };
     let at_50 = 7.481_403_922e-4 * w * w + 3.203_991_829e-2 * w + 0.116_215_566_7;
     let r43 = if mpa > 1.0 {
-        // Use the power law through both fits, at 1 MPa and at 50 MPa.
+        // Use the power law that agrees with both fits, which are at 1 MPa and at 50 MPa.
         untreated * mpa.powf(-(untreated / at_50).ln() / 50.0_f64.ln())
     } else {
         untreated
@@ -87,7 +90,7 @@ fn casein_sizes() -> SizeDistribution {
         let t = transform(r);
         (-(t.ln() - centre).powi(2) / (2.0 * variance)).exp() / t
     };
-    // Divide by r³ to convert from volume weights to number weights. The ends contribute little.
+    // Divide by r³ to convert from volume weights to number weights. The ends of the range contribute little.
     let radii = (2..75).map(|i| 2.0 * f64::from(i));
     SizeDistribution::List(radii.map(|r| [r * 1e-9, weight(r) / r.powi(3)]).collect())
 }
@@ -99,7 +102,8 @@ fn riboflavin(nm: f64) -> f64 {
 }
 
 impl Milk {
-    /// Returns the optical properties of the milk at the given wavelengths, which must be in 380 to 770 nm.
+    /// Returns the optical properties of the milk at the given wavelengths. The wavelengths must be in the
+    /// range 380 to 770 nm.
     ///
     /// # Errors
     /// Returns a [`BulkError`] if a wavelength or a parameter is out of range.

@@ -6,9 +6,9 @@
 //! S11 = (|P|² + |Q|²)/4, S12 = Re P Q*/2, S33 = (|P|² - |Q|²)/4, S34 = Im P Q*/2.
 //!
 //! All four elements are quadratic forms of the angular functions. The matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and
-//! ⟨s_n d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number of
-//! sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and with a few
-//! hundred sizes the relative error is 10⁻³.
+//! ⟨s_n d_m*⟩ are averaged over the spheres once. The cost per angle therefore does not depend on the number
+//! of sizes. Thousands of sizes are needed, because the resonances of transparent spheres are narrow. With a
+//! few hundred sizes, the relative error is 10⁻³.
 
 use super::mie::Sphere;
 
@@ -35,7 +35,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Products {
-    /// Computes the mean products over spheres, given as pairs of a weight and a sphere.
+    /// Computes the mean products over spheres. Each pair is a weight and a sphere.
     pub fn new(spheres: &[(f64, Sphere)]) -> Self {
         let terms = spheres.iter().map(|(_, s)| s.terms()).max().unwrap_or(0);
         let triangle = || (0..terms).map(|n| vec![0.0; n + 1]).collect::<Vec<_>>();

@@ -1,14 +1,14 @@
 //! Rayleigh scattering by molecules and by particles much smaller than the wavelength.
 //!
 //! The matrix is that of Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev.
-//! 16, eq. 2.15, but per steradian and with the normal of the scattering plane as first axis. The
-//! depolarization factor ρ is the ratio of parallel to perpendicular intensity at 90° for unpolarized
-//! incident light. Let Δ = (1 - ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ), and μ = cosθ:
+//! 16, eq. 2.15. In this module, the matrix is per steradian, and the first axis is the normal of the
+//! scattering plane. The depolarization factor ρ is the ratio of parallel to perpendicular intensity at 90°
+//! for unpolarized incident light. Let Δ = (1 - ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ), and μ = cosθ:
 //!
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
 //!
-//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). Without absorption, ρ ≤ 1/2.
+//! King's factor is (6 + 3ρ)/(6 - 7ρ). Air has ρ = 0.028 (Young 1980). Without absorption, ρ ≤ 1/2.
 
 use super::scattered::{Angle, Elements};
 use std::f32::consts::PI;
@@ -19,9 +19,9 @@ pub const LARGEST_DEPOLARIZATION: f32 = 0.5;
 /// Rayleigh phase function with a depolarization factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rayleigh {
-    /// Fraction Δ of dipole scattering; see the module documentation.
+    /// Fraction Δ of dipole scattering (see the module documentation).
     dipole: f32,
-    /// Product Δ Δ'; see the module documentation.
+    /// Product Δ Δ' (see the module documentation).
     circular: f32,
 }
 
@@ -39,7 +39,7 @@ impl Rayleigh {
         self.dipole == 1.0
     }
 
-    /// Returns the element S11 at a scattering angle, per steradian. S11 is also the sampling density of
+    /// Returns the element S11 at a scattering angle, per steradian. S11 equals the sampling density of
     /// [`Self::sample`].
     #[inline]
     pub fn intensity(self, at: Angle) -> f32 {
@@ -62,7 +62,7 @@ impl Rayleigh {
         }
     }
 
-    /// Samples a scattering angle with density [`Self::intensity`], by a uniform random number in [0, 1).
+    /// Samples a scattering angle with density [`Self::intensity`], from a uniform random number in [0, 1).
     /// Cardano's formula solves the cubic equation μ³ + p μ = q of the cumulative distribution.
     #[inline]
     pub fn sample(self, u: f32) -> Angle {

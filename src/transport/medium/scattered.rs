@@ -1,10 +1,10 @@
-//! The geometry of one scattering event, and its matrix in the scattering plane.
+//! The geometry of one scattering event, and the matrix of the event in the scattering plane.
 //!
 //! As for surfaces, light leaves along `wo` and arrives from `wi`. Both directions point away from the
-//! scattering point. Light travels along -wi before the event and along wo after it, so cosθ = -wi·wo. The
-//! first axis of both Stokes frames is perpendicular to the scattering plane, s ∥ wi × wo, as for reflection
-//! ([`Scatter::Fresnel`]). In these frames, the matrix of randomly oriented, mirror-symmetric particles is
-//! (van de Hulst 1957, sect. 5.22)
+//! scattering point. Light travels along -wi before the event and along wo after the event, so cosθ = -wi·wo.
+//! The first axis of both Stokes frames is perpendicular to the scattering plane (s ∥ wi × wo), as for
+//! reflection ([`Scatter::Fresnel`]). In these frames, randomly oriented, mirror-symmetric particles have the
+//! following matrix (van de Hulst 1957, sect. 5.22):
 //!
 //!     S11 S12  0   0
 //!     S12 S22  0   0
@@ -18,8 +18,8 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0. This accuracy is
-/// needed because forward peaks are narrower than the resolution of cosθ in f32.
+/// A scattering angle θ, stored as 1 - cosθ and 1 + cosθ. Each value is accurate near 0. The two values are
+/// stored because forward peaks are narrower than the resolution of cosθ in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
     /// 1 - cosθ, in [0, 2].
@@ -80,8 +80,8 @@ impl Angle {
     }
 }
 
-/// Returns the unit normal of the scattering plane. In the forward and backward directions, the result is an
-/// arbitrary perpendicular unit vector, because the matrix does not depend on the normal there.
+/// Returns the unit normal of the scattering plane. In the forward and backward directions, the scattering
+/// matrix does not depend on the normal, and the result is an arbitrary perpendicular unit vector.
 #[inline]
 pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     // For nearly parallel vectors, use the short sum or difference to avoid cancellation.
@@ -94,7 +94,7 @@ pub(crate) fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 /// The six elements of the scattering matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// Element S11 per steradian: the scattered intensity of unpolarized light, with integral 1.
+    /// Element S11 per steradian, the scattered intensity of unpolarized light, with integral 1.
     pub s11: T,
     pub s12: T,
     pub s22: T,

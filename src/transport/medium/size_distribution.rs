@@ -2,15 +2,16 @@
 //!
 //! The distributions are number densities n(r) with ∫ n dr = 1:
 //!
-//! - log-normal: n(r) = exp(-ln²(r/r_g)/(2σ²))/(√(2π) σ r), with the median r_g and the standard deviation
-//!   σ of ln r; ⟨r^k⟩ = r_g^k exp(k² σ²/2),
+//! - log-normal: n(r) = exp(-ln²(r/r_g)/(2σ²))/(√(2π) σ r), with the median r_g and the standard deviation σ
+//!   of ln r. The mean of r^k is ⟨r^k⟩ = r_g^k exp(k² σ²/2).
 //! - gamma (Hansen 1971, J. Atmos. Sci. 28, 1400): n(r) ∝ r^{(1-3b)/b} exp(-r/(ab)). The area-weighted mean
-//!   is the effective radius a, the area-weighted relative variance is the effective variance b < 1/2.
+//!   is the effective radius a, and the area-weighted relative variance is the effective variance b < 1/2.
 //!
-//! Smooth distributions are integrated with the trapezoidal rule in ln r, which converges faster than any
-//! power for functions that vanish at both ends. The resonances of large transparent spheres, which are
-//! narrower than any grid, limit the accuracy. With about 60 points per unit of the size parameter, the
-//! coefficients of a cloud are accurate to about 10⁻⁵; with 4 points, they are accurate to 10⁻³.
+//! Smooth distributions are integrated with the trapezoidal rule in ln r. For functions that vanish at both
+//! ends, the trapezoidal rule converges faster than any power of the step. The resonances of large
+//! transparent spheres are narrower than any grid step and limit the accuracy. With about 60 points per unit
+//! of the size parameter, the coefficients of a cloud are accurate to about 10⁻⁵. With 4 points, the
+//! coefficients are accurate to about 10⁻³.
 
 use optics::sampling::gamma::ln_gamma;
 use std::f64::consts::PI;
@@ -20,7 +21,7 @@ use std::f64::consts::PI;
 pub enum SizeDistribution {
     /// All particles have the same radius, metres.
     Single { radius: f64 },
-    /// A log-normal distribution: median in metres, and standard deviation of ln r.
+    /// A log-normal distribution, given by the median in metres and the standard deviation of ln r.
     LogNormal { median: f64, sigma: f64 },
     /// The gamma distribution of Hansen.
     Gamma {
@@ -121,12 +122,12 @@ impl SizeDistribution {
         }
     }
 
-    /// Returns pairs of a radius in metres and a fraction of the number of particles, for a wave number k =
-    /// 2π n_host/λ in 1/m. The fractions add up to 1, except for insignificantly small particles.
+    /// Returns pairs of a radius in metres and a fraction of the number of particles. `wave_number` is k = 2π
+    /// n_host/λ in 1/m. The fractions add up to 1, except for insignificantly small particles.
     ///
     /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its maximum. Below x = 1,
-    /// the cross section is bounded by x³ (relative to its scale). Above x = 1, the exponent decreases from 6
-    /// to 2, and the larger bound is used.
+    /// the cross section is bounded by x³, relative to the cross section at x = 1. Above x = 1, the exponent
+    /// decreases from 6 to 2, and the code uses the larger bound.
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
             Self::Single { radius } => return vec![[*radius, 1.0]],
@@ -154,8 +155,8 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        // The Mie series of large spheres are long. For size parameters above about 300, use fewer points;
-        // otherwise, the computation would take minutes.
+        // The Mie series of large spheres are long. For size parameters above about 300, use fewer points to
+        // avoid a computation of several minutes.
         let most = (WORK / (wave_number * high.exp()).powi(3)).max(24.0);
         let count = (64.0 * range).clamp(POINTS[0], POINTS[1]).min(most) as usize;
         let step = (high - low) / count as f64;

@@ -1,15 +1,15 @@
 //! A scattering matrix tabulated by scattering angle for up to four wavelengths, with importance sampling.
 //!
-//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) above 90°. The grid is nearly
-//! uniform in θ (dθ/dv = 2 to 2.8), and computing v takes only one square root. The result v is accurate at
-//! both ends, where peaks of large particles are narrower than the resolution of cosθ in f32. S1 and S2 are
-//! polynomials in cosθ = 1 - 2v², so all elements are smooth and even functions of v. Interpolation is cubic
-//! over four nodes; the node before the first equals the second. The grid is doubled until the interpolated
-//! matrix halfway between nodes is accurate to [`TOLERANCE`].
+//! The grid is uniform in v = sin(θ/2) up to 90°. Above 90°, the grid is mirrored and uniform in cos(θ/2).
+//! The grid is nearly uniform in θ (dθ/dv = 2 to 2.8), and computing v takes only one square root. The result
+//! v is accurate at both ends, where peaks of large particles are narrower than the resolution of cosθ in
+//! f32. S1 and S2 are polynomials in cosθ = 1 - 2v², so all elements are smooth and even functions of v.
+//! Interpolation is cubic over four nodes. The node before the first node equals the second node. The grid is
+//! doubled until the interpolated matrix halfway between nodes is accurate to [`TOLERANCE`].
 //!
 //! Directions are sampled with a density that agrees with S11 at the nodes and is linear in cosθ between
-//! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time does not depend on the
-//! grid size, and cells of low probability behind a forward peak are also sampled accurately. In the cell,
+//! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time of the alias method does
+//! not depend on the grid size, and the method accurately samples cells of low probability too. In the cell,
 //! the cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the
 //! density is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
 
@@ -26,8 +26,8 @@ pub const TOLERANCE: f64 = 1e-5;
 /// Minimum and maximum number of cells between 0 and 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method for one wavelength. The method chooses this cell with probability `keep`,
-/// otherwise the cell `other`.
+/// A cell of the alias method for one wavelength. The method chooses this cell with probability `keep`, and
+/// otherwise chooses the cell `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {
     keep: f32,
@@ -167,7 +167,7 @@ impl Table {
             nodes.push(block(&half[1]));
             nodes.extend(half.iter().map(block));
         }
-        // dω = 2π d(cosθ), and 1 - cosθ = (i/cells)² at node i.
+        // The solid angle is dω = 2π d(cosθ), and 1 - cosθ = (i/cells)² at node i.
         let solid_angle = |i: usize| 2.0 * PI * (2 * i + 1) as f64 / (cells * cells) as f64;
         let mut density = vec![[0.0_f32; MAX_WAVELENGTHS]; 2 * (cells + 1)];
         let mut table = vec![[Alias::default(); MAX_WAVELENGTHS]; 2 * cells];
@@ -200,7 +200,8 @@ impl Table {
         Lookup { backward, cell, fraction: (i - cell as f32).min(1.0) }
     }
 
-    /// Returns the scattering matrix per steradian; a, b, c, d of the block are S11, S12, S33, S34.
+    /// Returns the scattering matrix per steradian. The elements a, b, c, d of the block are S11, S12, S33,
+    /// S34.
     #[inline]
     pub fn block(&self, at: Angle) -> FresnelBlock {
         self.block_at(self.place(at))
@@ -215,7 +216,8 @@ impl Table {
             |f: fn(&FresnelBlock) -> Spectral| f(n[0]) * w0 + f(n[1]) * w1 + f(n[2]) * w2 + f(n[3]) * w3;
         let a = mix(|n| n.a).max(Spectral::ZERO);
         let (b, c, d) = (mix(|n| n.b), mix(|n| n.c), mix(|n| n.d));
-        // Interpolation may give a degree of polarization slightly above 1, which is then scaled back to 1.
+        // Interpolation may give a degree of polarization slightly above 1. A degree of polarization above 1
+        // is scaled back to 1.
         let polarized = (b * b + c * c + d * d).sqrt().max(Spectral::splat(f32::MIN_POSITIVE));
         let f = (a / polarized).min(Spectral::ONE);
         FresnelBlock { a, b: b * f, c: c * f, d: d * f }

@@ -2,7 +2,7 @@
 //!
 //! The refractive index is that of Daimon & Masumura 2007 at 20 °C. The absorption is that of Pope & Fry
 //! (1997, Appl. Opt. 36, 8710) from 380 to 700 nm, and that of Hale & Querry (1973, Appl. Opt. 12, 555) above
-//! 700 nm. Both are interpolated linearly.
+//! 700 nm. The refractive index and the absorption are interpolated linearly.
 
 use crate::material::constants::{ConstantsError, lookup};
 use std::f64::consts::PI;
@@ -23,8 +23,8 @@ const INFRARED: [f64; 12] = [
     2.89e-6,
 ];
 
-/// Interpolates linearly in a table whose arguments are `first`, `first + step`, …; arguments outside the
-/// table are clamped.
+/// Interpolates linearly in a table for the arguments `first`, `first + step` and so on. Arguments outside
+/// the table are clamped.
 pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else {
         return 0.0;
@@ -41,8 +41,8 @@ pub fn of_extinction(k: f64, nm: f64) -> f64 {
     4.0 * PI * k / (nm * 1e-9)
 }
 
-/// Returns the absorption coefficient of pure water, 1/m, at the vacuum wavelength `nm` (nanometres), which
-/// is clamped to 380 to 1000 nm.
+/// Returns the absorption coefficient of pure water, 1/m, at the vacuum wavelength `nm` (nanometres). The
+/// wavelength is clamped to 380 to 1000 nm.
 pub fn absorption(nm: f64) -> f64 {
     let infrared = |nm: f64| of_extinction(even_table(&INFRARED, 725.0, 25.0, nm), nm);
     match nm {

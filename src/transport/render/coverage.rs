@@ -2,8 +2,8 @@
 //!
 //! The projector and the camera have no spatial extent. Paths from the camera therefore miss light of the
 //! projector that a mirror or smooth glass has redirected. Paths from both ends miss light that is redirected
-//! both before and after its only rough surface. Manifold connections find a part of this light, through
-//! interfaces and crystals and over mirrors.
+//! both before and after the only rough surface on the path. Manifold connections find a part of the missing
+//! light through interfaces and crystals and over mirrors.
 
 use crate::integrator_choice::meets;
 use crate::scene::Scene;

@@ -1,4 +1,5 @@
-//! Light of emitters that paths hit: emissive surfaces, and the environment beyond all surfaces.
+//! Light of emitters that paths hit. The emitters are emissive surfaces and the environment beyond all
+//! surfaces.
 
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -12,17 +13,18 @@ use optics::polarization::chain::Chain;
 use optics::polarization::frame::turn;
 use optics::spectrum::Spectral;
 
-/// How the direction of a path's ray was sampled.
+/// Record of how the direction of a path's ray was sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectionSampling {
-    /// Sampling density of the direction per steradian; 0 if no connection can sample the same path.
+    /// Sampling density of the direction per steradian, or 0 if no connection can sample the same path.
     pub density: f32,
     /// The point at which the direction was sampled, before any sheets on the ray.
     pub from: Receiver,
 }
 
 impl DirectionSampling {
-    /// Returns the record for a ray that no connection can sample: from a mirror, smooth glass or the camera.
+    /// Returns the record for a ray from a mirror, smooth glass or the camera. No connection can sample a ray
+    /// from a mirror, smooth glass or the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self { density: 0.0, from: Receiver::anywhere(from) }
@@ -41,7 +43,7 @@ pub(super) struct EmitterHit {
     /// Direction and Stokes frame of the light on which the path's Mueller product acts.
     pub beam: Beam,
     pub surface: Surface,
-    /// Index in the mesh of the triangle that was hit, if known.
+    /// Index in the mesh of the triangle that was hit, or `None` if unknown.
     pub facet: Option<u32>,
     /// Optical length of the path, metres.
     pub optical_m: f64,

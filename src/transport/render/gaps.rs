@@ -1,11 +1,11 @@
-//! Detects gaps that are too thin for single precision, behind sheets and interfaces. A ray that leaves one
-//! surface may start beyond the other surface and miss it, and rays from a distance may hit the two surfaces
-//! in either order. If it is known what lies between two surfaces in contact ([`Contact`]), one surface can
-//! be moved. Other gaps are rejected.
+//! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
+//! surface of a gap may start beyond the opposite surface and miss this surface. Rays from a distance may hit
+//! the two surfaces in either order. If the medium between two surfaces in contact is known ([`Contact`]),
+//! one surface can be moved. Other gaps are rejected.
 //!
 //! Let δ be the offset of rays from a surface, k the rounding constant of the surface (`geometry::rounding`),
-//! and u = 2⁻²⁴. Light passes safely from surface A to surface B if the gap is wider than 3 δ_A + δ_B (rays
-//! of `manifold` use twice δ_A). Rays from a distance equal to the scene's extent distinguish A and B if the
+//! and u = 2⁻²⁴. Light passes safely from surface A to surface B if the gap is wider than 3 δ_A + δ_B. Rays
+//! of `manifold` use twice δ_A. Rays from a distance equal to the scene's extent distinguish A and B if the
 //! gap is wider than (k_A + k_B) u times this extent.
 
 use crate::device::pinhole::Pinhole;
@@ -20,20 +20,22 @@ use rayon::prelude::*;
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
-/// Maximum number of primitives whose points are tested; if there are more, some are skipped.
+/// Maximum number of primitives whose points are tested. If there are more primitives, only every n-th
+/// primitive is tested.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap. This minimum excludes wedges, which are thin at
-/// the edge.
+/// Minimum cosine between the normals on both sides of a gap. Wedges are excluded, because wedges are always
+/// thin at the edge.
 const PARALLEL: f32 = 0.95;
 
 /// Reciprocal of the maximum component difference between directions that count as equal.
 const DIRECTIONS: f32 = 8.0;
 
-/// Minimum number of times that a gap must be found, because a single find may be at a rim.
+/// Minimum number of times that a gap must be found, because a single result may be at a rim.
 const LEAST_FINDS: usize = 3;
 
-/// Search distance behind a surface in units of δ/k, which exceeds the required width for any two surfaces.
+/// Search distance behind a surface in units of δ/k. The search distance exceeds the required width for any
+/// two surfaces.
 const SEARCHED: f32 = 1024.0;
 
 /// Tested points of a primitive: barycentric coordinates on a triangle or parallelogram, or random numbers
@@ -43,25 +45,26 @@ const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8],
 /// A gap in which light would be lost.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Width of the gap in metres; `least` is the minimum required width.
+    /// Width of the gap in metres. `least` is the minimum required width.
     pub width: f32,
     pub least: f32,
-    /// A point in the gap; `across` is the unit direction across the gap, away from the transmitting surface.
+    /// A point in the gap. `across` is the unit direction across the gap, away from the transmitting surface.
     pub at: Vec3A,
     pub across: Vec3A,
-    /// Object indices on both sides, the transmitting surface first; `None` for instances of groups.
+    /// Object indices on both sides, with the transmitting surface first. The index is `None` for instances
+    /// of groups.
     pub objects: [Option<u32>; 2],
     pub contact: Contact,
-    /// False if `across` contradicts `contact`. Each of two coincident surfaces is found behind the other,
-    /// but only one direction is plausible. Light leaves glass toward an object that touches the glass, and
-    /// light from a sheet hits the front of the surface below.
+    /// False if `across` contradicts `contact`. Two coincident surfaces are found in both orders, but only
+    /// one order is plausible. Light leaves glass toward an object that touches the glass, and light from a
+    /// sheet hits the front of the surface below.
     likely: bool,
 }
 
-/// What lies between two surfaces in contact.
+/// The substance between two surfaces in contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air is between the two surfaces, or would have no effect: the surface on this side (index 0 or 1) does
+    /// Air is between the two surfaces, or would have no effect. The surface on this side (index 0 or 1) does
     /// not refract light or is separate.
     Air(usize),
     /// The two surfaces touch within rounding errors. The first surface refracts light, and the second is
@@ -91,7 +94,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     let near = g.moved(s);
     let scale = near / s.rounding;
     let (across, far) = (s.ng * s.ng.dot(dir).signum(), SEARCHED * scale);
-    // Seen from a point that is certainly beyond the gap, distances are accurate.
+    // Distances are accurate if measured from a point that is certainly beyond the gap.
     let back = Ray { origin: s.p + across * far, dir: -across };
     let gap = |other: Hit| {
         if (other.leaf, other.owner) == (hit.leaf, hit.owner) {

@@ -1,4 +1,4 @@
-//! Renders the slices of a scene as tiles: path sampling, connections, scheduling.
+//! Renders the slices of a scene as tiles, by path sampling, connections and scheduling.
 
 mod bidirectional;
 pub mod coverage;

@@ -1,10 +1,10 @@
 //! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2). Paths with low throughput and connections
-//! with low contributions are often skipped; the weights of all others are increased.
+//! with low contributions are often skipped. The weights of all other paths and connections are increased.
 //!
 //! In a medium, a few connections between subpaths contribute nearly all light of a pixel. A connection whose
-//! expected contribution x is below a threshold τ is made with probability x/τ, which adds at most τ x to the
-//! variance. The threshold is chosen so that the added variance is small compared with the variance of the
-//! samples.
+//! expected contribution x is below a threshold τ is made with probability x/τ. Roulette adds at most τ x to
+//! the variance. The threshold is chosen so that the added variance is small compared with the variance of
+//! the samples.
 
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
@@ -12,16 +12,17 @@ use optics::spectrum::Spectral;
 
 /// Parameters of the survival probability of a path.
 pub(super) struct Odds {
-    /// True if roulette has started; until then, only paths without light are terminated.
+    /// True if roulette has started. Before the start, only paths without light are terminated.
     pub plays: bool,
-    /// Throughput of a path that has lost no light. Such a path survives with probability `most`.
+    /// Throughput of a path that has lost no light. A path of this throughput survives with probability
+    /// `most`.
     pub full: f32,
-    /// Maximum survival probability; less than 1, so that all paths end.
+    /// Maximum survival probability. The value is less than 1, so that all paths end.
     pub most: f32,
 }
 
 /// Decides at random whether a path continues. The probability is proportional to the throughput in the
-/// brightest lane; the throughput is divided by the probability.
+/// brightest lane. The throughput is divided by the probability.
 #[inline(always)]
 pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bool {
     if !odds.plays {
@@ -40,18 +41,19 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 
-/// Bounds of τ, as fractions of the typical contribution. In scenes without media, a few bright pixels have
-/// most of the variance, and the threshold must be small enough for dim pixels. With media, all pixels have a
+/// Bounds of τ, as fractions of the typical contribution. In scenes without media, most of the variance is in
+/// a few bright pixels, and the threshold must be small enough for dim pixels. With media, all pixels have a
 /// high variance.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
 const MOST_IN_MEDIA: f32 = 4.0;
 
-/// Factor for the uncertainty of expected contributions through interfaces, because the directions are not
-/// known yet.
+/// Factor for the uncertainty of expected contributions through interfaces, because the directions of such
+/// connections are not yet known.
 const UNSURE: f32 = 2.0;
 
-/// Minimum probabilities of a connection whose expected contribution is only a guess, or a rough guess.
+/// Minimum probability of a connection whose expected contribution is a guess. `ROUGH_FLOOR` is the minimum
+/// for a rough guess.
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
@@ -60,8 +62,8 @@ const ROUGH_FLOOR: f32 = 0.01;
 pub(super) struct Roulette(pub f32);
 
 impl Roulette {
-    /// Computes the threshold from the contributions of some camera samples. `media` is true for a scene with
-    /// media.
+    /// Computes the threshold from the contributions of a subset of the camera samples. `media` is true for a
+    /// scene with media.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
         // Samples that are not finite are discarded, as in the render.
@@ -84,14 +86,14 @@ impl Roulette {
         Self::decide(expected, self.0, stream)
     }
 
-    /// Returns the weight as [`Self::spin`] does, but `expected` is a guess.
+    /// Returns the weight as [`Self::spin`] does if `expected` is a guess.
     #[inline]
     pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
     }
 
-    /// Returns the weight as [`Self::spin`] does, but `expected` is a very rough guess, and the search for
-    /// the connection is expensive.
+    /// Returns the weight as [`Self::spin`] does if `expected` is a very rough guess and the search for the
+    /// connection is expensive.
     #[inline]
     pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
@@ -114,7 +116,8 @@ mod tests {
     use super::*;
 
     /// Verifies that the typical contribution is a robust mean. On average, connections below the threshold
-    /// contribute as if all were made (within 5 standard deviations), and their second moment is below τ x.
+    /// must contribute as if all connections were made (within 5 standard deviations). The second moment of
+    /// their contributions must be below τ x.
     #[test]
     fn roulette_preserves_means() {
         // The mean is 3, and the mean square is 12. The second set of samples has an outlier.
@@ -146,7 +149,7 @@ mod tests {
                 let error = ((square - mean * mean).max(0.0) / n).sqrt();
                 let x = f64::from(x);
                 assert!((mean - x).abs() <= 5.0 * error + 1e-6 * x, "{x}: {mean} +- {error}");
-                // The tolerance is 5 standard deviations of the number of connections that are made.
+                // The tolerance is 5 standard deviations of the number of connections.
                 let most = x * f64::from(threshold);
                 let unsure = 5.0 / (n * x / f64::from(threshold)).sqrt();
                 assert!(square <= most * (1.0 + unsure), "{x}: {square} above {most}");

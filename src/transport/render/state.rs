@@ -8,7 +8,7 @@ use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// The end at which a subpath starts: camera or emitter.
+/// The end at which a subpath starts, which is the camera or an emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum From {
     Camera,
@@ -29,15 +29,15 @@ impl From {
 #[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
-    /// Exact origin of the ray, before the origin is offset from the surface and rounded. After a hit, this
-    /// is the hit point.
+    /// Exact origin of the ray, before the origin is offset from the surface and rounded. After a hit, the
+    /// value is the hit point.
     pub from: DVec3,
-    /// Mueller product from the light on the ray to the start of the subpath: to the camera frame, or
-    /// transposed from an emitter.
+    /// Mueller product from the light on the ray to the start of the subpath. The product maps to the camera
+    /// frame, or is transposed if the subpath starts at an emitter.
     pub chain: Chain,
     /// Stokes frame of the light along the ray.
     pub frame: Vec3A,
-    /// Optical path length so far, metres.
+    /// Optical path length up to the start of the ray, metres.
     pub optical_m: f64,
     /// The medium that contains the ray.
     pub filling: Filling,
@@ -46,7 +46,7 @@ pub(super) struct State {
     pub label: u8,
 }
 
-/// The direction in which light travels, and the frame of its Stokes vectors.
+/// The direction in which light travels, and the frame of the Stokes vectors of this light.
 #[derive(Clone, Copy)]
 pub(super) struct Beam {
     pub travel: Vec3A,

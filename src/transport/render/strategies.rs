@@ -9,7 +9,7 @@ use crate::strategy::{Strategies, Strategy};
 pub fn strategies(scene: &Scene) -> Strategies {
     let (settings, materials) = (&scene.settings, &scene.materials);
     let both = settings.integrator.walks_from_light();
-    // If a single strategy is set, it excludes all others.
+    // A single strategy from the settings excludes all other strategies.
     let alone = settings.strategy.is_some();
     let bent = settings.manifold && !alone;
     let mirrors = (0..materials.list.len() as u32).any(|id| reflectance(materials, id) > 0.0);

@@ -159,11 +159,11 @@ fn renders_are_bit_identical_on_all_processors() {
     }
 }
 
-/// Verifies that a render in parts, with splats in a file, is bit-identical to a render in a single part, for
-/// any number of threads.
+/// Verifies that a render in parts, with splats in a file, is bit-identical to a render in a single part. The
+/// test compares renders with 1 and 3 threads.
 #[test]
 fn rendering_in_parts_is_bit_identical() {
-    // The image has 24 × 24 pixels with 9 samples each. It is rendered in 3 or 9 parts of 9 tiles in total.
+    // The image has 24 × 24 pixels with 9 samples each. The render has 3 or 9 parts with 9 tiles in total.
     for (integrator, walks) in
         [(Integrator::Bidirectional, 2000), (Integrator::Bidirectional, 100), (Integrator::Caustics, 2000)]
     {

@@ -1,12 +1,13 @@
 //! Straight connections between two points, and the light that they transmit.
 //!
-//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the line
-//! between two points is a path even if it crosses such surfaces. The transmission of the line is
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light. The line
+//! between two points is therefore a path even if the line crosses sheets or index-matched boundaries. The
+//! transmission of the line is
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
 //! where S₁ is the sheet nearest to the camera's side, and τ = Σ μ_t d over the media on the line. Each sheet
-//! counts as an interaction; a boundary without an effect does not count. Any other surface blocks the line.
+//! counts as an interaction. A boundary without an effect does not count. Any other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -30,7 +31,7 @@ pub(super) struct Start {
     pub nest: Nest,
 }
 
-/// Limit on the number of sheets that a line may cross, and the wavelength lane.
+/// Limit on the number of sheets that a line may cross, together with the wavelength lane.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
     pub sheets: u32,
@@ -49,21 +50,22 @@ pub(super) struct UnblockedLine {
     pub nest: Nest,
 }
 
-/// Returns the medium behind a boundary that was crossed without refraction; vacuum outside all objects.
+/// Returns the medium behind a boundary that was crossed without refraction, or vacuum outside all objects.
 #[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
     nest.medium(&scene.boundaries).map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
-/// Returns true if surfaces of material `id` have no effect on light: boundaries between media with equal
-/// index, and boundaries inside an object of higher priority.
+/// Returns true if surfaces of material `id` have no effect on light. Two kinds of boundaries have no effect:
+/// boundaries between media with equal index, and boundaries inside an object of higher priority.
 #[inline]
 pub(super) fn has_no_effect(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
-/// Moves light that travels along `dir` without deflection through a surface into the medium behind it.
+/// Moves light that travels along `dir` without deflection through a surface into the medium behind the
+/// surface.
 #[inline]
 pub(super) fn pass(
     scene: &Scene,
@@ -82,14 +84,15 @@ pub(super) fn pass(
 
 #[derive(Clone, Copy)]
 pub(super) struct End {
-    /// Target of the line: the end point, offset from its surface if there is one.
+    /// Target of the line, which is the end point. If the end point is on a surface, the target is offset
+    /// from this surface.
     pub aim: Vec3A,
     /// Exact end of the line, for path lengths.
     pub at: DVec3,
 }
 
-/// Traces the line to its end. Returns `None` if the line is blocked. Multiplies `chain`, whose light has the
-/// frame `frame`, by the transmission of the line, and counts the traced rays.
+/// Traces the line to its end. Returns `None` if the line is blocked. Multiplies `chain` by the transmission
+/// of the line, and counts the traced rays. `frame` is the frame of the light on which `chain` acts.
 // Not inlined, to keep this code out of the inner loop of scenes without sheets.
 #[inline(never)]
 pub(super) fn trace_line(
@@ -136,7 +139,7 @@ pub(super) fn trace_line(
         left -= step;
         at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
-        // Aim again at the end, so that the offsets from the sheets do not add up and miss the end.
+        // Aim again at the end, so that accumulated offsets from the sheets do not cause a miss.
         ray = Ray { origin, dir: (to - origin).normalize_or(ray.dir) };
     }
     if depth != Spectral::ZERO {

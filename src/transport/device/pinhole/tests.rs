@@ -160,7 +160,7 @@ fn the_plane_in_focus_is_sharp() {
 
 #[test]
 fn points_folded_into_the_image_are_not_visible() {
-    // Barrel distortion maps a distant off-axis point into the image, where it must not be visible.
+    // Barrel distortion maps a distant off-axis point into the image. Such a point must not be visible.
     let p = device();
     assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());
     assert!(p.project(p.origin + Vec3A::Z).is_none(), "behind");

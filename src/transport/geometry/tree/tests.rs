@@ -57,8 +57,11 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Verifies that each primitive is in one leaf, that leaves are valid, that boxes are tight, and that a ray
-/// visits all leaves whose boxes it hits.
+/// Verifies the structure and the traversal of a tree:
+/// - each primitive is in one leaf,
+/// - leaves are valid,
+/// - boxes are tight,
+/// - a ray visits all leaves whose boxes are hit.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);
@@ -68,7 +71,7 @@ fn check(bounds: &[Aabb]) {
 fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
     assert!(7 * tree.depth() + 8 <= STACK);
     assert_eq!(tree.extent(), union(bounds.iter().copied()));
-    // The leaves of a rejected tree also exist.
+    // The list includes the leaves of rejected trees.
     let mut used = vec![false; leaves.len()];
     let mut seen = vec![0; bounds.len()];
     for (aabb, child) in (0..tree.nodes.len()).flat_map(|n| tree.children(n as u32)) {
@@ -113,7 +116,7 @@ fn trees_cover_everything() {
 
 #[test]
 fn equal_boxes_do_not_give_a_deep_tree() {
-    // Clustering takes quadratic time here, and the tree becomes too deep for the stack.
+    // For equal boxes, clustering takes quadratic time, and the tree becomes too deep for the stack.
     let equal = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 1000];
     let clustered = Binary::clustered(equal.len(), &|i| equal[i]);
     let tree = Tree::collapsed(&clustered, &fits, &mut |_| 0).expect("the tree is not empty");
@@ -123,8 +126,8 @@ fn equal_boxes_do_not_give_a_deep_tree() {
         let ends = (0..1000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // Test boxes with a common corner, with a common centre, without height, of zero size, long thin boxes
-    // that cross each other, and increasingly distant boxes.
+    // Test sets of boxes with a common corner, with a common centre, without height, and of zero size. Then
+    // test long thin boxes that cross each other, and increasingly distant boxes.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]));

@@ -3,10 +3,10 @@
 use super::error::PbsdfError;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Maximum excess over the valid range of an angle that is accepted as a rounding error, radians.
+/// Maximum distance of an angle outside the valid range that is accepted as a rounding error, radians.
 const TOLERANCE: f32 = 1e-3;
 
-/// The axes of a table in the order of its dimensions. Angles are in radians, vacuum wavelengths in
+/// The axes of a table in the order of its dimensions. Angles are in radians, and vacuum wavelengths are in
 /// nanometres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
@@ -93,7 +93,7 @@ pub(super) fn even_axis(k: usize, count: usize) -> Vec<f32> {
     evenly(low, high, count)
 }
 
-/// The indices of the two entries next to a value, and the interpolation weight of the second.
+/// The indices of the two entries next to a value, and the interpolation weight of the second entry.
 pub(super) type Between = (usize, usize, f32);
 
 /// One checked axis, ready for lookup.
@@ -117,13 +117,14 @@ impl Axis {
         &self.nodes
     }
 
-    /// Returns the index of the entry at or below `x`; `x` may exceed the axis by a rounding error.
+    /// Returns the index of the entry at or below `x`. The value `x` may exceed the axis by a rounding error.
     #[inline]
     fn below(&self, x: f32) -> usize {
         let last = self.nodes.len() - 2;
         match self.rate {
             Some(rate) => {
-                // The index is off by at most one, because the entries are even to a hundredth of a step.
+                // The index is off by at most one, because the spacing of the entries is even to within a
+                // hundredth of a step.
                 let i = (((x - self.nodes[0]) * rate) as usize).min(last);
                 if x < self.nodes[i] {
                     i.saturating_sub(1)
@@ -145,8 +146,8 @@ impl Axis {
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// Returns the interpolation position of the angle `x` in [-π, π] on a periodic axis, on which the last
-    /// and the first entry are adjacent.
+    /// Returns the interpolation position of the angle `x` in [-π, π] on a periodic axis. On a periodic axis,
+    /// the last and the first entry are adjacent.
     #[inline]
     pub fn place_around(&self, x: f32) -> Between {
         let last = self.nodes.len() - 1;
@@ -164,7 +165,7 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// Verifies that the fast path agrees with a search, and that interpolating the axis values at `x` gives
+    /// Verifies that the fast path agrees with a search. Interpolation of the axis values at `x` must give
     /// `x`.
     #[test]
     fn positions_reproduce_values() {

@@ -1,6 +1,6 @@
 //! Errors of `.pbsdf` files.
 
-/// Reasons why a table is rejected. Messages end with the fix; the caller prepends the path.
+/// Reasons why a table is rejected. Messages end with the fix. The caller prepends the path.
 #[derive(Debug, thiserror::Error)]
 pub enum PbsdfError {
     #[error("cannot read the file: {0}; check that the path is correct and the file is readable")]
@@ -34,7 +34,7 @@ pub enum PbsdfError {
     Sources { bands: usize, sources: usize },
     #[error("field `wvls` has no entries; add at least one wavelength")]
     NoWavelengths,
-    /// An axis value that is not finite, or outside the range of its angle (radians).
+    /// An axis value that is not finite or is outside the range of its angle (radians).
     #[error("value {value} on axis `{axis}` is outside the range; expected radians in {low:.4}..{high:.4}")]
     Angle { axis: &'static str, value: f32, low: f32, high: f32 },
     #[error(

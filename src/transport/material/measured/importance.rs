@@ -1,13 +1,14 @@
 //! Importance sampling of half vectors, in proportion to the reflection of a measured table.
 //!
-//! For evenly spaced polar angles θ_o of `wo`, a piecewise constant density over the half vector h is
-//! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength. The
-//! factor 4 (h·wo) is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
+//! A piecewise constant density over the half vector h is tabulated for evenly spaced polar angles θ_o of
+//! `wo`. The density is p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo), where M̄ is the mean of M00 over φ_d and
+//! wavelength. The factor 4 (h·wo) is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
 //!
-//! Cells are evenly spaced in azimuth, measured from the plane of wo and n, about which p is symmetric. In
-//! q = 1 - cosθ_h, cells are narrower at small θ_h. A point that is uniform in (q, φ) in a cell is uniform in
-//! solid angle. One of the two adjacent values of θ_o is sampled by its linear weight, so the density is
-//! linearly interpolated. (Dupuy & Jakob 2018 also sample measured BRDFs from tables.)
+//! Cells are evenly spaced in azimuth. The azimuth is measured from the plane of wo and n, and p is symmetric
+//! about this plane. In the coordinate q = 1 - cosθ_h, cells are narrower at small θ_h. A point that is
+//! uniform in (q, φ) in a cell is uniform in solid angle. One of the two adjacent values of θ_o is sampled
+//! with a probability equal to the linear weight of the value, so the density is linearly interpolated. Dupuy
+//! & Jakob (2018) also sample measured BRDFs from tables.
 
 use super::axes::Axis;
 use glam::Vec3A;
@@ -45,13 +46,13 @@ pub(super) struct Importance {
     columns: usize,
     /// Values of q at the borders of the rows of cells.
     edges: Vec<f32>,
-    /// Cumulative sums over the cells of each θ_o, row-major; the last sum is 1.
+    /// Cumulative sums over the cells of each θ_o, row-major. The last sum is 1.
     sums: Vec<f32>,
 }
 
 impl Importance {
-    /// Tabulates the density. `entries` are the numbers of table entries along θ_d, θ_h and φ_d, which
-    /// determine the number of cells.
+    /// Tabulates the density. `entries` are the numbers of table entries along θ_d, θ_h and φ_d. The numbers
+    /// of entries determine the number of cells.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));
@@ -98,7 +99,8 @@ impl Importance {
         }
         let mut total: f64 = masses.iter().sum();
         if total <= 0.0 {
-            // The table has no reflection for this `wo` (holes, or the horizon). Use a uniform density.
+            // The table has no reflection for this `wo`, because of holes or near the horizon. Use a uniform
+            // density.
             for (mass, cell) in masses.iter_mut().zip(0..) {
                 let row = cell / self.columns;
                 *mass = f64::from(self.edges[row + 1] - self.edges[row]);

@@ -1,9 +1,13 @@
 //! Measured materials: tables of Mueller matrices by Rusinkiewicz angles and wavelength, in `.pbsdf` files.
 //!
-//! The data are the isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of
-//! polarimetric reflectance" (the KAIST data set), or any file with the same layout. [`table`] interpolates
-//! between entries, [`rusinkiewicz`] defines the angles and Stokes frames, `importance` samples directions,
-//! and [`mod@write`] writes files.
+//! The data are the isotropic pBRDFs of the KAIST data set, or any file with the same layout. Baek et al.
+//! (2020) describe the data set in "Image-based acquisition and modeling of polarimetric reflectance". Tasks
+//! of the submodules:
+//!
+//! - [`table`] interpolates between entries,
+//! - [`rusinkiewicz`] defines the angles and Stokes frames,
+//! - `importance` samples directions,
+//! - [`mod@write`] writes files.
 
 pub mod axes;
 pub mod error;
@@ -31,8 +35,8 @@ pub struct Measured {
     pub table: u32,
 }
 
-/// Fraction of directions sampled with the cosine density, to cover reflection that the averaged importance
-/// tables miss.
+/// Fraction of directions sampled with the cosine density. The cosine density covers reflection that the
+/// averaged importance tables miss.
 const COSINE_SHARE: f32 = 0.1;
 
 /// Returns the rotation from the local frame to world space. The local z axis is `n`, and `wo` is in the half
@@ -65,8 +69,8 @@ impl Measured {
         })
     }
 
-    /// Returns the sampling density of `wi`, 1/sr: the density of half vectors divided by 4 wo·h, mixed with
-    /// the cosine density.
+    /// Returns the sampling density of `wi`, 1/sr. The result is the density of half vectors divided by 4
+    /// wo·h, mixed with the cosine density.
     #[inline]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let Some(n) = facing(at, wo) else { return 0.0 };

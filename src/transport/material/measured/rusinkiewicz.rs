@@ -1,19 +1,20 @@
 //! Half-vector and difference coordinates (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
 //! representation"), with the signs of Mitsuba's `measured_polarized`.
 //!
-//! With light from `wi`, the viewer at `wo` and the normal n, the half vector is h = (wi + wo)/|wi + wo|, θ_h
-//! = ∠(n, h), and θ_d = ∠(h, wi). The azimuth φ_d of wi about h is 0 along t = b × h and increases toward b =
-//! n × h/|n × h|. The material is isotropic, so the azimuth of h is ignored.
+//! Light arrives from `wi`, the viewer is in direction `wo`, and the normal is n. The half vector of this
+//! pair is h = (wi + wo)/|wi + wo|, and the polar angles are θ_h = ∠(n, h) and θ_d = ∠(h, wi). The azimuth
+//! φ_d of wi about h is 0 along t = b × h and increases toward b = n × h/|n × h|. The material is isotropic,
+//! so the azimuth of h is ignored.
 //!
 //! The stored matrices use the same frame vector for both rays: the unit vector s = wi × wo/|wi × wo|,
-//! perpendicular to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p =
-//! h × s. φ_d is computed from s, so that φ_d and s remain consistent if wi and wo nearly coincide and
-//! rounding determines both.
+//! perpendicular to the plane of reflection. If p is the component of wi perpendicular to h, then s = p × h
+//! and p = h × s. The azimuth φ_d is computed from s, so that φ_d and s remain consistent if wi and wo nearly
+//! coincide.
 
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 
-/// A pair of directions, without their common rotation about the normal; angles in radians.
+/// A pair of directions, without their common rotation about the normal. Angles are in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates {
     /// Azimuth of the difference vector, radians in [-π, π].
@@ -26,13 +27,13 @@ pub struct Coordinates {
 
 /// Returns the coordinates of unit directions on the side of the unit normal `n`, and the frame vector s.
 ///
-/// If n = h, t is an arbitrary tangent, because an isotropic table does not depend on φ_d there. If wi =
+/// If n = h, t is an arbitrary tangent, because an isotropic table does not depend on φ_d for n = h. If wi =
 /// wo, φ_d is 0 and s = -b.
 #[inline]
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
     let length2 = sum.length_squared();
-    // Opposite directions on the horizon have no unique half vector; the normal is a valid choice.
+    // Opposite directions on the horizon have no unique half vector. The normal is a valid choice.
     let h = if length2 > 1e-12 { sum * length2.sqrt().recip() } else { n };
     // Compute n × h without cancellation if n and h are close.
     let across = n.cross(h - n);
@@ -45,15 +46,15 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (t, p) = (b.cross(h), h.cross(s));
     let at = Coordinates {
         phi_d: b.dot(p).atan2(t.dot(p)),
-        // Use the ratio of chord to sum, which is accurate near 0, unlike an arc cosine.
+        // Use the ratio of chord to sum, because this ratio is accurate near 0 and an arc cosine is not.
         theta_d: difference.length().atan2(length2.sqrt()),
         theta_h: sin_h.atan2(n.dot(h)),
     };
     (at, s)
 }
 
-/// Returns directions (`wi`, `wo`) with the given coordinates, and their common frame vector s. The normal is
-/// +z, and h is in the xz half plane. φ_d determines s even if wi = wo. One of the directions may be below
+/// Returns the directions `wi` and `wo` with the given coordinates, and the common frame vector s. The normal
+/// is +z, and h is in the xz half plane. φ_d determines s even if wi = wo. One of the directions may be below
 /// the surface.
 pub fn directions(at: Coordinates) -> (Vec3A, Vec3A, Vec3A) {
     let (sin_h, cos_h) = at.theta_h.sin_cos();
@@ -72,8 +73,8 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Computes φ_d, θ_d, θ_h and both frames with Mitsuba's formulas in f64, for light from `i`, the viewer
-    /// at `o` and the normal +z.
+    /// Computes φ_d, θ_d, θ_h and both frames with Mitsuba's formulas in f64. Light arrives from `i`, the
+    /// viewer is in direction `o`, and the normal is +z.
     fn reference(i: DVec3, o: DVec3) -> ([f64; 3], [DVec3; 2]) {
         let h = (i + o).normalize();
         let b = DVec3::Z.cross(h).normalize();
@@ -94,8 +95,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..Default::default() })]
 
-        /// Verifies that coordinates → directions → coordinates is the identity, for any rotation about the
-        /// normal.
+        /// Verifies that the conversion from coordinates to directions and back is the identity, for any
+        /// rotation about the normal.
         #[test]
         fn coordinates_round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
             let at = Coordinates { phi_d, theta_d, theta_h };
@@ -110,8 +111,8 @@ mod tests {
             prop_assert!(s.dot(f * wi).abs() < 1e-5 / theta_d.sin() && (s.length() - 1.0).abs() < 1e-5);
         }
 
-        /// Verifies that directions → coordinates → directions preserves all cosines. The rotation about the
-        /// normal is not preserved.
+        /// Verifies that the conversion from directions to coordinates and back preserves all cosines. The
+        /// rotation about the normal is not preserved.
         #[test]
         fn directions_round_trip_up_to_rotation(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
             let of = |z: f32, phi: f32| {
@@ -123,7 +124,7 @@ mod tests {
             let (i, o, _) = directions(at);
             prop_assert!((i.z - wi.z).abs() < 2e-5 && (o.z - wo.z).abs() < 2e-5, "{at:?}: {i} {o}");
             prop_assert!((i.dot(o) - wi.dot(wo)).abs() < 2e-5);
-            // The sign and magnitude of n · (i × o) are preserved, and thus the handedness.
+            // The sign and magnitude of n · (i × o) are preserved. The handedness is therefore preserved too.
             prop_assert!((i.cross(o).z - wi.cross(wo).z).abs() < 2e-5);
         }
 
@@ -148,8 +149,8 @@ mod tests {
         }
     }
 
-    /// Verifies that angles are finite and that the frame vector is a unit vector perpendicular to both rays,
-    /// for h = n, wi = wo, h = n = wi = wo, and directions on the horizon.
+    /// Verifies that angles are finite and that the frame vector is a unit vector perpendicular to both rays.
+    /// The test covers h = n, wi = wo, h = n = wi = wo, and directions on the horizon.
     #[test]
     fn degenerate_configurations_have_coordinates() {
         let f = frame(0.3);

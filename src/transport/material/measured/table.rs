@@ -2,18 +2,18 @@
 //!
 //! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger file
 //! is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to the
-//! missing pages terminates the process (SIGBUS on Unix). To replace such a file, rename a new file over the
-//! old one; never overwrite the file in place.
+//! missing pages terminates the process (SIGBUS on Unix). To replace a mapped file, rename a new file to the
+//! name of the old file. Never overwrite the file in place.
 //!
-//! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic; the other angles and
+//! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic. The other angles and
 //! the wavelength are clamped to the ends of their axes. Entries are BRDF values (without the cosine) between
 //! the s frames of [`super::rusinkiewicz`].
 //!
-//! NaN entries are holes, which measured data have where the light or the viewer is below the horizon. A
-//! value is interpolated from valid corners with renormalized weights; if no corner is valid, the value is 0.
+//! NaN entries are holes. Measured data have holes where the light or the viewer is below the horizon. A
+//! value is interpolated from valid corners with renormalized weights. If no corner is valid, the value is 0.
 //! Matrices are used as measured, including matrices that noise makes slightly unphysical (a degree of
-//! polarization above 1). Interpolation is a convex sum and thus adds no other unphysical matrices. Only M00
-//! < 0 is corrected: the lane is then set to zero.
+//! polarization above 1). Interpolation is a convex sum and thus adds no other unphysical matrices. If M00 <
+//! 0 in a lane, the matrix of this lane is set to zero. No other matrices are corrected.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -37,7 +37,7 @@ pub struct Options {
     pub wavelengths: Option<Wavelengths>,
 }
 
-/// Elements of at least this magnitude mark a hole, as NaN does.
+/// Elements of at least this magnitude mark a hole. NaN marks a hole too.
 const LIMIT: f32 = 1e9;
 
 /// Maximum size of a file that is read completely, in bytes.
@@ -58,7 +58,7 @@ struct Band {
 /// A measured table. Clones share the bytes of the file.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Bytes of the file: a copy in memory, or a mapping of the file.
+    /// Bytes of the file, as a copy in memory or as a mapping of the file.
     map: Arc<Mmap>,
     /// Offset of the first byte of the field M.
     start: usize,
@@ -105,10 +105,10 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 }
 
 impl Table {
-    /// Opens a `.pbsdf` file and checks its structure, its axes, and that at least one entry is valid.
+    /// Opens a `.pbsdf` file and checks the structure and the axes. At least one entry must be valid.
     ///
-    /// Only a small part of a large file is read; other data remain on disk until they are needed (see the
-    /// module documentation for the risk). For wavelengths outside the table, the nearest band is used, and a
+    /// Only a small part of a large file is read. Other data remain on disk until needed. The module
+    /// documentation describes the risk. For wavelengths outside the table, the nearest band is used, and a
     /// warning is logged once.
     ///
     /// # Errors
@@ -129,7 +129,7 @@ impl Table {
         if shape.len() != 6 || m.range.is_empty() {
             return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros"));
         }
-        // M is inside the file, so the product of its dimensions does not overflow.
+        // M is inside the file, so the product of the dimensions of M does not overflow.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
         let mut heads = [const { 0..0 }; 5];
         heads[0] = 0..file.header_end()?;
@@ -200,7 +200,7 @@ impl Table {
         &self.importance
     }
 
-    /// Returns the byte offset of the first band's matrix of an entry.
+    /// Returns the byte offset of an entry's matrix for the first band.
     #[inline]
     fn cell(&self, phi_d: usize, theta_d: usize, theta_h: usize) -> usize {
         let [_, d, h] = &self.axes;
@@ -220,7 +220,7 @@ impl Table {
         m.iter().all(|e| e.abs() < LIMIT).then_some(m)
     }
 
-    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; 0 in unused lanes.
+    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr. The elements are 0 in unused lanes.
     #[inline]
     #[allow(clippy::needless_range_loop)]
     pub fn eval(&self, at: Coordinates) -> Mueller {
@@ -258,8 +258,9 @@ impl Table {
         out
     }
 
-    /// Returns M00 averaged over the render's lanes and up to 16 values of φ_d, for each θ_h and up to about
-    /// 48 values of θ_d. This fraction of the file is small enough to be read while a scene loads.
+    /// Returns M00 averaged over the render's lanes and up to 16 values of φ_d. The result contains each θ_h
+    /// and up to about 48 values of θ_d. The required part of the file is small enough to be read while a
+    /// scene loads.
     fn mean(&self) -> Mean {
         let bytes: &[u8] = &self.map;
         let [phi_d, theta_d, theta_h] = &self.axes;
@@ -290,9 +291,9 @@ impl Table {
         }
     }
 
-    /// Returns byte ranges of the file that identify its contents. For a small file, this is the whole file.
-    /// For a large file, the ranges are the header, the axes and 64 evenly spaced pieces of 4 KiB of the
-    /// data. Changes between the pieces are not detected.
+    /// Returns byte ranges of the file that identify its contents. For a small file, the only range is the
+    /// whole file. For a large file, the ranges are the header, the axes and 64 evenly spaced pieces of 4 KiB
+    /// of the data. Changes between the pieces are not detected.
     ///
     /// Read these ranges from the file and not through the mapping, because accessed pages would count as
     /// memory of the process.
@@ -304,7 +305,7 @@ impl Table {
         let heads = self.heads.clone().into_iter().filter(move |_| !small);
         let spread = (size - start).saturating_sub(PIECE);
         let data = (0..PIECES).filter(move |_| !small).map(move |i| {
-            // No overflow, because file sizes are far below 2^64 / 64 bytes.
+            // The product does not overflow, because file sizes are far below 2^64 / 64 bytes.
             let at = start + (spread as u64 * i as u64 / (PIECES as u64 - 1)) as usize;
             at..(at + PIECE).min(size)
         });
@@ -316,7 +317,7 @@ impl Table {
     }
 }
 
-/// Returns the bytes of a file: small files are copied to memory, large files are mapped.
+/// Returns the bytes of a file. Small files are copied to memory, and large files are mapped.
 fn bytes_of(path: &Path) -> io::Result<Mmap> {
     let mut file = base::input::open(path)?;
     let size = file.metadata()?.len();
@@ -325,10 +326,10 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
         file.read_exact(&mut memory)?;
         return memory.make_read_only();
     }
-    // SAFETY: a map is unsound if its file changes while the map exists. This map is private (copy-on-write)
-    // and read-only. References into it are plain bytes, which have no invalid values, and all bounds come
-    // from the length of the map. The remaining risk is that truncation of the file during a render
-    // terminates the process.
+    // SAFETY: a map is unsound if its file changes while the map exists. The map `map` is private
+    // (copy-on-write) and read-only. References into the map are plain bytes, which have no invalid values,
+    // and all bounds come from the length of the map. The remaining risk is that truncation of the file
+    // during a render terminates the process.
     let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
     if file.metadata()?.len() != map.len() as u64 {
         return Err(io::Error::other("the file changed while it was opened"));
@@ -336,7 +337,7 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
     Ok(map)
 }
 
-/// Returns the bands of each lane; logs a warning about wavelengths outside the table.
+/// Returns the bands of each lane. Logs a warning about wavelengths outside the table.
 fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     let mut lanes = [Band::default(); 4];
     let mut outside = Vec::new();
@@ -358,7 +359,7 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     lanes
 }
 
-/// A weighted sum of valid matrices. Loops over indices, because zipped iterators are not inlined.
+/// A weighted sum of valid matrices. The code loops over indices, because zipped iterators are not inlined.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     elements: [f32; 16],
@@ -376,7 +377,7 @@ impl Sum {
         let mut there = true;
         for i in 0..16 {
             matrix[i] = f32::from_le_bytes(words[i]);
-            // This comparison is false for NaN.
+            // The comparison with `LIMIT` is false for NaN.
             there &= matrix[i].abs() < LIMIT;
         }
         if there {

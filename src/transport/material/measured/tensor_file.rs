@@ -1,11 +1,17 @@
 //! Reads Mitsuba's tensor file, a container of named arrays, in place.
 //!
 //! All numbers are little-endian. The file begins with `"tensor_file\0"`, the version (two u8, 1.0) and the
-//! number of fields (u32). Each field has a name length (u16), a name, the number of dimensions (u16), a type
-//! (u8), the offset of the data from the start of the file (u64), and the size of each dimension (u64). Data
-//! are row-major and usually aligned to 8 bytes, but the reader does not rely on the alignment.
+//! number of fields (u32). Each field consists of:
+//! - the length of the name (u16),
+//! - the name,
+//! - the number of dimensions (u16),
+//! - the type (u8),
+//! - the offset of the data from the start of the file (u64),
+//! - the size of each dimension (u64).
 //!
-//! Sizes in the header are not trusted: the reader allocates nothing and checks every byte range against the
+//! Data are row-major and usually aligned to 8 bytes, but the reader does not rely on the alignment.
+//!
+//! Sizes in the header are not trusted. The reader allocates nothing and checks every byte range against the
 //! file size.
 
 use super::error::PbsdfError;
@@ -57,7 +63,8 @@ fn type_name(code: u8) -> String {
         .map_or_else(|| format!("{code} (unknown)"), |n| (*n).to_owned())
 }
 
-/// Removes `count` bytes from the front of `bytes` and returns them; `None` if there are too few.
+/// Removes `count` bytes from the front of `bytes` and returns the removed bytes. Returns `None` if there are
+/// too few bytes.
 fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     let (head, tail) = bytes.split_at_checked(count)?;
     *bytes = tail;
@@ -92,7 +99,7 @@ fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
     pub dtype: Dtype,
-    /// Byte range of the field's data; empty if the shape contains a zero.
+    /// Byte range of the field's data. The range is empty if the shape contains a zero.
     pub range: Range<usize>,
     shape: &'a [u8],
 }
@@ -121,7 +128,7 @@ pub struct TensorFile<'a> {
 }
 
 impl<'a> TensorFile<'a> {
-    /// Checks the magic bytes, the version, and that the header is complete.
+    /// Checks the magic bytes, the version, and the completeness of the header.
     ///
     /// # Errors
     /// Returns a [`PbsdfError`] if the magic bytes or the version differ, or if the header is incomplete.
@@ -145,7 +152,8 @@ impl<'a> TensorFile<'a> {
     /// Returns [`PbsdfError::Header`] if the header is incomplete.
     pub fn header_end(&self) -> Result<usize, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
-        // A field has at least 13 bytes, so even an invalid count of billions stops at the end of the file.
+        // A field has at least 13 bytes, so even for an invalid count of billions the loop stops at the end
+        // of the file.
         for _ in 0..self.count {
             entry(&mut at).ok_or(PbsdfError::Header)?;
         }
@@ -180,7 +188,7 @@ impl<'a> TensorFile<'a> {
         if end > self.bytes.len() as u128 {
             return Err(PbsdfError::Truncated { field: name, start: e.offset, end, size: self.bytes.len() });
         }
-        // No overflow, because both values are at most the length of the slice.
+        // The sum does not overflow, because both values are at most the length of the slice.
         field.range = e.offset as usize..(e.offset + bytes) as usize;
         Ok(field)
     }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Returns the header and the axes of a file, which are all bytes before the data of field M.
+/// Returns all bytes of a file before the data of field M. These bytes are the header and the axes.
 fn head(axes: &Axes) -> Vec<u8> {
     let n = axes.angles().map(<[f32]>::len);
     let bands = axes.wavelengths_nm.len();
@@ -55,9 +55,10 @@ fn head(axes: &Axes) -> Vec<u8> {
 
 /// Writes a table.
 ///
-/// `fill` receives the index of a value of φ_d and a buffer for its entries, initially zero. The buffer
-/// contains row-major matrices, [theta_d, theta_h, wavelength, 4, 4]: BRDF values (without the cosine)
-/// between s frames. NaN marks unknown values.
+/// `fill` receives the index of a value of φ_d and a buffer for the entries of this value. The elements of
+/// the buffer are initially zero. The buffer contains row-major matrices with the shape [theta_d, theta_h,
+/// wavelength, 4, 4]. The elements are BRDF values (without the cosine) between s frames. NaN marks unknown
+/// values.
 ///
 /// # Errors
 /// Returns a [`PbsdfError`] if the axes are invalid or too long, or if the file cannot be written.
@@ -86,7 +87,7 @@ const LEAST_COS: f32 = 1e-4;
 /// Evaluates a material for one value of φ_d, in the layout of [`write()`].
 ///
 /// Values are NaN where the light or the viewer is below the horizon, or everywhere if the index `phi_d` is
-/// out of range. Values are 0 where the material reflects nothing. `sources` is as in [`tabulate`]; bands
+/// out of range. Values are 0 where the material reflects nothing. `sources` is as in [`tabulate`]. Bands
 /// without a source stay 0.
 pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
     let Some(&phi_d) = axes.phi_d.get(phi_d) else {
@@ -125,12 +126,12 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
     });
 }
 
-/// Tabulates the BRDF of a material, with holes where the light or the viewer is below the horizon, as in
-/// measurements.
+/// Tabulates the BRDF of a material. As in measurements, entries are holes where the light or the viewer is
+/// below the horizon.
 ///
 /// A material has up to four wavelength lanes. `sources` therefore contains versions of the same material for
 /// different wavelengths, each with the index of the material in its table. Bands 0 to 3 are the lanes of the
-/// first source, bands 4 to 7 those of the second, and so on.
+/// first source, and bands 4 to 7 are the lanes of the second source.
 ///
 /// # Errors
 /// Returns a [`PbsdfError`] if there are too few or too many sources, or if [`write()`] fails.

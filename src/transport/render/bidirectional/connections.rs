@@ -30,18 +30,18 @@ pub(crate) struct Setup {
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
     pub strategies: Strategies,
-    /// Mirrors through which connections to emitters are sought.
+    /// Mirrors through which the search for connections to emitters is made.
     pub mirrors: Mirrors,
     /// Targets of guided scattering in media.
     pub guide: Guide,
     pub roulette: Roulette,
-    /// True if some slice separates light by path label.
+    /// True if at least one slice separates light by path label.
     pub labelled: bool,
 }
 
-/// For a subpath that starts with interfaces: the index of the first vertex behind the interfaces at which
-/// connections can end, and the density per perpendicular area with which subpaths reach this vertex. The
-/// density is `None` if the path through the interfaces cannot be found from the vertex.
+/// The first vertex at which connections can end, for a subpath that starts with interfaces. The pair
+/// contains the index of this vertex and the density per perpendicular area with which subpaths reach the
+/// vertex. The density is `None` if the path through the interfaces cannot be found from the vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;
 
 /// Buffers that a thread reuses for all connections.
@@ -60,12 +60,12 @@ pub(crate) fn most(scene: &Scene) -> u32 {
 
 /// The line between the last vertices of two subpaths.
 pub(crate) struct Line {
-    /// Unit directions of the line: from the camera vertex, and from the light vertex.
+    /// Unit directions of the line from the camera vertex and from the light vertex.
     pub dirs: [Vec3A; 2],
     /// Transmittance along the line, averaged over wavelengths and divided by the squared length, 1/m².
     pub passed: f32,
-    /// For a refracted or reflected line: densities, per perpendicular area, with which the opposite subpath
-    /// reaches the camera vertex and the light vertex.
+    /// Densities, per perpendicular area, with which the opposite subpath reaches the camera vertex and the
+    /// light vertex. The densities are set only for a refracted or reflected line.
     pub arrivals: [Option<f32>; 2],
 }
 
@@ -91,8 +91,8 @@ pub(crate) struct Record {
     pub label: u8,
 }
 
-/// Multiplies the Mueller product `chain` of the camera subpath, which acts on `beam`, by the product of the
-/// light vertex `y`, and appends the path to `out`.
+/// Multiplies the Mueller product `chain` of the camera subpath by the product of the light vertex `y`, and
+/// appends the path to `out`. `chain` acts on light with the direction and frame `beam`.
 #[inline]
 pub(crate) fn meet(mut chain: Chain, beam: Beam, y: &Vertex, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -116,10 +116,10 @@ pub(crate) struct Connector<'a> {
     /// Possible start vertices of the camera subpath and of the light subpath.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
-    /// True if connections need MIS weights; false if no other strategy samples the same paths.
+    /// True if connections need MIS weights. False if no other strategy samples the same paths.
     pub weighs: bool,
     pub stream: &'a mut Stream,
-    /// The contributions, to which new ones are appended.
+    /// The list to which contributions are appended.
     pub out: Contributions<'a>,
     pub rays: u32,
 }
@@ -156,8 +156,9 @@ impl<'a> Connector<'a> {
         self.connect(&[Vertex::end(self.scene, &end)], light, sender, Some(factor));
     }
 
-    /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution.
-    /// Either vertex may be an end. If the roulette decision has already been made, `factor` is the weight.
+    /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution. Each
+    /// of the vertices may be an end. If the caller has already made the roulette decision, `factor` is the
+    /// weight.
     pub fn connect(&mut self, camera: &[Vertex], light: &[Vertex], sender: Sender, factor: Option<f32>) {
         if self.are_separated(camera, light) {
             return;
@@ -203,7 +204,7 @@ impl<'a> Connector<'a> {
     }
 
     /// Returns true if the last vertices of two subpaths are in different media and light cannot pass between
-    /// them in a straight line. The connection is then blocked, and no ray is traced.
+    /// the vertices in a straight line. In this case, the connection is blocked, and no ray is traced.
     #[inline]
     fn are_separated(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
         let (scene, z, y) = (self.scene, last(camera), last(light));
@@ -298,7 +299,7 @@ impl<'a> Connector<'a> {
         meet(chain, Beam { travel, frame }, y, &record, &mut self.out);
     }
 
-    /// Traces a connection. Returns `None` if it is blocked.
+    /// Traces a connection. Returns `None` if the connection is blocked.
     #[inline]
     fn follow(
         &mut self,
@@ -333,7 +334,7 @@ impl<'a> Connector<'a> {
         self.setup.redirected && camera.len() == 1 && lambert(last(light))
     }
 
-    /// Returns the MIS weight of a connection among all strategies that can sample its path.
+    /// Returns the MIS weight of a connection among all strategies that can sample the same path.
     pub fn weight(&mut self, camera: &[Vertex], light: &[Vertex], source: usize, line: Line) -> f32 {
         let (scene, guide) = (self.scene, &self.setup.guide);
         if !self.weighs {
@@ -351,7 +352,8 @@ impl<'a> Connector<'a> {
         }
         let (z, y) = (last(camera), last(light));
         let [from_camera, from_light] = &mut self.scratch.densities;
-        // Densities with which the opposite subpath samples each end of the line and the end's predecessor.
+        // Compute the densities with which the opposite subpath samples each end of the line and the
+        // predecessor of the end.
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed

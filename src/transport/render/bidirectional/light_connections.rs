@@ -1,7 +1,7 @@
 //! Connections of camera subpaths to area lights, the sky and directional lights ([`crate::light`]).
 //!
-//! Light subpaths do not start at these emitters. Each path is therefore sampled by at most two techniques:
-//! by a connection, or by hitting the emitter ([`crate::render::emitter_hits`]).
+//! Light subpaths do not start at these emitters. Each path is therefore sampled by at most two techniques,
+//! which are a connection and a hit on the emitter ([`crate::render::emitter_hits`]).
 
 use super::Connector;
 use crate::accumulate::NO_PIXEL;
@@ -15,7 +15,7 @@ use optics::polarization::chain::Chain;
 use optics::spectrum::Spectral;
 
 impl Connector<'_> {
-    /// Connects the last vertex of a camera subpath to all directional lights, and to one sampled light.
+    /// Connects the last vertex of a camera subpath to all directional lights and to one sampled light.
     pub fn connect_lights(&mut self, camera: &[Vertex]) {
         let (scene, guide, point) = (self.scene, &self.setup.guide, last(camera));
         let p = point.surface.p;
@@ -49,7 +49,7 @@ impl Connector<'_> {
             chain,
             frame,
             density: 0.0,
-            // This field is unused, because connections are traced from the side of the camera.
+            // The field `filling` is unused, because connections are traced from the side of the camera.
             filling: Filling::VACUUM,
             nest: Nest::default(),
         };

@@ -19,8 +19,8 @@ pub(super) struct LightSubpath {
 }
 
 impl Walks {
-    /// Traces a light subpath, or the first branch of it, up to vertex `point`. Returns `None` if the scene
-    /// has no emitters.
+    /// Traces a light subpath, or the first branch of a split subpath, up to vertex `point`. Returns `None`
+    /// if the scene has no emitters.
     pub(super) fn light_subpath(
         &mut self,
         scene: &Scene,
@@ -46,8 +46,8 @@ impl Walks {
     }
 }
 
-/// Returns the image point of the projector at which a subpath starts. The points of one sample are evenly
-/// spread (by the additive recurrence of the plastic number, Roberts 2018). A random shift that is common to
+/// Returns the image point of the projector at which a subpath starts. The points of one sample are spread
+/// evenly by the additive recurrence of the plastic number (Roberts 2018). A random shift that is common to
 /// all points makes each point uniformly distributed.
 #[inline]
 fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {

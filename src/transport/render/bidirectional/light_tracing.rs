@@ -1,7 +1,8 @@
 //! Light tracing: connects vertices of light subpaths to the camera, directly or through interfaces.
 //!
-//! Vertices that are visible in a part of the image are found once ([`super::splats`]) and stored as subpath
-//! number and vertex number. To render a pixel that sees such vertices, their subpaths are traced again.
+//! Vertices that are visible in a part of the image are found once ([`super::splats`]) and stored as a
+//! subpath number and a vertex number. To render a pixel, the subpaths of the vertices that the pixel sees
+//! are traced again.
 
 use super::light_subpaths::LightSubpath;
 use super::{Connector, Plan, Splat, WalkNumber, Walks, behind, brings, wanted};
@@ -124,9 +125,10 @@ impl Walks {
 }
 
 /// Decides by roulette whether to keep a vertex of a light subpath that the camera sees directly or along a
-/// specular path. Returns the weight of the vertex. The unweighted contribution is an upper bound for the
-/// MIS-weighted contribution. The MIS weight takes longer to compute and is evaluated only for the vertices
-/// that are kept. The most expensive step is to trace a subpath again for each kept vertex.
+/// specular path. Returns the weight of the vertex. The decision uses the contribution without MIS weight,
+/// which is an upper bound for the contribution with MIS weight. The MIS weight takes longer to compute and
+/// is evaluated only for kept vertices. The most expensive step is to trace a subpath again for each kept
+/// vertex.
 fn decide(
     connector: &mut Connector,
     light: &[Vertex],

@@ -1,17 +1,17 @@
 //! Multiple importance sampling weights of the strategies that can sample a path (Veach 1997, sect. 10.2).
 //!
-//! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
-//! vertices and a camera subpath with t vertices. Both ends count as vertices, so s + t = k + 2. The power
-//! heuristic assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of
-//! densities are products along the path. If the camera subpath instead of the light subpath samples vertex
-//! i, p changes by the ratio of the densities of this vertex from the camera and from the light.
+//! A path with k inner vertices can be sampled by connecting a light subpath with s vertices to a camera
+//! subpath with t vertices. The ends of the path count as vertices, so s + t = k + 2. The power heuristic
+//! assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of densities are
+//! products along the path. If the camera subpath samples vertex i instead of the light subpath, p changes by
+//! a factor. The factor is the ratio of the densities of this vertex from the camera and from the light.
 //!
 //! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
-//! subpaths with hundreds of medium vertices come close to each other, many of their connections contribute;
-//! otherwise none contribute. On a path with m medium vertices, each connection of two subpaths therefore
-//! counts as 1/m of a sample, so that all connections together count as one sample. This weight is the
-//! simplest form of the weights of Grittmann, Georgiev & Slusallek 2021, "Correlation-aware multiple
-//! importance sampling for bidirectional rendering algorithms".
+//! subpaths with hundreds of medium vertices come close to each other, many connections of these subpaths
+//! contribute. If the subpaths do not come close, no connection contributes. On a path with m medium
+//! vertices, each connection of two subpaths therefore counts as 1/m of a sample. All connections together
+//! then count as one sample. The factor 1/m is the simplest form of the weights of Grittmann, Georgiev &
+//! Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional rendering algorithms".
 
 use crate::strategy::{Strategies, Strategy};
 
@@ -21,7 +21,8 @@ pub(super) struct Densities {
     pub own: f32,
     /// Density with which the subpath from the opposite side samples the vertex.
     pub other: f32,
-    /// False if the vertex scatters light into a single direction, so that no connection can end at it.
+    /// False if no connection can end at the vertex because the vertex scatters light into a single
+    /// direction.
     pub connects: bool,
     /// True if the vertex is a scattering event in a medium.
     pub particle: bool,
@@ -30,8 +31,8 @@ pub(super) struct Densities {
 /// Number of samples of each strategy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Number of light subpaths per connection, which is the probability that a light subpath starts at the
-    /// emitter of the path.
+    /// Number of light subpaths per connection. The number of light subpaths per connection is the
+    /// probability that a light subpath starts at the emitter of the path.
     pub light: f32,
     /// Number of light subpaths per camera pixel and sample. All of these subpaths are connected to the
     /// camera's pinhole.
@@ -64,7 +65,8 @@ impl Tries {
     }
 }
 
-/// Returns the MIS weight of the strategy that connects the subpaths `light` and `camera`, ends included.
+/// Returns the MIS weight of the strategy that connects the subpaths `light` and `camera`. The subpaths
+/// include their ends.
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
@@ -98,7 +100,8 @@ mod tests {
         for _ in 0..2000 {
             let inner = 1 + (stream.uniform() * 7.0) as usize;
             let draw = |stream: &mut Stream| (6.0 * (stream.uniform() - 0.5)).exp();
-            // Densities from the light and from the camera. Both ends connect, and neither is in a medium.
+            // Choose random densities from the light and from the camera. The ends of the path allow
+            // connections and are not in a medium.
             let points: Vec<(f32, f32, bool, bool)> = (0..inner + 2)
                 .map(|i| {
                     let ends = i == 0 || i == inner + 1;

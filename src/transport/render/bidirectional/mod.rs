@@ -4,16 +4,17 @@
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
-//! where M_z and M_y are the scattering matrices at the two vertices (with the cosines to the connection),
-//! and S are the sheets between them. The emitter and the camera's pinhole are vertices of their subpaths. If
-//! the light subpath has no other vertex, the connection is next-event estimation. If the camera subpath has
-//! no other vertex, the connection is a splat into the pixel that sees the light vertex. Paths that several
-//! strategies can sample are weighted by [`mis`].
+//! where M_z and M_y are the scattering matrices at the two vertices, with the cosines to the connection. The
+//! Sᵢ are the matrices of sheets on the connection. The emitter and the camera's pinhole are vertices of
+//! their subpaths. If the light subpath has no other vertex, the connection is next-event estimation. If the
+//! camera subpath has no other vertex, the connection is a splat into the pixel that sees the light vertex.
+//! Paths that several strategies can sample are weighted by [`mis`].
 //!
-//! In scenes with media, `integrator = "path"` uses the same code, with light subpaths that consist only of
-//! the emitter. `integrator = "caustics"` uses the same code, with few samples, only for paths on which the
-//! light first hits a mirror, a smooth interface or a crystal. [`super::path`] cannot sample these paths. The
-//! two sets of paths are disjoint, and their contributions are added.
+//! In scenes with media, `integrator = "path"` uses the same code with light subpaths that consist of the
+//! emitter alone. `integrator = "caustics"` uses the same code with few samples. The paths are then
+//! restricted to those on which the light first hits a mirror, a smooth interface or a crystal.
+//! [`super::path`] cannot sample these paths. The paths of the two modules are disjoint, and their
+//! contributions are added.
 
 mod connections;
 mod light_connections;
@@ -49,10 +50,10 @@ use std::ops::Range;
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
 /// Fraction of samples in which camera and light subpaths are connected, if the media scatter light forward
-/// and are seen and lit through interfaces. In such scenes, subpaths are guided toward the apparent position
-/// of the opposite end and connected to it from each medium vertex, which finds nearly all light. Connections
-/// between medium vertices ignore the forward peaks: they take a fifth of the time, but find only a tenth of
-/// the light.
+/// and are seen and illuminated through interfaces. Through interfaces, subpaths are guided toward the
+/// apparent position of the opposite end. Connections from each medium vertex to this end find nearly all
+/// light. Connections between medium vertices ignore the forward peaks. Connections between medium vertices
+/// take a fifth of the time and find a tenth of the light.
 const RARELY: f32 = 0.04;
 
 /// Number of camera samples from which the roulette threshold is estimated.
@@ -78,24 +79,25 @@ pub struct Plan {
     pub(super) seed: u64,
     /// Splats in the current part of the image.
     splats: Splats,
-    /// Splats in all parts of the image, if there are several parts.
+    /// Splats in all parts of the image, or `None` if there is one part.
     splat_file: Option<SplatFile>,
     /// Light subpaths that are shared between the machines of a render.
     light: Option<SharedLight>,
 }
 
-/// The subpaths of one camera sample, and the contributions to its pixel.
+/// The subpaths of one camera sample, and the contributions to the pixel of the sample.
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// The contributions of each sample, in order. `elements` contains the Mueller elements of all of them.
+    /// The contributions of each sample, in order. `elements` contains the Mueller elements of all
+    /// contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
 
-/// Buffers that a thread reuses between light subpaths that are traced before the render.
+/// Buffers that a thread reuses for all light subpaths that are traced before the render.
 type Buffers = (Walks, Vec<Contribution>, Vec<Spectral>);
 
 /// Returns true if light subpaths of `s` vertices are connected to camera subpaths of `t` vertices.
@@ -109,7 +111,7 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 
 impl Plan {
     /// Prepares a render of several image parts. `labelled` is true if path labels are needed. Returns `None`
-    /// once `stop` returns true.
+    /// if `stop` returns true.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
@@ -150,7 +152,7 @@ impl Plan {
             splat_file: None,
             light: None,
         };
-        // The threshold is estimated for all light, not only for redirected light.
+        // The threshold is estimated for all light, including light that is not redirected.
         if scene.settings.strategy.is_none() {
             let pilot = || plan.pilot(scene).0;
             let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
@@ -235,8 +237,8 @@ impl Plan {
         walks.look(scene, self, number, &mut out, found);
     }
 
-    /// Returns the minimum number of vertices, including the end, that a light subpath must have to be
-    /// connected.
+    /// Returns the minimum number of vertices, including the end, that a light subpath needs for a
+    /// connection.
     pub(super) fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
@@ -281,8 +283,9 @@ pub(super) fn brings(out: &Contributions) -> f32 {
 }
 
 impl Walks {
-    /// Traces paths for the given `samples` of camera pixel (x, y), each through a uniformly random point.
-    /// Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
+    /// Traces paths for the given `samples` of camera pixel (x, y). Each path passes through a uniformly
+    /// random point of the pixel. Stores the results in `lists` and `elements`, as
+    /// [`super::path::Paths::trace`] does.
     pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
         self.lists.resize_with(samples.len(), Vec::new);
         let mut elements = std::mem::take(&mut self.elements);
@@ -314,8 +317,8 @@ impl Walks {
         let [jx, jy] = stream.uniform2().map(f64::from);
         let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
-        // Ordinary paths sample the remaining light. Light that leaves a Lambertian surface toward the camera
-        // is sampled by light subpaths and by connections through interfaces.
+        // Ordinary paths sample the light that is not redirected. Redirected light that leaves a Lambertian
+        // surface toward the camera is sampled by light subpaths and by connections through interfaces.
         let all = !plan.setup.redirected;
         let limits = Limits {
             interactions: most(scene),
@@ -341,7 +344,7 @@ impl Walks {
                 if (share == 1.0 || stream.uniform() < share)
                     && self.camera.points.get(1).is_some_and(goes_on)
                 {
-                    // Over all samples, the start of the subpath with this number is uniformly distributed.
+                    // The start of the subpath with this number is uniformly distributed over all samples.
                     let number = WalkNumber { sample, walk: pixel };
                     partner = self.light_subpath(scene, plan, number, (usize::MAX, Splitting::Never));
                     rays += partner.as_ref().map_or(0, |_| self.light.rays);
@@ -363,7 +366,7 @@ impl Walks {
         rays
     }
 
-    /// Adds the light of emitters that the current branch of the camera subpath has hit.
+    /// Adds the light of the emitters on which the current branch of the camera subpath ends.
     fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);

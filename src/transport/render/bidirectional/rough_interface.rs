@@ -2,20 +2,21 @@
 //!
 //! Light inside a solid medium that will leave toward a pinhole travels within a narrow cone. A rough
 //! interface with index n deflects outgoing light n times as much as incoming light. Facets within an angle α
-//! of the normal therefore refract only light from within about α/3, a hundredth of all directions or less. A
-//! subpath that samples the phase function rarely enters this cone; if it does, it contributes a hundred
-//! times the mean.
+//! of the normal therefore refract only light from directions within about α/3, which are at most a hundredth
+//! of all directions. A subpath that samples the phase function rarely enters this cone. A subpath that does
+//! enter contributes a hundred times the mean.
 //!
-//! From a medium vertex near the surface, a direction is therefore sampled as the interface would refract
-//! light of the emitter. Facets visible from the emitter are sampled at the point where the straight line to
-//! the emitter leaves the medium. The path then continues along the sampled direction to the surface, and
-//! from the surface in a straight line to the emitter. The balance heuristic (Veach 1997, sect. 9.2) combines
-//! the two estimates of a path. Let p be the density of the subpath (phase function × transmittance) and q
-//! the density of this estimate, per steradian at the medium vertex. The two estimates are
+//! At a medium vertex near the surface, a direction is therefore sampled from the directions into which the
+//! interface refracts light of the emitter. Facets visible from the emitter are sampled at the point where
+//! the straight line to the emitter leaves the medium. The path then continues along the sampled direction to
+//! the surface. From the surface, the path continues in a straight line to the emitter. The balance heuristic
+//! (Veach 1997, sect. 9.2) combines the two estimates of a path. Let p be the density of the subpath (phase
+//! function × transmittance) and q the density of the sampled direction. The densities are per steradian at
+//! the medium vertex. The two estimates are
 //!
 //! > f/p · p/(p + q) and f/q · q/(p + q).
 //!
-//! (For smooth interfaces, the cone is a single direction, which [`crate::render::manifold`] finds.)
+//! For smooth interfaces, the cone is a single direction, which [`crate::render::manifold`] finds.
 
 use super::Connector;
 use crate::geometry::ray::{Ray, Surface};
@@ -27,10 +28,11 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// Maximum optical depth to the surface. At larger depths, little light remains, which subpaths sample.
+/// Maximum optical depth to the surface. At larger depths, the little light that remains is sampled by
+/// subpaths.
 const REACH: f32 = 5.0;
 
-/// The exit: the point where the straight line from a medium vertex to an emitter leaves the medium.
+/// The exit, which is the point where the straight line from a medium vertex to an emitter leaves the medium.
 struct Exit {
     surface: Surface,
     /// Unit direction from the exit to the emitter.
@@ -100,7 +102,7 @@ impl Connector<'_> {
     }
 
     /// Connects a medium vertex at the end of a camera subpath to all emitters through a nearby rough
-    /// interface, and appends the contributions. Returns true if such an interface is between the vertex and
+    /// interface, and appends the contributions. Returns true if a rough interface is between the vertex and
     /// each emitter.
     pub fn connect_through_rough(&mut self, camera: &[Vertex]) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);

@@ -1,13 +1,14 @@
-//! Shares light subpaths between all parts of a render on many machines, through files in a common folder.
+//! Shares light subpaths through files in a common folder, between the parts of a render on many machines.
 //!
-//! Each part renders some tiles, but the vertices that its pixels see are on any of the light subpaths. Each
-//! part therefore traces its share of the *subpaths* and sorts the visible vertices by the part that sees
-//! these vertices. The part then reads its own vertices from the files of all parts. A part may also trace
-//! shares that another part has not started or not finished.
+//! Each part renders a subset of the tiles, but the vertices that the pixels of a part see may be on any
+//! light subpath. Each part therefore traces a share of the *subpaths* and sorts the visible vertices by the
+//! part that sees the vertices. Each part then reads the vertices that its pixels see from the files of all
+//! parts. In addition, a part may trace shares that another part has not started or not finished.
 //!
 //! A file depends only on scene, seed and share, and is written atomically. The result is therefore the same
 //! if a part stops, starts late or computes a share twice. No scheduler is needed, and no part waits
-//! indefinitely for a stopped part. Parts also share values that depend only on the scene and the seed.
+//! indefinitely for a stopped part. In addition, parts share values that depend only on the scene and the
+//! seed.
 
 use super::splat_file::{self, Extent, Parts};
 use super::{Counts, Splat, Splats, WalkNumber};
@@ -18,17 +19,17 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Maximum time to wait for a share that another part has started, relative to the longest time that a share
-/// has taken in this part.
+/// Maximum time to wait for a share that another part has started. The unit is the longest time in which this
+/// part has computed a share.
 const PATIENCE: u32 = 2;
-/// Interval between checks for the file of a share.
+/// Interval at which a part checks for the file of a share.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The common folder, and the number of this part of the render.
 #[derive(Clone, Debug)]
 pub struct SharedLight {
     folder: PathBuf,
-    /// Prefix of the file names: a key that depends on all inputs of the contents.
+    /// Prefix of the file names. The prefix is a key that depends on all inputs of the contents.
     key: String,
     /// Number of this part of the render, counted from 0.
     part: u32,
@@ -77,7 +78,7 @@ impl SharedLight {
         Ok(())
     }
 
-    /// Ensures that the files of all shares exist. Returns `None` once `stop` returns true.
+    /// Ensures that the files of all shares exist. Returns `None` if `stop` returns true.
     pub(super) fn make<T: Send>(
         &self,
         scene: &Scene,
@@ -129,7 +130,8 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Writes the file of a share: the vertices, the extents of each part, and the position of the extents.
+    /// Writes the file of a share. The file contains the vertices, the extents of each part, and the position
+    /// of the extents.
     fn write(
         &self,
         share: u32,

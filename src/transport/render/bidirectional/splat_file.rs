@@ -1,9 +1,9 @@
 //! Stores the splats of all light subpaths in a file, for renders that exceed the available memory.
 //!
 //! The image is rendered in parts, and the splats of one part are in memory. All subpaths are traced once, in
-//! batches. The splats of each batch are sorted by part and appended to an unnamed temporary file, from which
-//! each part reads its splats. The cost per sample is therefore independent of the number of parts. Each part
-//! gets the same splats in the same order as if the subpaths were traced only for this part.
+//! batches. The splats of each batch are sorted by part and appended to an unnamed temporary file. Each part
+//! reads its splats from this file. The cost per sample is therefore independent of the number of parts. Each
+//! part receives the same splats in the same order as if the subpaths were traced for this part alone.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};
@@ -24,9 +24,10 @@ pub(crate) struct SplatFile {
     pixels: u32,
 }
 
-/// Number of bytes of a pixel index, which precedes each splat in the file.
+/// Number of bytes of a pixel index. A pixel index precedes each splat in the file.
 const PIXEL: usize = size_of::<u32>();
-/// Number of bytes of a splat with a straight connection, whose direction is not stored.
+/// Number of bytes of a splat with a straight connection. The direction of a straight connection is not
+/// stored.
 const STRAIGHT: usize = std::mem::offset_of!(Splat, dir);
 
 fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
@@ -72,8 +73,8 @@ pub(crate) struct Parts<F> {
     pub of: F,
 }
 
-/// Traces subpaths as [`Splats::new`] does, and writes the splats of all parts to the file. Returns `None`
-/// once `stop` returns true.
+/// Traces subpaths as [`Splats::new`] does, and writes the splats of all parts to the file. Returns `None` if
+/// `stop` returns true.
 pub(super) fn write<T: Send>(
     file: &mut impl Write,
     (counts, walks): (Counts, Range<u64>),
@@ -92,7 +93,7 @@ pub(super) fn write<T: Send>(
             tracing::info!("traced {first} of {} light paths, {} MB of vertices", walks.end, at / 1_000_000);
         }
         let end = (first + BATCH).min(walks.end);
-        // Bytes for each part, in an order that is independent of the number of threads.
+        // Collect the bytes for each part in an order that is independent of the number of threads.
         let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
             .map_init(&make, |state, walks| {
                 let mut points: Vec<(u32, u32, Splat)> = vec![];
@@ -153,7 +154,7 @@ pub(super) fn read(
 
 impl SplatFile {
     /// Traces all subpaths of all samples as [`Splats::new`] does, and stores the splats of pixels to which
-    /// `part_of` assigns one of `parts` parts. Returns `None` once `stop` returns true.
+    /// `part_of` assigns one of `parts` parts. Returns `None` if `stop` returns true.
     ///
     /// # Errors
     /// Returns an error if the temporary file cannot be created or written.
@@ -174,7 +175,7 @@ impl SplatFile {
     /// Reads the splats of a part.
     ///
     /// # Errors
-    /// Returns an error if the splats cannot be read, or are damaged.
+    /// Returns an error if the splats cannot be read or are damaged.
     pub fn part(&mut self, part: usize) -> io::Result<Splats> {
         let mut found = vec![];
         if let Some(extents) = self.extents.get(part) {
@@ -188,8 +189,8 @@ impl SplatFile {
 mod tests {
     use super::*;
 
-    /// Verifies that parts read from the file equal parts that are traced separately, including refracted
-    /// connections.
+    /// Verifies that the splats of a part from the file equal those of a part that is traced separately. The
+    /// test includes refracted connections.
     #[test]
     fn parts_are_read_back() {
         let counts = Counts { samples: 3, walks: 500_000, pixels: 60 };

@@ -1,9 +1,9 @@
 //! Vertices of light subpaths that the camera sees, sorted by pixel.
 //!
 //! A tile contains some of the camera pixels, but light subpaths reach arbitrary pixels. All light subpaths
-//! are therefore traced once in advance. For each vertex that the camera sees, only the vertex index and the
-//! connection are stored, in the list of the pixel. To render the pixel, the subpaths in its list are traced
-//! again up to the vertices; a subpath depends only on its number. A subpath is thus traced several times,
+//! are therefore traced once in advance. For each vertex that the camera sees, the vertex index and the
+//! connection are stored in the list of the pixel. To render the pixel, the subpaths in the list are traced
+//! again up to the vertices. A subpath depends only on its number. Each subpath is thus traced several times,
 //! but little memory is needed and tiles are independent.
 
 use bytemuck::{Pod, Zeroable};
@@ -17,14 +17,15 @@ pub(crate) struct Splats {
     points: Vec<Splat>,
 }
 
-/// A vertex of a light subpath that the camera sees. In this order, the fields have no padding between them,
-/// and [`super::splat_file`] can omit the last field.
+/// A vertex of a light subpath that the camera sees. The order of the fields leaves no padding between
+/// fields, and [`super::splat_file`] can omit the last field.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(crate) struct Splat {
     pub walk: WalkNumber,
     /// Density with which light passes the interfaces at the start of the subpath, if the path can be found
-    /// from the vertex behind the interfaces (see [`super::connections::Seen`]); otherwise NaN.
+    /// from the vertex behind the interfaces. If no path is found, the value is NaN (see
+    /// [`super::connections::Seen`]).
     pub seen: f32,
     /// Weight of the vertex after roulette ([`crate::render::roulette`]).
     pub factor: f32,
@@ -37,11 +38,11 @@ pub(crate) struct Splat {
     /// Bit mask of the wavelength lanes that use the connection.
     pub lanes: u8,
     pub unused: [u8; 3],
-    /// Direction of a refracted connection from the vertex to the camera; 0 for a straight connection.
+    /// Direction of a refracted connection from the vertex to the camera, or 0 for a straight connection.
     pub dir: [f32; 3],
 }
 
-/// A light subpath: its sample and its index in the sample.
+/// Number of a light subpath, which consists of the sample and the index in the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct WalkNumber {
@@ -92,8 +93,8 @@ pub(super) mod chunk {
 }
 
 impl Splats {
-    /// Traces all subpaths of all samples with `trace`, which passes each visible vertex and its pixel to a
-    /// callback. Keeps only the vertices that `wanted` pixels see.
+    /// Traces all subpaths of all samples with `trace`. The function `trace` passes each visible vertex and
+    /// its pixel to a callback. Keeps only the vertices that `wanted` pixels see.
     pub fn new<T: Send>(
         counts: Counts,
         wanted: impl Fn(u32) -> bool + Sync,

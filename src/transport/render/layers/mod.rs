@@ -1,12 +1,12 @@
 //! Ground-truth layers: depth, position, normals, object, material and albedo of every camera pixel.
 //!
 //! The layers are computed in a separate pass with k × k camera rays per pixel, through the centres of k × k
-//! equal parts. No random numbers are used, so the result is reproducible bit by bit. The object of a pixel
-//! is the object that most rays hit. All other values are means over the rays that hit this object, so values
-//! do not mix across edges. A lens is replaced by a pinhole at its centre.
+//! equal parts of the pixel. No random numbers are used, so the result is reproducible bit by bit. The object
+//! of a pixel is the object that most rays hit. All other values are means over the rays that hit this
+//! object, so values do not mix across edges. A lens is replaced by a pinhole at its centre.
 //!
-//! The values are those of the first surface on a ray; boundaries without an effect on light are ignored.
-//! With [`Options::through`], rays are refracted by smooth interfaces and cross sheets ([`visible_surface`]).
+//! The values are those of the first surface on a ray. Boundaries without an effect on light are ignored.
+//! With [`Options::through`], smooth interfaces refract rays, and rays cross sheets ([`visible_surface`]).
 
 pub mod visible_surface;
 
@@ -18,10 +18,10 @@ use visible_surface::{Viewer, VisibleSurface};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Number of rays along each side of a pixel, k; at least 1.
+    /// Number of rays along each side of a pixel, k (at least 1).
     pub side: u32,
     /// True if rays continue through smooth interfaces (glass, water, crystals) and sheets to the surface
-    /// behind them.
+    /// behind.
     pub through: bool,
 }
 
@@ -33,7 +33,7 @@ impl Default for Options {
 
 #[derive(Clone)]
 struct Pixel {
-    /// Index of the object; -1 if there is none.
+    /// Index of the object, or -1 if there is none.
     object: i32,
     copy: i32,
     material: i32,
@@ -66,7 +66,7 @@ impl Pixel {
     }
 }
 
-/// Returns the most frequent value and its count; among equally frequent values, the smallest.
+/// Returns the most frequent value and its count. Among equally frequent values, returns the smallest.
 fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
     let mut sorted: Vec<T> = all.collect();
     sorted.sort_unstable();

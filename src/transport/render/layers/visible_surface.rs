@@ -16,7 +16,7 @@ pub struct VisibleSurface {
     pub object: u32,
     /// The instance that contains the surface, or the world.
     pub copy: Owner,
-    /// Index of the surface's material; for a blend, the index of the blend and not of a component.
+    /// Index of the surface's material. For a blend, the index is that of the blend and not of a component.
     pub material: u32,
     /// Hit point in world space, metres.
     pub at: DVec3,
@@ -44,9 +44,9 @@ impl<'a> Viewer<'a> {
         Self { scene, nest: surroundings(scene, scene.camera.origin), lane: scene.wavelengths.count() / 2 }
     }
 
-    /// Returns the first surface at an image position in pixels; surfaces without an effect on light are
-    /// ignored. If `through` is true, the ray is refracted by smooth interfaces and crosses sheets, up to a
-    /// surface that does not transmit it. Returns `None` if there is no surface.
+    /// Returns the first surface at an image position in pixels. Surfaces without an effect on light are
+    /// ignored. If `through` is true, smooth interfaces refract the ray, and the ray crosses sheets, up to an
+    /// opaque surface. Returns `None` if there is no surface.
     pub fn look(&self, at: DVec2, through: bool) -> Option<VisibleSurface> {
         let camera = self.scene.camera.at(at);
         let nest = if camera.parallel { surroundings(self.scene, camera.origin) } else { self.nest };

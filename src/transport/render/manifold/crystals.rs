@@ -1,6 +1,6 @@
 //! Specular paths to a pinhole through birefringent crystals that produce double images. As in
-//! [`manifold`](super), the search starts from the straight line, for each combination of ordinary and
-//! extraordinary waves.
+//! [`manifold`](super), the search starts from the straight line. There is a search for each combination of
+//! ordinary and extraordinary waves.
 //!
 //! Derivatives of rays with respect to their direction are approximated by finite differences.
 
@@ -20,7 +20,8 @@ const CRYSTALS: u32 = 4;
 /// Maximum number of Newton steps. A few steps suffice, because crystals deflect light little.
 const STEPS: usize = 12;
 
-/// Angular step for finite differences, radians: far above rounding errors, but small enough for linearity.
+/// Angular step for finite differences, radians. The step is far above rounding errors but small enough for
+/// linearity.
 const STEP: f32 = 1e-3;
 
 /// Maximum Newton step, radians.
@@ -31,13 +32,13 @@ pub(super) struct CrystalSearch<'a> {
     scene: &'a Scene,
     start: Start,
     to: Vec3A,
-    /// Number of surfaces that refract the path; `crystals` is the number of crystals among them.
+    /// Number of surfaces that refract the path. `crystals` is the number of crystals on the path.
     bends: usize,
     crystals: u32,
 }
 
-/// The wavelength of a path, and the wave in each crystal: bit 1 for the extraordinary wave, with the next
-/// crystal in the lowest bit.
+/// The wavelength of a path, and the wave in each crystal. A bit is 1 for the extraordinary wave, and the
+/// lowest bit is for the next crystal.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
@@ -45,8 +46,8 @@ pub(super) struct Choice {
 }
 
 impl<'a> CrystalSearch<'a> {
-    /// Prepares a search along a straight line; `None` if the line is blocked or crosses no crystal that
-    /// produces double images.
+    /// Prepares a search along a straight line. Returns `None` if the line is blocked or crosses no crystal
+    /// that produces double images.
     pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
         let (mut bends, mut crystals, mut inside) = (0, 0, false);
         let (mut ray, mut nest) = (start.ray, start.nest);
@@ -60,7 +61,7 @@ impl<'a> CrystalSearch<'a> {
             let id = surface.material;
             let enters = surface.ng.dot(ray.dir) < 0.0;
             if scene.materials.splits(id) {
-                // The line must leave each crystal before it enters the next crystal.
+                // The line must leave each crystal before the line enters the next crystal.
                 if inside == enters {
                     return None;
                 }
@@ -96,7 +97,7 @@ impl<'a> CrystalSearch<'a> {
     }
 
     /// Traces a ray through all refracting surfaces, up to the point that is nearest to the goal. Calls
-    /// `bent` for each interaction.
+    /// `bent` for each interaction on the ray.
     fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
         let scene = self.scene;
         let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
@@ -125,7 +126,7 @@ impl<'a> CrystalSearch<'a> {
                 });
                 dir = lobe.wi;
                 left -= 1;
-                // A wave ends where the ray leaves its crystal.
+                // A wave ends where the ray leaves the crystal.
                 choice.waves >>= u32::from(splits && !enters);
             }
             nest.cross(&scene.boundaries, id, enters);
@@ -135,7 +136,7 @@ impl<'a> CrystalSearch<'a> {
         None
     }
 
-    /// Returns the Newton step for a direction, and the area per solid angle J.
+    /// Returns the Newton step for a direction, and the area J per solid angle.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
         let across = basis(dir);
         let slope = |axis: Vec3A| {
@@ -148,8 +149,8 @@ impl<'a> CrystalSearch<'a> {
         newton(dir, &Shot { slopes: [slope(across.x_axis)?, slope(across.y_axis)?], ..*shot })
     }
 
-    /// Returns the intersection of a ray with the plane through the goal that has normal `n`, relative to the
-    /// goal.
+    /// Returns the intersection of a ray with the plane through the goal with normal `n`. The result is
+    /// relative to the goal.
     fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
         shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))
     }

@@ -1,9 +1,10 @@
 //! Connections over curved mirrors and through curved glass, where any number of specular paths may exist.
-//! Paths are sampled at random and weighted by 1/probability (Zeltner, Georgiev & Jakob 2020).
+//! Paths are sampled at random and weighted by the reciprocal of the probability (Zeltner, Georgiev & Jakob
+//! 2020).
 //!
-//! If a fraction p of all random initial guesses leads to a path, its weight is 1/p. The number of further
-//! guesses until the path is found again has the mean 1/p and is thus an unbiased estimate. These connections
-//! are made only if no other strategy samples the path, so their MIS weight is one.
+//! If a fraction p of all random initial guesses leads to a path, the weight of the path is 1/p. The number
+//! of further guesses until the path is found again has the mean 1/p and is thus an unbiased estimate. The
+//! connections of this module are made only if no other strategy samples the path, so the MIS weight is one.
 
 use super::PathLanes;
 use super::initial_guess::TracedGuess;
@@ -15,14 +16,14 @@ use crate::render::subpath::{Vertex, last};
 use glam::Vec3A;
 use optics::spectrum::max_lane;
 
-/// Maximum number of guesses until a path is found again. The limit is needed because rounding errors may
-/// prevent success.
+/// Maximum number of guesses until a path is found again. Without a limit, rounding errors could make the
+/// search endless.
 const MOST_TRIES: u32 = 1 << 16;
 
 impl Connector<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
-    /// samples, and appends the contributions. These paths are found at random or lead through crystals. The
-    /// caller must ensure that other strategies do not sample them ([`Self::reached`]).
+    /// samples, and appends the contributions. The paths are found at random or lead through crystals. The
+    /// caller must ensure that other strategies do not sample the paths ([`Self::reached`]).
     pub fn connect_alone(&mut self, camera: &[Vertex], source: usize) {
         if self.setup.mirrors.splits {
             self.connect_through_crystals(camera, source);
@@ -45,8 +46,8 @@ impl Connector<'_> {
         self.connect_by_chance(camera, source, factor, draw, |_, _| Some(1.0));
     }
 
-    /// Connects by all other paths that include a curved surface: over several mirrors, and through curved
-    /// glass, except the path that [`Self::connect_by_manifold`] finds.
+    /// Connects by all other paths that include a curved surface, over several mirrors and through curved
+    /// glass. Excludes the path that [`Self::connect_by_manifold`] finds.
     fn connect_through(&mut self, camera: &[Vertex], source: usize) {
         let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
@@ -66,7 +67,8 @@ impl Connector<'_> {
             let path = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
             (!first || !connector.is_expected(z, &path, &traced.over, goal)).then_some(path)
         };
-        // Long sequences of curved mirrors have very many paths, most of which contribute almost nothing.
+        // Long sequences of curved mirrors have very many paths. Most paths over such sequences contribute
+        // almost nothing.
         let decide = |connector: &mut Self, path: &SpecularPath| {
             let scattered = z.scatter(scene, z.back, path.dir)?;
             let (intensity, _) = setup.emission.intensity(scene, connector.ends[0], source, path.emitted);
@@ -94,8 +96,8 @@ impl Connector<'_> {
     }
 
     /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path for
-    /// a wavelength; its last argument is true for the first path, and false while the same path is sought
-    /// again. `decide` returns the weight of a path, or `None` to skip the path.
+    /// a wavelength. The last argument of `draw` is true for the first path, and false during the search for
+    /// the same path. `decide` returns the weight of a path, or `None` to skip the path.
     fn connect_by_chance(
         &mut self,
         camera: &[Vertex],
@@ -127,8 +129,8 @@ impl Connector<'_> {
         }
     }
 
-    /// Decides by roulette whether to search for paths over curved surfaces, and returns the weight. `glints`
-    /// estimates the light of such paths.
+    /// Decides by roulette whether to search for paths over curved surfaces. Returns the weight of the paths.
+    /// `glints` estimates the light of paths over curved surfaces.
     fn spin_glints(&mut self, z: &Vertex, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

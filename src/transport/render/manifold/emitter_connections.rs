@@ -43,10 +43,10 @@ impl PathLanes {
 /// Index of the light's side in a pair (camera, light).
 const LIGHT: usize = 1;
 
-/// Probability of searching for paths over flat mirrors: `PARTICLES` from medium vertices, `IN_MEDIA` from
-/// surface vertices in a medium. Such paths are numerous and contribute little compared with light subpaths.
-/// In the example scene of a milky tank, a search for all of them took an eighth of the render time for a
-/// hundredth of the light.
+/// Probability of searching for paths over flat mirrors. `PARTICLES` applies to medium vertices, and
+/// `IN_MEDIA` applies to surface vertices in a medium. Paths over flat mirrors are numerous and contribute
+/// little compared with light subpaths. In the example scene of a milky tank, a search for all paths over
+/// flat mirrors takes an eighth of the render time and finds a hundredth of the light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
@@ -88,7 +88,7 @@ impl Connector<'_> {
     }
 
     /// Connects the last vertex of a camera subpath to an emitter through crystals that produce double
-    /// images. Other strategies must not sample these paths ([`Self::reached`]).
+    /// images. Other strategies must not sample the same paths ([`Self::reached`]).
     pub fn connect_through_crystals(&mut self, camera: &[Vertex], source: usize) {
         let (z, scene) = (last(camera), self.scene);
         let to = self.setup.emission.position(scene, self.ends[0], source);
@@ -103,7 +103,7 @@ impl Connector<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter. These strategies are connections between two subpaths, and connections of a
+    /// mirrors to an emitter. The other strategies are connections between two subpaths, and connections of a
     /// light subpath to the camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Vertex]) -> bool {
@@ -114,8 +114,8 @@ impl Connector<'_> {
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors, and appends the
     /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
-    /// sequences of three or more mirrors are also tried. If `alone` is false, the weights of other
-    /// strategies must account for these connections ([`Mirrors::flats_weigh`]).
+    /// sequences of three or more mirrors are tried too. If `alone` is false, the weights of other strategies
+    /// must account for these connections ([`Mirrors::flats_weigh`]).
     pub fn connect_over_flats(&mut self, camera: &[Vertex], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
@@ -142,7 +142,8 @@ impl Connector<'_> {
         }
     }
 
-    /// Returns the start and the route of a path over mirrors; the `seeds` on them are the initial guess.
+    /// Returns the start and the route of a path over mirrors. The `seeds` on the mirrors are the initial
+    /// guess.
     fn route_over<'b>(
         &self,
         z: &Vertex,
@@ -160,14 +161,14 @@ impl Connector<'_> {
         Some((line, route))
     }
 
-    /// Finds the path from a vertex over mirrors; the `seeds` on the mirrors are the initial guess.
+    /// Finds the path from a vertex over mirrors. The `seeds` on the mirrors are the initial guess.
     pub fn path_over(&self, z: &Vertex, seeds: &[Seed], goal: Goal) -> Option<SpecularPath> {
         let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
         manifold::find(self.scene, start, &route, goal)
     }
 
-    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`. The decision
-    /// is made once before and once after the transmittance of mirrors and media is known. Returns the start,
+    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`. The function
+    /// decides twice: before and after the transmittance of mirrors and media is known. Returns the start,
     /// the route and the weight.
     fn spin_over<'b>(
         &mut self,
@@ -202,9 +203,9 @@ impl Connector<'_> {
     }
 
     /// Decides by roulette whether to connect a vertex to an end at `to`. The expected contribution is that
-    /// of a straight path: light `scattered` toward the end × intensity `end` of the end × n²/d², with
-    /// refractive index n and distance d. The decision is repeated when the transmittance of media is known.
-    /// Returns the start, the route and the weight.
+    /// of a straight path. For a straight path, the contribution is the light `scattered` toward the end ×
+    /// the intensity `end` × n²/d². n is the refractive index, and d is the distance. The decision is
+    /// repeated when the transmittance of media is known. Returns the start, the route and the weight.
     #[inline]
     pub fn spin(
         &mut self,
@@ -228,7 +229,7 @@ impl Connector<'_> {
     }
 
     /// Calls `f` with the path that `find` returns for a vertex, and with the wavelengths that use this path.
-    /// If interfaces are dispersive, each wavelength has its own path.
+    /// If interfaces are dispersive, each wavelength has a separate path.
     pub fn for_each_path(
         &mut self,
         p: &Vertex,
@@ -268,7 +269,7 @@ impl Connector<'_> {
         manifold::find(self.scene, start, &route, Goal { to, lane })
     }
 
-    /// Appends the contribution of a specular path for the wavelengths that use the path.
+    /// Appends the contribution of a specular path for the wavelengths that use this path.
     pub fn connect_path(
         &mut self,
         camera: &[Vertex],
@@ -342,9 +343,9 @@ impl Connector<'_> {
         meet(chain, beam, &emitter, &record, &mut self.out);
     }
 
-    /// For a light subpath that starts with interfaces, returns the index of the first vertex behind the
-    /// interfaces at which connections can end, and the density per area with which light reaches this
-    /// vertex. Returns `None` if the path cannot be found from that vertex.
+    /// For a light subpath that starts with interfaces, finds the first vertex behind the interfaces at which
+    /// connections can end. Returns the index of this vertex, and the density per area with which light
+    /// reaches the vertex. Returns `None` if the path cannot be found from that vertex.
     #[inline]
     pub fn seen_through(&mut self, light: &[Vertex], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
@@ -361,7 +362,7 @@ impl Connector<'_> {
     }
 
     /// Implements [`Self::seen_through`] and [`Self::seen_from`] for side 0 (camera) or side 1 (light). `to`
-    /// is the end on this side, and `start` is the density of rays from the end.
+    /// is the end on the given side, and `start` is the density of rays from the end.
     fn seen(
         &mut self,
         walk: &[Vertex],

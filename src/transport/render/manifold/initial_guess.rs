@@ -2,11 +2,11 @@
 //!
 //! A straight line does not determine the surfaces that reflect or refract light between a point and an end,
 //! but a traced ray does. The ray starts toward a random point on curved surfaces and samples one
-//! continuation at each surface. If a segment of the ray passes the end before it hits the next surface, the
-//! surfaces up to this segment are a candidate.
+//! continuation at each surface. If a segment of the ray passes the end before the next surface, the surfaces
+//! up to this segment are a candidate route.
 //!
-//! A ray near a specular path makes the same choices as this path with a positive probability, so each path
-//! is eventually found.
+//! A ray near a specular path makes the same choices as the path with a positive probability, so each path is
+//! eventually found.
 
 use super::mirrors::{Mirrors, Seed};
 use super::route::{INTERFACES, Legs, MOST_SURFACES, Route, passes};
@@ -23,18 +23,19 @@ const REFLECTED: f32 = 0.125;
 pub(super) struct TracedGuess {
     through: Legs,
     pub over: ArrayVec<Seed, INTERFACES>,
-    /// True if some surface on the ray so far is curved.
+    /// True if at least one surface that the ray has passed is curved.
     curved: bool,
 }
 
 impl TracedGuess {
-    /// Returns the number of specular interactions so far.
+    /// Returns the number of specular interactions that the ray has passed.
     #[inline]
     fn bends(&self) -> usize {
         self.over.len() + self.through.iter().sum::<usize>()
     }
 
-    /// Returns false if other strategies find the path: over one curved mirror, or only over flat mirrors.
+    /// Returns false if other strategies find the path. Other strategies find paths over one curved mirror,
+    /// and paths over flat mirrors alone.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());

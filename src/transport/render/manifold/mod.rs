@@ -1,11 +1,12 @@
-//! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular
-//! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
+//! Connections to a pinhole through smooth interfaces and over mirrors. The method is next-event estimation
+//! along specular manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob &
+//! Marschner 2012).
 //!
-//! A ray is traced from a point x through k interfaces, with its derivatives with respect to the two angles
-//! of its direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction until
-//! the ray hits the emitter. The initial guess is the straight line, which also determines the number of
-//! interfaces. At the solution, the derivatives give the area A at the emitter that rays within a solid angle
-//! ω_x cover. For an emitter with intensity I, the light scattered at x is then
+//! A ray is traced from a point x through k interfaces, together with the derivatives with respect to the two
+//! angles of the direction (Igehy 1999, "Tracing ray differentials"). Newton's method changes the direction
+//! until the ray hits the emitter. The initial guess is the straight line. The straight line determines the
+//! number of interfaces. At the solution, the derivatives give the area A at the emitter that rays within a
+//! solid angle ω_x cover. For an emitter with intensity I, the light scattered at x is
 //!
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
@@ -13,12 +14,13 @@
 //! radiance scaled by the squared refractive indices. Without refraction, 1/J is 1/d². A light subpath
 //! samples the same path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
 //!
-//! A curved interface may have several specular paths, and the straight line leads to at most one of them.
-//! The result depends only on x, so that MIS weights ([`super::bidirectional`]) can account for whether a
-//! path is found from the straight line. The other paths are sampled at random ([`curved_connections`]).
+//! A curved interface may have several specular paths, and the straight line leads to at most one of these
+//! paths. The path that is found from the straight line depends only on x. MIS weights
+//! ([`super::bidirectional`]) can therefore account for this path. The other paths are sampled at random
+//! ([`curved_connections`]).
 //!
-//! A path may also include [`mirrors`]; the initial guess is then a given point on each mirror. J has the
-//! same definition.
+//! A specular path may include [`mirrors`]. The initial guess for a path over mirrors is a given point on
+//! each mirror. J is defined as for paths without mirrors.
 
 mod camera_connections;
 mod crystals;
@@ -52,11 +54,12 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Maximum of 1 - cosine between the directions of equal paths, which corresponds to a milliradian.
+/// Maximum of 1 - cosine between the directions of equal paths. The value of `SAME` corresponds to a
+/// milliradian.
 const SAME: f32 = 5e-7;
 
-/// Factor by which the offset of traced rays from their surface is increased. These rays are offset along
-/// their own direction, not along the normal, and rounding errors also have a component along the surface.
+/// Factor by which the offset of traced rays from their surface is increased. The offset of these rays is
+/// along the ray and not along the normal, and rounding errors have a component along the surface too.
 const LEAVE: f32 = 2.0;
 
 /// Minimum cosine for which the offset along a ray is extended to clear a surface. For a smaller cosine, the
@@ -74,7 +77,7 @@ const CUTS: usize = 6;
 /// A specular interaction on a path.
 pub(super) struct Bend {
     pub surface: Surface,
-    /// Direction of the ray from x before the interaction; `after` is the direction after it.
+    /// Direction of the ray from x before the interaction. `after` is the direction after the interaction.
     pub before: Vec3A,
     pub after: Vec3A,
     pub lobe: Lobe,
@@ -84,7 +87,7 @@ pub(super) struct Bend {
 
 /// A specular path from a point to an emitter.
 pub(super) struct SpecularPath {
-    /// Direction in which the path leaves x; `emitted` is the direction in which light leaves the emitter.
+    /// Direction in which the path leaves x. `emitted` is the direction in which light leaves the emitter.
     pub dir: Vec3A,
     pub emitted: Vec3A,
     /// The first point on the path that the emitter illuminates, metres.
@@ -122,7 +125,7 @@ pub(super) struct Passed {
 }
 
 /// Finds the specular path along a route to a goal. The initial guess is the straight line, or the direction
-/// of the first mirror point.
+/// to the first mirror point.
 fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<SpecularPath> {
     let dir = match route.over.first() {
         Some(seed) => (seed.point - start.from).try_normalize()?,
@@ -137,8 +140,8 @@ fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal
     search.solve(dir)
 }
 
-/// Returns the distance along `dir` that clears a surface as well as an offset `off` along its normal does,
-/// times [`LEAVE`].
+/// Returns the distance along `dir` that clears a surface as well as an offset `off` along the normal,
+/// multiplied by [`LEAVE`].
 #[inline]
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
@@ -149,8 +152,8 @@ fn clear(off: Vec3A, dir: Vec3A) -> f32 {
 
 impl Search<'_> {
     /// Traces a ray along the route, up to the point that is nearest to the goal. Calls `bent` for each
-    /// interface or mirror, with the directions before and after the interaction, and with true for a flat
-    /// interface.
+    /// interface or mirror. The arguments are the directions before and after the interaction, and true for a
+    /// flat interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self { scene, start, route, goal } = self;
         let Goal { to, lane } = *goal;
@@ -158,7 +161,8 @@ impl Search<'_> {
         let mut slopes_p = [Vec3A::ZERO; 2];
         let mut slopes_d = [across.x_axis, across.y_axis];
         let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-        // Offset along the ray, because an offset along the normal would shift the ray, which lenses magnify.
+        // Offset the origin along the ray, because an offset along the normal would shift the ray. Lenses
+        // would magnify this shift.
         let mut origin = from + dir * clear(start.ray.origin - from, dir);
         let (mut left, mut leg) = (*route.through.first()?, 0);
         let mut length = 0.0;
@@ -313,7 +317,7 @@ impl SpecularPath {
         self.bends.len()
     }
 
-    /// Returns true if a path from the same point is equal to this path.
+    /// Returns true if another path from the same point is equal to this path.
     #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
@@ -343,22 +347,23 @@ impl SpecularPath {
     }
 
     /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
-    /// the path. `density` is the density per steradian with which those subpaths sample their initial
-    /// direction.
+    /// the path. `density` is the density per steradian of the initial direction of the subpaths from the
+    /// other end.
     #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean
     }
 
-    /// Returns (n_x/n_L)², the gain of radiance on the path from the other end.
+    /// Returns (n_x/n_L)², the factor by which radiance increases on the path from the other end.
     #[inline]
     pub fn squared_indices(&self, passed: &Passed) -> f32 {
         let ratio = self.start.filling.index / passed.index;
         ratio * ratio
     }
 
-    /// Multiplies `chain`, whose light has the frame `frame`, by the matrices of all interactions on the path
-    /// to the emitter at `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
+    /// Multiplies `chain` by the matrices of all interactions on the path to the emitter at `to`. `frame` is
+    /// the frame of the light on which `chain` acts. Returns `None` if the path is blocked or crosses more
+    /// sheets than allowed.
     pub fn follow(
         &self,
         scene: &Scene,
@@ -377,7 +382,8 @@ impl SpecularPath {
                 at: b.surface.p.as_dvec3(),
             });
             let left = Allowed { sheets: allowed.sheets - sheets, ..allowed };
-            // Both ends are offset, so a line exactly along the path's direction could hit a surface.
+            // The ends are offset from surfaces, so a line exactly along the path's direction could hit a
+            // surface.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = trace_line(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;

@@ -1,9 +1,10 @@
-//! Rays that are traced toward an emitter through interfaces, and the Newton step that changes the direction
-//! of a ray so that the ray hits the emitter (Igehy 1999, "Tracing ray differentials").
+//! Rays that are traced toward an emitter through interfaces, and the Newton step for the direction of such a
+//! ray. The step changes the direction so that the ray hits the emitter (Igehy 1999, "Tracing ray
+//! differentials").
 //!
 //! For flat panes, the first ray determines the positions of the planes and the refraction at each plane. The
-//! direction is then computed from the planes without further intersection tests. A final ray along this
-//! direction verifies that it hits the same panes.
+//! direction is then computed from the planes without further intersection tests. A final ray verifies that
+//! the same panes are hit along this direction.
 
 use super::INTERFACES;
 use crate::geometry::ray::Surface;
@@ -15,11 +16,11 @@ use optics::polarization::frame::basis;
 /// Maximum distance between the emitter and a ray that counts as a hit, relative to the path length.
 const NEAR: f32 = 5e-6;
 
-/// Maximum number of Newton steps for the planes of panes; three or four usually suffice.
+/// Maximum number of Newton steps for the planes of panes. Three or four steps usually suffice.
 const STEPS: usize = 8;
 
-/// A ray traced toward an emitter, with the vector from the emitter to the ray and the derivatives of this
-/// vector.
+/// A ray traced toward an emitter. Contains the vector from the emitter to the ray and the derivatives of
+/// this vector.
 #[derive(Clone, Copy)]
 pub(super) struct Shot {
     /// Unit direction at the end of the ray. `miss` is the vector from the emitter to the nearest point of
@@ -32,7 +33,7 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// Extends a ray from `from` past `to`. `length` is the path length so far; `p` and `d` are the
+    /// Extends a ray from `from` past `to`. `length` is the path length up to `from`. `p` and `d` are the
     /// derivatives of position and direction. Returns `None` if the ray points away from `to`.
     #[inline]
     pub fn past(to: Vec3A, from: Vec3A, dir: Vec3A, [p, d]: [[Vec3A; 2]; 2], length: f32) -> Option<Self> {
@@ -55,15 +56,15 @@ impl Shot {
     }
 }
 
-/// Returns the Newton step, perpendicular to `dir`, that moves a ray along `dir` closer to the emitter, and
-/// the absolute value of the Jacobian determinant, |J|.
+/// Returns the Newton step and the absolute value of the Jacobian determinant, |J|. The step is perpendicular
+/// to `dir` and moves a ray along `dir` closer to the emitter.
 #[inline]
 pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let q = basis(shot.dir);
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
     let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
     let det = a * d - b * c;
-    // This condition also rejects NaN.
+    // The comparison with `partial_cmp` also rejects NaN.
     if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         return None;
     }
@@ -75,7 +76,7 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
 #[derive(Default)]
 pub(super) struct Panes {
     met: ArrayVec<Surface, INTERFACES>,
-    /// True if some surface is not a flat interface, or if there are too many surfaces.
+    /// True if at least one surface is not a flat interface, or if there are too many surfaces.
     others: bool,
 }
 
@@ -85,9 +86,9 @@ impl Panes {
         self.others |= !flat || self.met.try_push(*surface).is_err();
     }
 
-    /// Returns the direction, near a given direction, in which a ray of wavelength lane `lane` from a point
-    /// reaches `to` through the planes of all panes. Returns `None` if there is no such direction, or if a
-    /// surface is not flat.
+    /// Returns the direction in which a ray of wavelength lane `lane` from a point reaches `to` through the
+    /// planes of all panes. The search starts from a given direction. Returns `None` if there is no such
+    /// direction, or if a surface is not flat.
     pub fn aim(
         &self,
         materials: &Materials,
@@ -197,7 +198,7 @@ mod tests {
             for to in [[0.02, -0.01, 0.4], [0.3, -0.2, 0.5], [-0.22, 0.05, 0.3]].map(Vec3A::from_array) {
                 let way = [to.x - from.x, to.y - from.y].map(f64::from);
                 let across = way[0].hypot(way[1]);
-                // Lateral displacement of a ray with n sin θ = k.
+                // Compute the lateral displacement of a ray with n sin θ = k.
                 let side = |k: f64| {
                     let layers = [(0.03, water), (0.005, glass), (f64::from(to.z) - 0.005, air)];
                     layers.iter().map(|(d, n)| d * k / (n * n - k * k).sqrt()).sum::<f64>()

@@ -16,8 +16,8 @@ const PERTURBED: f32 = 1e-6;
 /// few thousand texels per side.
 const STEP: f32 = 1e-4;
 
-/// Shading normal of a mirror at a point, on the side of the incoming light, and its derivative with respect
-/// to the position.
+/// Shading normal of a mirror at a point, on the side of the incoming light, and the derivative of this
+/// normal with respect to the position.
 pub(super) struct ShadingNormal {
     pub normal: Vec3A,
     pub bend: Mat3A,
@@ -47,7 +47,7 @@ impl ShadingNormal {
     pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, surface: &Surface, lane: usize) -> Option<Self> {
         let own = normal(scene, surface, ray.dir, lane)?;
         let axes = surface.tangent_frame();
-        // On triangles, barycentric coordinates are changed; on quadrics, the ray is shifted.
+        // On triangles, barycentric coordinates are changed. On quadrics, the ray is shifted.
         let near = |k: usize, step: f32| {
             let along = [axes.x_axis, axes.y_axis][k] * (step * hit.t);
             let moved = Ray { origin: ray.origin + along, dir: ray.dir };
@@ -61,7 +61,7 @@ impl ShadingNormal {
             Some((p - q, n - m))
         };
         let ([u, du], [v, dv]) = (slope(0)?.into(), slope(1)?.into());
-        // Linear map that maps u to du, v to dv, and the surface normal to zero.
+        // Compute the linear map of u to du, of v to dv, and of the surface normal to zero.
         let across = u.cross(v);
         let area2 = across.length_squared();
         if area2 <= 0.0 {

@@ -1,4 +1,5 @@
-//! Routes of specular paths to a pinhole ([`manifold`](super)): sequences of interfaces and mirrors.
+//! Routes of specular paths to a pinhole ([`manifold`](super)). A route is a sequence of interfaces and
+//! mirrors.
 
 use super::mirrors::{Mirrors, Seed};
 use crate::geometry::ray::{Hit, Ray, Surface};
@@ -24,7 +25,7 @@ pub(super) const MOST_SURFACES: usize = 64;
 /// Number of interfaces before each mirror and after the last mirror.
 pub(super) type Legs = ArrayVec<usize, { INTERFACES + 1 }>;
 
-/// The specular interactions of a path, interfaces and mirrors, in order.
+/// The specular interactions of a path (with interfaces and mirrors), in order.
 pub(crate) struct Route<'a> {
     /// Number of interfaces before each mirror and after the last mirror.
     pub through: Legs,
@@ -37,7 +38,7 @@ pub(crate) struct Route<'a> {
 /// The interfaces on a straight line.
 struct Met {
     count: usize,
-    /// The nested media at the end of the line; `ray` has its origin behind the last interface.
+    /// The nested media at the end of the line. The origin of `ray` is behind the last interface.
     nest: Nest,
     left: Vec3A,
     depth: Spectral,
@@ -82,8 +83,8 @@ impl<'a> Route<'a> {
             .then(|| Self { passes: mean_transmittance(scene, met.depth), ..Self::through(met.count) })
     }
 
-    /// Returns the route from the start of a line over the mirror points `over` to `to`, with interfaces
-    /// found on straight segments between the points. Returns `None` if another surface blocks the route.
+    /// Returns the route from the start of a line over the mirror points `over` to `to`. The interfaces are
+    /// those on straight segments between the points. Returns `None` if another surface blocks the route.
     pub fn over(
         scene: &Scene,
         mirrors: &'a Mirrors,

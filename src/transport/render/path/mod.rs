@@ -1,12 +1,12 @@
 //! Unidirectional path tracing from the camera, with next-event estimation to all emitters.
 //!
-//! A path carries the Mueller product from its current ray to the camera frame (for all wavelengths), the
-//! optical path length, and the number of surface interactions. Each connection to the projector ends at the
-//! only projector pixel s' that illuminates the vertex.
+//! A path stores the Mueller product from the current ray to the camera frame for all wavelengths. In
+//! addition, a path stores the optical path length and the number of surface interactions. Each connection to
+//! the projector ends at the single projector pixel s' that illuminates the vertex.
 //!
 //! The projector and point emitters have no spatial extent, so only connections reach them. Connections cross
 //! sheets that transmit light without deflection ([`sheets`]). Smooth refracting interfaces block
-//! connections; light through such interfaces requires paths from the projector.
+//! connections. Light through smooth refracting interfaces requires paths from the projector.
 
 mod next_event;
 mod selected_pixels;
@@ -45,7 +45,7 @@ pub(super) use views::Views;
 pub(super) struct Wants<'a> {
     /// Projector pixels for which separate paths are sampled.
     pub selections: &'a [Selection<'a>],
-    /// True if some slice needs path labels.
+    /// True if at least one slice needs path labels.
     pub labels: bool,
 }
 
@@ -68,28 +68,29 @@ pub const BATCH: usize = 16;
 /// Maximum survival probability of Russian roulette.
 const SURVIVAL: f32 = 0.95;
 
-/// A path and the data that are needed to continue it.
+/// A path and the data that are needed to continue the path.
 struct Path {
     state: State,
     stream: Stream,
-    /// The hit of the current ray; `surface` is the surface at the hit.
+    /// The hit of the current ray. `surface` is the surface at the hit.
     hit: Option<Hit>,
     surface: Surface,
-    /// How the current ray's direction was sampled; set only if a ray can hit an emitter.
+    /// Record of how the direction of the current ray was sampled. The record is set only if a ray can hit an
+    /// emitter.
     chosen: DirectionSampling,
-    /// Sampling density of the current ray's direction per steradian; 0 for a delta lobe. Set only if slices
-    /// sample projector pixels.
+    /// Sampling density of the current ray's direction per steradian, or 0 for a delta lobe. The density is
+    /// set only if slices sample projector pixels.
     density: f32,
 }
 
-/// The paths of one camera pixel, which are traced in lockstep.
+/// The paths of one camera pixel. All paths of a pixel are traced in lockstep.
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
     /// The contributions of each path, in order, and the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-    /// For each path, the surface points that the projector pixels sampled for slices illuminate.
+    /// For each path, the surface points that are illuminated by the projector pixels sampled for slices.
     points: Vec<Vec<LitPoint>>,
 }
 
@@ -102,17 +103,18 @@ struct Rows {
     /// which the next directions are sampled.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
-    /// Points for which lights are chosen, the chosen lights, and random numbers for points on the lights.
+    /// Points for which lights are chosen. The following fields contain the chosen lights and the random
+    /// numbers for points on the lights.
     receivers: [Receiver; BATCH],
     lights: [Choice; BATCH],
     places: [[f32; 2]; BATCH],
-    /// Chosen point emitters, if there are too many to connect to all.
+    /// Chosen point emitters, if there are too many emitters to connect to all.
     emitters: [Choice; BATCH],
 }
 
 impl Paths {
     /// Traces one path for each sample of a batch into `lists` and `elements`. Each path starts at a
-    /// uniformly distributed point of the pixel; the points of a group are stratified.
+    /// uniformly distributed point of the pixel. The points of a group are stratified.
     ///
     /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of
     /// traced rays.
@@ -185,9 +187,10 @@ impl Paths {
                 };
             }
             rays += alive.len() as u32;
-            // After the last interaction, a path continues only to find emitters that it hits.
+            // After the last interaction, a path continues only to find emitters that the path hits.
             let goes_on = bounces + 1 < last || meets;
-            // Not `retain`, because its closure would not be compiled with this function's target features.
+            // Do not use `retain`, because a closure would not be compiled with the target features of this
+            // function.
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
@@ -427,12 +430,12 @@ impl Path {
         connect_drawn_point(&self.vertex(scene, bounces), (number, choice.chance), out)
     }
 
-    /// Records how the next direction `wi` was sampled; `delta` is true for a delta lobe.
+    /// Records how the next direction `wi` was sampled. `delta` is true for a delta lobe.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
         let surface = &self.surface;
         if delta && wi == -wo {
-            // A sheet does not change the direction, and connections also cross sheets.
+            // A sheet does not change the direction, and connections cross sheets too.
             return;
         }
         self.chosen = if delta {
@@ -446,7 +449,8 @@ impl Path {
     }
 
     /// Scatters the path at the surface, after `bounces` earlier interactions. Returns true if the path
-    /// continues. On a Lambertian surface, the path continues along `diffuse` with the frame `frame`.
+    /// continues. On a Lambertian surface, the path continues along `diffuse`, and `frame` is the frame of
+    /// the light.
     #[inline(always)]
     fn scatter<const MORE: bool>(
         &mut self,
@@ -468,7 +472,7 @@ impl Path {
             }
             diffuse
         } else {
-            // `sampled` is modified in place, because it is large.
+            // `sampled` is modified in place, because `Sampled` is large.
             let mut sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
             let Some(sampled) = &mut sampled else {
                 return false;

@@ -32,7 +32,7 @@ pub(super) struct ShadingPoint<'a> {
     pub surface: &'a Surface,
     /// Direction in which light leaves toward the camera.
     pub wo: Vec3A,
-    /// Number of surface interactions, including this one.
+    /// Number of surface interactions, including the interaction at this point.
     pub bounces: u32,
 }
 
@@ -44,8 +44,8 @@ pub(super) struct Illumination<const N: usize> {
 }
 
 impl<const N: usize> Illumination<N> {
-    /// Computes the light of the projector at the points `p`, of which the first `used` are valid. `seen_in`
-    /// is the camera pixel that sees all points, if the camera shares the projector's pinhole.
+    /// Computes the light of the projector at the points `p`. The first `used` points are valid. `seen_in` is
+    /// the camera pixel that sees all points, if the camera shares the projector's pinhole.
     #[inline(always)]
     pub fn new(
         projector: &Projector,
@@ -88,8 +88,8 @@ impl<const N: usize> IlluminationAt<'_, N> {
     }
 }
 
-/// Connects a surface point to the projector, whose light is `lit`, and to all point emitters. Returns the
-/// number of traced rays.
+/// Connects a surface point to the projector and to all point emitters. `lit` is the light of the projector
+/// at the point. Returns the number of traced rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
     views: &Views,
@@ -203,8 +203,8 @@ pub(super) fn connect_lights(at: &ShadingPoint, drawn: Option<Drawn>, out: &mut 
     rays
 }
 
-/// Makes one connection: tests the known visibility first, then evaluates the BRDF, and traces a ray only if
-/// neither excludes a contribution. Returns the number of traced rays.
+/// Makes one connection. The function tests the known visibility first and then evaluates the BRDF. A ray is
+/// traced only if the visibility and the BRDF allow a contribution. Returns the number of traced rays.
 #[inline(always)]
 fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Contributions) -> u32 {
     if known == Some(false) {
@@ -214,7 +214,7 @@ fn connect(at: &ShadingPoint, to: &Connection, known: Option<bool>, out: &mut Co
         return connect_by_kind(at, to, known, out);
     }
     let &ShadingPoint { scene, state, surface, wo, .. } = at;
-    // `scatter` is used by reference, because it is large.
+    // `scatter` is used by reference, because the matrix is large.
     let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;
@@ -248,12 +248,13 @@ fn connect_by_kind(at: &ShadingPoint, to: &Connection, known: Option<bool>, out:
 /// Visibility between a surface and an emitter.
 enum Visibility {
     Visible,
-    /// The ray hit a surface, which either blocks the ray or is a sheet that transmits light.
+    /// The ray hit a surface. The surface blocks the ray or is a sheet that transmits light.
     Blocked(Ray),
     Hidden,
 }
 
-/// Returns the number of traced rays and the visibility of an emitter, which is visible if `known` is set.
+/// Returns the number of traced rays and the visibility of an emitter. If `known` is set, the emitter is
+/// visible, and no ray is traced.
 #[inline(always)]
 fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Visibility) {
     if known.is_some() {
@@ -269,8 +270,8 @@ fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<b
     (1, if scene.sheets { Visibility::Blocked(ray) } else { Visibility::Hidden })
 }
 
-/// Appends the light of an emitter after scattering, given the path label and the blocked ray. Returns the
-/// number of traced rays.
+/// Appends the light of an emitter after scattering. The arguments include the path label and the blocked
+/// ray. Returns the number of traced rays.
 #[inline(always)]
 fn append(
     at: &ShadingPoint,
@@ -304,7 +305,7 @@ fn append(
     0
 }
 
-/// Finishes a path whose last segment is filtered at the emitter or crosses a (polarizing) crystal.
+/// Finishes a path whose last segment crosses a crystal, or whose light is filtered at the emitter.
 #[cold]
 fn through_filter(
     at: &ShadingPoint,

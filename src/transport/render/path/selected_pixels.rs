@@ -1,16 +1,21 @@
 //! Paths for slices that keep few projector pixels s' per camera pixel, such as coaxial slices (s' = s).
 //! Ordinary paths sample little indirect light from these pixels.
 //!
-//! One of the kept pixels s' is sampled; its ray illuminates the point y on the first surface. Each vertex z
-//! of the camera path is connected to y. The density of this connection, per steradian at z, is
+//! One of the kept pixels s' is sampled. The ray of this pixel illuminates the point y on the first surface.
+//! Each vertex z of the camera path is connected to y. The density of this connection, per steradian at z, is
 //!
 //! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
 //!
-//! where c is the probability of s', ρ is the number of projector pixels per steradian, d' and θ' are the
-//! distance and the angle at which y is illuminated, and r and θ are the distance and the angle of z as seen
-//! from y. Scattering at z that reaches y, with density q, gives the same path. For such a slice, the balance
-//! heuristic (Veach & Guibas 1995) weights the two techniques by q/(q + p) and p/(q + p). All other slices
-//! are unchanged, as are paths that only scattering can sample (over mirrors, through sheets).
+//! where
+//! - c is the probability of s',
+//! - ρ is the number of projector pixels per steradian,
+//! - d' and θ' are the distance and the angle at which y is illuminated,
+//! - r and θ are the distance and the angle of z as seen from y.
+//!
+//! Scattering at z can reach y too, with density q, and gives the same path. For a slice that keeps s', the
+//! balance heuristic (Veach & Guibas 1995) weights the two techniques by q/(q + p) and p/(q + p). All other
+//! slices are unchanged. Paths over mirrors and through sheets are unchanged too, because only scattering can
+//! sample these paths.
 
 use super::next_event::{ShadingPoint, connect_known};
 use super::sheets::Connection;
@@ -35,7 +40,8 @@ const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 pub(crate) struct Selection<'a> {
     pub slice: u32,
     pub selected: &'a Selected,
-    /// Projector pixels in the slice's band around the epipolar line; empty for a slice without a band.
+    /// Projector pixels in the slice's band around the epipolar line. The list is empty for a slice without a
+    /// band.
     pub band: &'a [u32],
 }
 
@@ -47,7 +53,7 @@ pub(super) struct LitPoint {
     surface: Surface,
     /// Exact position of the point, metres.
     at: DVec3,
-    /// Unit direction from the point to the projector; `distance` is in metres.
+    /// Unit direction from the point to the projector. `distance` is in metres.
     wi: Vec3A,
     distance: f32,
     irradiance: Spectral,
@@ -56,8 +62,8 @@ pub(super) struct LitPoint {
     per_area: f32,
 }
 
-/// Returns the density per area of the illuminated point for a given projector pixel. The surface has normal
-/// `ng`, and the projector is at `distance` metres along `wi`.
+/// Returns the density per area of the illuminated point for a given projector pixel. The surface has the
+/// normal `ng`, and the projector is at `distance` metres along `wi`.
 #[inline]
 fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
     projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
@@ -83,9 +89,9 @@ pub(super) fn draw_all(
         .sum()
 }
 
-/// How a surface vertex z of a path was sampled, and its connections to the projector.
+/// Record of how a surface vertex z of a path was sampled. Contains the connections of z to the projector.
 pub(super) struct Sampling {
-    /// Density per steradian with which the direction toward z was sampled; 0 for a delta lobe.
+    /// Density per steradian with which the direction toward z was sampled, or 0 for a delta lobe.
     pub density: f32,
     /// Unit direction and distance (metres) from z to the projector.
     pub lit: Option<(Vec3A, f32)>,
@@ -112,7 +118,8 @@ impl Sampling {
     }
 }
 
-/// Connects the camera vertex `z` to the points lit by the sampled pixels s'. Returns the number of rays.
+/// Connects the camera vertex `z` to the points that the sampled pixels s' illuminate. Returns the number of
+/// rays.
 #[inline(never)]
 pub(super) fn connect(
     z: &ShadingPoint,
@@ -193,7 +200,8 @@ impl LitPoint {
         let dir = way * length.recip();
         let origin = scene.geometry.leave(z.surface, dir);
         let line = scene.geometry.reach(y, -dir, length) - origin;
-        // The product is zero, negative or NaN if the points coincide or are in one plane, up to rounding.
+        // The product is zero, negative or NaN if the points coincide or are in one plane, except for
+        // rounding errors.
         let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
         if !(apart(z.surface.ng) && apart(y.ng)) {
             return 0;

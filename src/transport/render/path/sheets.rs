@@ -1,6 +1,6 @@
-//! Connections through sheets that transmit light without deflection: polarizers, retarders and thin plates
-//! between a surface and an emitter. The straight line from a surface to the pinhole is then a path that no
-//! other strategy samples ([`crate::render::transmission`]).
+//! Connections between a surface and an emitter through sheets that transmit light without deflection. The
+//! sheets are polarizers, retarders and thin plates. No other strategy samples the straight line through
+//! sheets from a surface to a pinhole ([`crate::render::transmission`]).
 
 use super::ShadingPoint;
 use crate::accumulate::Contributions;
@@ -17,7 +17,7 @@ use optics::spectrum::Spectral;
 
 /// A connection to a point emitter or the projector.
 pub(super) struct Connection {
-    /// Unit direction to the emitter; `position` and `distance` (metres) are those of the emitter.
+    /// Unit direction to the emitter. `position` and `distance` (metres) are those of the emitter.
     pub wi: Vec3A,
     pub position: Vec3A,
     pub distance: f32,
@@ -30,8 +30,8 @@ pub(super) struct Connection {
     pub start_m: f64,
 }
 
-/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through one
-/// sheet after the other, and appends the contribution with the given path label. Appends nothing if another
+/// Makes a connection along a ray that only sheets block. Traces the ray in the medium `filling` through the
+/// sheets in sequence, and appends the contribution with the given path label. Appends nothing if another
 /// surface blocks the ray, or if the path would have more interactions than `max_depth` allows. Returns the
 /// number of traced rays.
 #[inline(never)]

@@ -10,7 +10,7 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 
 impl Paths {
-    /// Starts a path for each sample, and returns the index in the camera's view of each path's cell.
+    /// Starts a path for each sample, and returns the index of the cell of each path in the camera's view.
     #[inline(always)]
     pub(super) fn start(&mut self, batch: &Batch) -> [u32; BATCH] {
         let &Batch { scene, views, pixel: [x, y], group, .. } = batch;

@@ -4,7 +4,7 @@ use crate::device::pinhole::Pinhole;
 use crate::geometry::view::View;
 use crate::scene::Scene;
 
-/// Views from the devices; `None` if the device does not exist or has no usable view.
+/// Views from the devices. A view is `None` if the device does not exist or has no usable view.
 #[derive(Default)]
 pub struct Views {
     pub camera: Option<View>,
@@ -19,7 +19,7 @@ impl Views {
         };
         Self {
             camera: view(&scene.camera),
-            // With sheets, there is no view, because light crosses sheets and a view treats them as opaque.
+            // A scene with sheets has no view, because a view would treat sheets as opaque.
             projector: scene.projector.as_ref().filter(|_| !scene.sheets).and_then(|p| view(&p.pinhole)),
         }
     }

@@ -1,8 +1,8 @@
 //! Renders tiles of camera pixels and accumulates their values.
 //!
-//! The renderer reads only plain-data tables: the tables of the scene and the plans of the slices. The values
-//! of a tile depend only on scene, seed and sample count. The output is therefore bit-identical for any
-//! number of threads and after interruptions.
+//! The only inputs of the renderer are plain-data tables, which are the tables of the scene and the plans of
+//! the slices. The values of a tile depend only on scene, seed and sample count. The output is therefore
+//! bit-identical for any number of threads and after interruptions.
 
 use super::tiles;
 use super::tracer::{Pass, Prepared, TileParts, Tracer, tiles_at_once};
@@ -27,13 +27,13 @@ pub(super) struct Cpu<'a> {
     /// Light subpaths that are shared with other parts of the render. The output does not depend on sharing.
     pub light: Option<SharedLight>,
     /// Number of samples per pixel for each tile, at most the `spp` of the scene. A tile is bit-identical to
-    /// the same tile of a render whose `spp` is this number.
+    /// the same tile of a render whose `spp` equals the number of samples of the tile.
     samples: Option<&'a [u32]>,
 }
 
 impl<'a> Cpu<'a> {
     /// Prepares to render tiles with at most `walks_at_once` light subpaths in memory. `samples` contains the
-    /// number of samples per pixel for each tile; by default, this is the `spp` of the scene.
+    /// number of samples per pixel for each tile. The default number is the `spp` of the scene.
     pub fn new(
         scene: &'a Scene,
         plans: &'a [SlicePlan],
@@ -55,7 +55,7 @@ impl<'a> Cpu<'a> {
         own.unwrap_or(self.scene.settings.spp)
     }
 
-    /// Returns true if some slice separates light by path label.
+    /// Returns true if at least one slice separates light by path label.
     pub(super) fn labelled(&self) -> bool {
         self.plans.iter().any(SlicePlan::needs_labels)
     }
@@ -75,7 +75,7 @@ impl<'a> Cpu<'a> {
         })
     }
 
-    /// For each slice that samples an epipolar band, lists the pixels in the band of a camera pixel. Bands
+    /// Lists, for each slice that samples an epipolar band, the pixels in the band of a camera pixel. Bands
     /// with too many pixels remain empty.
     fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
         for (plan, band) in self.plans.iter().zip(bands) {
@@ -145,8 +145,8 @@ impl<'a> Cpu<'a> {
 }
 
 impl Cpu<'_> {
-    /// Renders tiles in any order and on any threads, and passes each tile to `take` when it is finished. No
-    /// further tile is started after `stop` returns true or `take` fails.
+    /// Renders tiles in any order and on any threads, and passes each finished tile to `take`. No further
+    /// tile is started after `stop` returns true or `take` fails.
     ///
     /// # Errors
     /// Returns the error of `take` if `take` fails.
@@ -201,7 +201,7 @@ impl Cpu<'_> {
 fn finite(elements: &[Spectral]) -> bool {
     let mut sum = Spectral::ZERO;
     for e in elements {
-        // The product of zero and a finite number is zero; that of zero and infinity or NaN is NaN.
+        // The product of zero and a finite number is zero. The product of zero and infinity or NaN is NaN.
         sum += *e * Spectral::ZERO;
     }
     sum.to_array().iter().all(|s| *s == 0.0)

@@ -79,7 +79,8 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Returns lens coefficients by name: the five of the Brown–Conrady model, and all others that are non-zero.
+/// Returns lens coefficients by name. The list contains the five coefficients of the Brown–Conrady model, and
+/// all other coefficients that are non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),
@@ -108,7 +109,7 @@ fn lens(distortion: &Distortion) -> Value {
 fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
     use tensor::slice::ProjectorSelect as P;
     let mut map = Map::new();
-    // These values are needed to place a drive pattern on the projector axes of the slice.
+    // Users need the following values to place a drive pattern on the projector axes of the slice.
     if let Some(p) = &scene.projector {
         let bin = match slice.projector {
             P::Binned { nx, ny } => [nx, ny],

@@ -37,7 +37,7 @@ pub enum RenderError<E: std::error::Error + 'static> {
 
 /// Receives the progress of a render, and can stop the render. Worker threads call the methods once per tile.
 pub trait Watch: Sync {
-    /// Called after each tile; `summary` contains the totals so far.
+    /// Reports that a tile is finished. `summary` contains the totals of all finished tiles.
     fn tile_done(&self, summary: &Summary);
     /// Returns true if no further tile should be started.
     fn interrupted(&self) -> bool;
@@ -56,9 +56,9 @@ impl Watch for Unwatched {
 /// The part of a render that one machine computes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Share<'a> {
-    /// Part of the image to render; all tiles if `None`.
+    /// Part of the image to render. `None` selects all tiles.
     pub part: Option<Part>,
-    /// Folder through which the parts of a render exchange light subpaths; `None` for no exchange.
+    /// Folder through which the parts of a render exchange light subpaths, or `None` for no exchange.
     pub light: Option<&'a Path>,
     /// Number of samples per pixel for each tile, at most `spp` in the settings. Tiles with 0 samples are
     /// skipped.
@@ -163,7 +163,7 @@ fn run<S: Sink>(
         before.discarded += r.discarded;
         before.rays_before += r.rays;
     }
-    // The totals so far, updated after each tile.
+    // The totals of all finished tiles, updated after each tile.
     let totals = Mutex::new(before);
     let add = |record: Option<&TileRecord>| {
         let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);

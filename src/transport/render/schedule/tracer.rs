@@ -1,4 +1,5 @@
-//! Samples the paths of a camera pixel: unidirectional paths, bidirectional paths, or both kinds in turn.
+//! Samples the paths of a camera pixel. The paths are unidirectional, bidirectional, or of both kinds in
+//! turn.
 
 use super::tiles;
 use crate::accumulate::Contribution;
@@ -19,7 +20,7 @@ pub(super) enum PassKind {
 #[derive(Clone, Copy)]
 pub(super) struct Pass {
     pub kind: PassKind,
-    /// Number of samples per pixel; `group` is their grouping for stratification.
+    /// Number of samples per pixel. `group` is the grouping of the samples for stratification.
     pub count: u32,
     pub group: Group,
 }
@@ -40,7 +41,8 @@ pub(super) struct Prepared {
 /// rendered in parts.
 pub(crate) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// Returns true if all paths must be bidirectional, which supports all features but is slower than [`Paths`].
+/// Returns true if all paths must be bidirectional. Bidirectional paths support all features but are slower
+/// than [`Paths`].
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
@@ -52,8 +54,8 @@ fn needs_walks(scene: &Scene) -> bool {
         }
 }
 
-/// Returns the number of independent groups of samples per pixel: of unidirectional paths, or of
-/// bidirectional paths if there are no others.
+/// Returns the number of independent groups of samples per pixel. The samples are unidirectional paths, or
+/// bidirectional paths if there are no unidirectional paths.
 pub(super) fn replicates(scene: &Scene) -> u32 {
     let settings = &scene.settings;
     if needs_walks(scene) { settings.spp } else { settings.spp / settings.group().size() }
@@ -93,7 +95,7 @@ impl TileParts {
 
 impl Prepared {
     /// Prepares the rendering of an image in parts. `labelled` is true if slices need path labels. `light`
-    /// provides light subpaths that are shared with other machines. Returns `None` once `stop` returns true.
+    /// provides light subpaths that are shared with other machines. Returns `None` if `stop` returns true.
     pub fn new(
         scene: &Scene,
         parts: &TileParts,
@@ -119,7 +121,7 @@ impl Prepared {
         }
     }
 
-    /// Returns the passes over each pixel that has `spp` samples; the results of the passes are added.
+    /// Returns the passes over each pixel that has `spp` samples. The results of the passes are added.
     pub fn passes(&self, scene: &Scene, spp: u32) -> impl Iterator<Item = Pass> + use<> {
         let paths = self.paths.is_some().then_some(Pass {
             kind: PassKind::Paths,
@@ -137,7 +139,8 @@ impl Prepared {
 }
 
 impl Tracer {
-    /// Traces samples of a pixel. Returns the number of rays, each sample's contributions and all elements.
+    /// Traces samples of a pixel. Returns the number of rays, the contributions of each sample, and the
+    /// Mueller elements of all contributions.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -157,7 +160,7 @@ impl Tracer {
                 let rays = self.walks.trace(scene, plan, pixel, samples);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
-            // This case does not occur, because all passes have been prepared.
+            // The remaining combinations do not occur, because all passes have been prepared.
             _ => (0, &mut [], &[]),
         }
     }

@@ -1,4 +1,4 @@
-//! Starts light subpaths: samples emitters by power, and directions by emitted intensity.
+//! Starts light subpaths. Emitters are sampled by power, and directions are sampled by emitted intensity.
 
 use super::projector_distribution::ProjectorDistribution;
 use super::{End, Vertex};
@@ -30,18 +30,19 @@ enum Emitter<'a> {
     Point(&'a PointEmitter),
 }
 
-/// All emitters at which subpaths can start, and the media around them and around the camera.
+/// All emitters at which subpaths can start, and the media around the emitters and around the camera.
 pub(crate) struct Emission {
-    /// Each source, with the probability of sampling it.
+    /// Each source, with the probability of sampling this source.
     sources: Vec<(Source, f32)>,
-    /// Filled objects that contain each source, and those that contain the camera.
+    /// Filled objects that contain each source, and filled objects that contain the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
-    /// Density of start points on the projector's image; `None` for a uniform density.
+    /// Density of start points on the projector's image, or `None` for a uniform density.
     starts: Option<ProjectorDistribution>,
 }
 
-/// The pinholes for one sample: those of the devices, or random points on the lenses of the devices.
+/// The pinholes for one sample. The pinholes are those of the devices, or random points on the lenses of the
+/// devices.
 #[derive(Clone, Copy)]
 pub(crate) struct Ends {
     pub camera: Pinhole,
@@ -76,7 +77,7 @@ impl Ends {
         ends
     }
 
-    /// Returns the direction of the camera ray at an image position. A parallel camera is moved to this
+    /// Returns the direction of the camera ray at an image position. A parallel camera is moved to the image
     /// position.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
@@ -92,24 +93,24 @@ impl Ends {
 pub(crate) struct Sender {
     /// Index of the source.
     pub source: usize,
-    /// Projector pixel s'; [`NO_PIXEL`] for a point emitter.
+    /// Projector pixel s', or [`NO_PIXEL`] for a point emitter.
     pub pixel: u32,
 }
 
-/// The start of a light subpath, and the source of its light.
+/// The start of a light subpath, and the source of the light.
 pub(crate) struct Emitted {
     pub end: End,
     pub sender: Sender,
 }
 
 /// Returns the filled objects that contain a point. A ray from the point to infinity leaves these objects
-/// more often than it enters them.
+/// more often than the ray enters them.
 pub(crate) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
         return nest;
     }
-    // No scene is likely to be aligned with this direction.
+    // Scenes are unlikely to contain surfaces that are aligned with this direction.
     let dir = Vec3A::new(0.362_7, 0.541_3, 0.758_6).normalize();
     let mut ray = Ray { origin: p, dir };
     let mut net = vec![0_i32; scene.boundaries.len()];
@@ -129,7 +130,7 @@ pub(crate) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
         }
         ray.origin = scene.geometry.leave(&surface, dir);
     }
-    // The object that the ray left first is the one that was entered last.
+    // The object that the ray left first is the object that was entered last.
     for id in left.iter().rev().filter(|id| net[**id as usize] > 0) {
         nest.cross(&scene.boundaries, *id, true);
     }
@@ -219,8 +220,8 @@ impl Emission {
         }
     }
 
-    /// Returns the projector pixel through which a source illuminates the point `p`; [`NO_PIXEL`] for point
-    /// emitters. Returns `None` if the source does not illuminate the point.
+    /// Returns the projector pixel through which a source illuminates the point `p`, or [`NO_PIXEL`] for
+    /// point emitters. Returns `None` if the source does not illuminate the point.
     #[inline]
     pub fn pixel(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match self.emitter_of(scene, ends, source) {
@@ -250,8 +251,8 @@ impl Emission {
         }
     }
 
-    /// Starts a subpath. Samples a source by power, and a point on the projector's image from `at`, two
-    /// uniform random numbers in [0, 1). Returns `None` if the scene has no sources.
+    /// Starts a subpath. Samples a source by power, and a point on the projector's image from `at`. `at`
+    /// contains two uniform random numbers in [0, 1). Returns `None` if the scene has no sources.
     pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;
@@ -319,7 +320,7 @@ impl Emission {
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
                 density: self.density(scene, ends, source, dir),
-                // This field is unused, because connections are traced from the side of the camera.
+                // The field `filling` is unused, because connections are traced from the side of the camera.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),
             },

@@ -1,4 +1,5 @@
-//! Flights: straight segments of subpaths between vertices, through media and boundaries without effect.
+//! Flights, which are straight segments of subpaths between vertices, through media and boundaries without
+//! effect.
 
 use super::azimuth;
 use super::{End, Site, Vertex};
@@ -31,8 +32,9 @@ pub(crate) struct Flight {
     pub draws: bool,
 }
 
-/// The hero wavelength, with which all distances and directions of a subpath in media are sampled, and the
-/// relative densities with which the other live wavelengths would have sampled them.
+/// The hero wavelength, and the relative densities of the live wavelengths. The hero wavelength determines
+/// the sampling of all distances and directions of a subpath in media. The relative densities are those with
+/// which each live wavelength would have sampled the same distances and directions.
 ///
 /// Weights use the mean density of all live wavelengths over the *whole* subpath (Wilkie et al. 2014, "Hero
 /// wavelength spectral sampling"). With separate means for each event, the weights would grow with the number
@@ -67,14 +69,14 @@ impl Hero {
         if !(now > 0.0 && now.is_finite()) {
             return None;
         }
-        // Normalize the values to stay near 1; only their ratios matter.
+        // Normalize the values to stay near 1. Only the ratios of the values matter.
         self.likely *= Spectral::splat(1.0 / now);
         Some(now / all)
     }
 }
 
 pub(crate) enum Landing {
-    /// The vertex that was reached: site, surface, and the hit if the vertex is on a surface.
+    /// The vertex that was reached, as site and surface, and the hit if the vertex is on a surface.
     At(Site, Surface, Option<Hit>),
     Escaped,
     Absorbed,
@@ -173,8 +175,8 @@ impl Flight {
         loop {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
-            // Most flights in dense media end before a surface, so surfaces beyond the free path are not
-            // sought.
+            // Most flights in dense media end before a surface, so the search excludes surfaces beyond the
+            // free path.
             let free = inside.filter(|_| self.draws).and_then(|id| self.free_path(scene, id, stream));
             let reach = free.map_or(f32::INFINITY, |length| length * (1.0 + REACH) + scene.geometry.skin());
             let hit = scene.geometry.intersect(&self.state.ray, reach);
@@ -225,7 +227,7 @@ impl Flight {
         Ray { origin: self.state.from.as_vec3a(), dir: self.state.ray.dir }
     }
 
-    /// Advances `way` metres through a medium, or by the free path `free` if this is shorter.
+    /// Advances `way` metres through a medium, or by the free path `free` if `free` is shorter.
     #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let ray = self.sent();

@@ -1,23 +1,26 @@
-//! Guiding in media: subpaths are scattered toward targets at the opposite end more often than light is.
+//! Guiding in media. Subpaths are scattered toward targets at the opposite end more often than light is
+//! scattered.
 //!
-//! If a medium scatters light mostly forward, most light from a lit medium to a camera has had many small
-//! deflections and one large deflection. Small deflections are sampled from the phase function. If the phase
-//! function or a connection also sampled the large deflection, the few paths that contain it would dominate.
+//! If a medium scatters light mostly forward, most light from an illuminated medium to a camera has had many
+//! small deflections and one large deflection. Small deflections are sampled from the phase function. If the
+//! phase function or a connection also sampled the large deflection, the few paths that contain this
+//! deflection would dominate.
 //!
-//! At a medium vertex, with probability [`SHARE`], a subpath is therefore not continued like light on its own
-//! ray, but like light on a ray *from the opposite end*. A camera subpath is thus deflected toward the
-//! emitters, apart from a small angle that is sampled from the phase function. The next small deflection, to
-//! the emitter, is evaluated with the phase function, and the two peaks cancel. The phase function of the
-//! large deflection is evaluated, which has no peak. (Georgiev et al. 2013 and Herholz et al. 2019 sample
-//! directions toward a light that is blurred by scattering. The method here is the simplest case.)
+//! At a medium vertex, a subpath is therefore guided with probability [`SHARE`]. A guided subpath continues
+//! like light on a ray *from the opposite end* and not like light on the ray of the subpath. A camera subpath
+//! is thus deflected toward the emitters, except for a small angle that is sampled from the phase function.
+//! The next small deflection leads to the emitter and is evaluated with the phase function, so the two peaks
+//! cancel. The large deflection is evaluated with the phase function too, which has no peak at large angles.
+//! Georgiev et al. (2013) and Herholz et al. (2019) sample directions toward a light that is blurred by
+//! scattering. The method in this module is the simplest case.
 //!
-//! Subpaths also *lean* toward targets. Light with many small deflections changes direction gradually and
-//! reaches the opposite end only if its direction happens to lead there. For two directions that are mirror
-//! images about the incident direction, the phase function is equal. The direction closer to the target is
-//! sampled more often ([`Guide::lean`]).
+//! In addition, subpaths *lean* toward targets. Light with many small deflections changes direction gradually
+//! and reaches the opposite end only if the final direction leads to this end. For two directions that are
+//! mirror images about the incident direction, the phase function is equal. Of these two directions, the
+//! direction closer to the target is sampled more often ([`Guide::lean`]).
 //!
-//! The result is unbiased for any targets, because the densities account for them; [`super::guide_targets`]
-//! finds efficient targets.
+//! The result is unbiased for any targets, because the densities account for the targets.
+//! [`super::guide_targets`] finds efficient targets.
 
 use crate::medium::Media;
 use crate::render::state::From;
@@ -27,20 +30,21 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// Probability of guided scattering toward a target at each medium vertex. Light on a path may have its large
-/// deflection at any of dozens of vertices. With a higher probability, few subpaths therefore reach later
-/// vertices unguided. (In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.)
+/// Probability of guided scattering toward a target at each medium vertex. Light on a path may have the large
+/// deflection at any of dozens of vertices. With a higher probability, few subpaths would reach later
+/// vertices unguided. In milk, 0.05 to 0.1 is most efficient, and 0.25 is as inefficient as no guiding.
 const SHARE: f32 = 0.06;
 
-/// Maximum strength of the lean toward a target; less than 1, so that all directions remain possible.
+/// Maximum strength of the lean toward a target. The value is less than 1, so that all directions remain
+/// possible.
 const LEAN: f32 = 0.9;
 
 /// Number of scattering events with guiding. Subsequent events follow the phase function alone. The weight of
 /// a subpath is a product of one factor per guided event. The tail of the weight distribution grows with the
-/// number of guided events beyond what splitting compensates. Example: in a lossless slab of optical depth 32
-/// and asymmetry 0.82, light is scattered hundreds of times. With guiding in all events, the result was 5 to
-/// 14 % too low for up to 36,000 samples, with estimated errors of 2 %. (Paths in the milky tank have at most
-/// 49 events.)
+/// number of guided events beyond what splitting compensates. For example, light is scattered hundreds of
+/// times in a lossless slab of optical depth 32 and asymmetry 0.82. With guiding in all events, the result
+/// for up to 36,000 samples is 5 to 14 % too low, with estimated errors of 2 %. Paths in the milky tank have
+/// at most 49 events.
 pub(super) const MOST_EVENTS: u32 = 48;
 
 /// Maximum number of targets in a medium for subpaths from one end.
@@ -59,15 +63,15 @@ impl Guide {
         Self { targets: vec![[Targets::new(), Targets::new()]; media.list.len()] }
     }
 
-    /// Adds the target at `place` in a medium, up to the maximum number of targets.
+    /// Adds a target at `place` in a medium, up to the maximum number of targets.
     pub fn add(&mut self, medium: u32, from: From, place: Vec3A) {
         if let Some(targets) = self.targets.get_mut(medium as usize) {
-            // Emitters beyond the maximum are not guided toward.
+            // Subpaths are not guided toward emitters beyond the maximum.
             let _ = targets[from as usize].try_push(place);
         }
     }
 
-    /// Returns true if, in some medium, subpaths from both ends have targets.
+    /// Returns true if subpaths from both ends have targets in at least one medium.
     pub fn turns_both(&self) -> bool {
         self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
     }
@@ -100,7 +104,7 @@ impl Guide {
         (at.p - targets[n]).try_normalize()
     }
 
-    /// Returns the lean of a subpath toward its targets at a medium vertex. The subpath came from direction
+    /// Returns the lean of a subpath toward the targets at a medium vertex. The subpath came from direction
     /// `back`.
     #[inline]
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
@@ -144,9 +148,9 @@ impl Guide {
     }
 }
 
-/// The partner of a direction, which is its mirror image about the incident direction, and the density factor
-/// of the direction. Without guided scattering toward a target, the density is the phase function times the
-/// factor, which is in [0, 2]. The factor of the partner is 2 minus this factor.
+/// The partner and the density factor of a direction. The partner is the mirror image of the direction about
+/// the incident direction. Without guided scattering toward a target, the density is the phase function times
+/// the factor. The factor is in [0, 2], and the factor of the partner is 2 minus this factor.
 #[derive(Clone, Copy)]
 pub(crate) struct Lean {
     pub partner: Vec3A,
@@ -177,7 +181,7 @@ impl Toward {
 pub(crate) struct At {
     pub medium: u32,
     pub p: Vec3A,
-    /// The end at which the subpath started: camera or light.
+    /// The end at which the subpath started, which is the camera or the light.
     pub from: From,
 }
 
@@ -204,8 +208,8 @@ mod tests {
         (media, guide)
     }
 
-    /// Returns the chi-squared statistic per cell of sampled directions, on a grid of cosθ and φ, and the
-    /// integral of the densities.
+    /// Returns the chi-squared statistic per cell of sampled directions on a grid of cosθ and φ. Also returns
+    /// the integral of the densities.
     fn chi2(
         draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
         density: impl Fn(&Guide, &Media, At, Vec3A) -> f32,
@@ -264,8 +268,8 @@ mod tests {
         assert!(chi > 2.0 * most, "{chi}");
     }
 
-    /// Verifies that directions sampled with lean ([`Guide::lean`]) have the computed density, by the same
-    /// test. The density without lean, or with a quarter less lean, fails this test.
+    /// Verifies that directions sampled with lean ([`Guide::lean`]) have the computed density. The
+    /// chi-squared test fails for the density without lean, and for the density with a quarter less lean.
     #[test]
     fn leaned_directions_follow_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);

@@ -1,9 +1,9 @@
 //! Finds the apparent positions of devices, as seen through interfaces from inside a medium.
 //!
 //! Rays of a device are traced until a medium scatters them. If all earlier interactions are specular, the
-//! last segment is a line from the apparent device. The point nearest to all these lines is the apparent
-//! position. Through a flat pane, this point is the virtual image, slightly blurred because the image depends
-//! on the angle of incidence.
+//! last segment is a line from the apparent device. The apparent position is the point nearest to the lines
+//! of all rays. Through a flat pane, this point is the virtual image, which is slightly blurred because the
+//! image depends on the angle of incidence.
 
 use super::{Emission, End, Ends, First, Guide, Limits, Site, Splitting, Walk};
 use crate::render::bidirectional::most;
@@ -34,7 +34,7 @@ const SEED: u64 = 0x1bd1_1bda_a9fc_1a22;
 #[derive(Clone, Copy)]
 struct Lines {
     count: u32,
-    /// Sum Σ (1 - d dᵀ) over lines through p along d; `vector` is the sum Σ (1 - d dᵀ) p.
+    /// Sum Σ (1 - d dᵀ) over lines through p along d. `vector` is the sum Σ (1 - d dᵀ) p.
     matrix: DMat3,
     vector: DVec3,
 }
@@ -50,8 +50,8 @@ impl Lines {
         self.vector += across * p;
     }
 
-    /// Returns the point nearest to all lines, or `None` if there are too few lines or they are nearly
-    /// parallel.
+    /// Returns the point nearest to all lines, or `None` if there are too few lines or if the lines are
+    /// nearly parallel.
     fn nearest(&self) -> Option<Vec3A> {
         if f64::from(self.count) < LEAST_SEEN * f64::from(GRID * GRID) {
             return None;
@@ -134,8 +134,8 @@ pub(crate) fn find(scene: &Scene, emission: &Emission) -> Guide {
 mod tests {
     use super::*;
 
-    /// Returns lines from a device 0.4 m in front of water, refracted according to Snell's law, for angles of
-    /// up to `most` in air.
+    /// Returns lines from a device 0.4 m in front of water. The lines are refracted according to Snell's law,
+    /// for angles of up to `most` in air.
     fn through_water(index: f32, most: f32) -> Lines {
         let mut lines = Lines::NONE;
         for k in 0..GRID * GRID {
@@ -149,7 +149,8 @@ mod tests {
         lines
     }
 
-    /// Verifies that rays near the axis appear to come from n times the device's distance (Gaussian optics).
+    /// Verifies that rays near the axis appear to come from n times the distance of the device, as in
+    /// Gaussian optics.
     #[test]
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {

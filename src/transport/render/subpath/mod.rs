@@ -1,5 +1,9 @@
-//! Subpaths from the camera and from emitters through surfaces and media: emission, flights between vertices,
-//! scattering, guiding toward the opposite end, and splitting.
+//! Subpaths from the camera and from emitters through surfaces and media. The submodules implement:
+//! - emission,
+//! - flights between vertices,
+//! - scattering,
+//! - guiding toward the opposite end,
+//! - splitting.
 
 mod azimuth;
 mod emission;

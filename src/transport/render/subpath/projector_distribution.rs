@@ -1,5 +1,5 @@
-//! Importance sampling of start points on the projector's image, for redirected light only. Most light
-//! subpaths start in cells whose rays first hit a mirror, a smooth interface or a crystal.
+//! Importance sampling of start points on the projector's image. The distribution is for redirected light
+//! only. Most light subpaths start in cells whose rays first hit a mirror, a smooth interface or a crystal.
 //!
 //! The rays may miss small objects, so all cells have a non-zero density.
 
@@ -19,7 +19,7 @@ const RAYS: usize = 4;
 /// other cells have weight 1.
 const ELSEWHERE: f32 = 1.0 / 64.0;
 
-/// A density over the image, which is constant in each cell and has mean 1.
+/// A density over the image. The density is constant in each cell and has mean 1.
 pub(super) struct ProjectorDistribution {
     densities: Vec<f32>,
     /// Cumulative probability before each cell, row-major, followed by the total.
@@ -71,7 +71,7 @@ impl ProjectorDistribution {
     /// Maps two uniform random numbers in [0, 1) to a point of the unit square.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> [f32; 2] {
-        // `u` selects a cell in row-major order; the remainder of `u` determines the position in the cell.
+        // `u` selects a cell in row-major order. The remainder of `u` determines the position in the cell.
         let cell = self.before.partition_point(|b| *b <= u).clamp(1, self.densities.len()) - 1;
         let [from, to] = [self.before[cell], self.before[cell + 1]];
         let within = ((u - from) / (to - from)).clamp(0.0, 1.0);
@@ -93,8 +93,8 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Verifies that the number of points in each cell agrees with the density, by chi squared over all cells
-    /// (5 standard deviations).
+    /// Verifies that the number of points in each cell agrees with the density. The tolerance is 5 standard
+    /// deviations of chi squared over all cells.
     #[test]
     fn points_follow_their_density() {
         const N: usize = 400_000;

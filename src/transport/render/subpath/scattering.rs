@@ -18,9 +18,9 @@ use tensor::label;
 #[derive(Clone)]
 pub(crate) struct Progress {
     pub flight: Flight,
-    /// Sampling density of the current direction per steradian; 1 for a delta lobe.
+    /// Sampling density of the current direction per steradian, or 1 for a delta lobe.
     pub density: f32,
-    /// How the current direction was sampled, for emitters that the subpath hits.
+    /// Record of how the current direction was sampled, for emitters that the subpath hits.
     pub chosen: DirectionSampling,
     /// Throughput that the subpath would have without absorption.
     pub full: f32,
@@ -35,14 +35,14 @@ pub(crate) struct Progress {
 /// The continuation of a subpath from a vertex.
 pub(super) enum Continuation {
     Toward(Vec3A),
-    /// Transmission through a sheet without deflection. The sheet is not a vertex, as on a connection.
+    /// Transmission through a sheet without deflection. As on a connection, the sheet is not a vertex.
     Straight,
     Nowhere,
 }
 
-/// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns the
-/// density of the continuation (1 for a delta lobe). The scattering matrix is for the direction in which
-/// light travels; for light subpaths, it is per flux.
+/// Samples the continuation of a subpath that came from direction `back` to a surface. Returns the
+/// continuation and its density (1 for a delta lobe). The scattering matrix is for the direction in which
+/// light travels. For light subpaths, the matrix is per flux.
 #[inline]
 fn sample_surface(
     scene: &Scene,
@@ -58,7 +58,7 @@ fn sample_surface(
     if from == From::Camera {
         return Some((sampled, density));
     }
-    // Cosines of both directions, for scattering in the reverse direction.
+    // Compute the cosines of both directions for scattering in the reverse direction.
     let (cos_in, cos_out) = (s.ng.dot(back).abs(), s.ng.dot(sampled.wi).abs());
     if cos_in <= 0.0 {
         return None;
@@ -89,7 +89,7 @@ fn sample_surface(
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
-        // Radiance scales with the squared index, but flux does not. (Light subpaths never end in crystals.)
+        // Radiance scales with the squared index, but flux does not. Light subpaths never end in crystals.
         let ratio = far.index / near.index;
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
     }
@@ -109,7 +109,7 @@ fn select_lobe(
     stream: &mut Stream,
 ) -> u8 {
     let (materials, id) = (&scene.materials, s.material);
-    // The weight of transmission through an interface is already that of its only kind of lobe.
+    // The weight of transmission through an interface is already that of the only kind of lobe.
     if from == From::Camera || next.delta || next.filling.is_some() {
         return materials.part(id, s, back, next, stream);
     }
@@ -133,7 +133,8 @@ pub(super) fn scatter_on(
     let mut lanes = flight.state.lanes;
     let id = surface.material;
     if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // Only subpaths that a partial sheet scatters have a vertex here; its weight covers all subpaths.
+        // Only subpaths that a partial sheet scatters have a vertex on the sheet. The weight of this vertex
+        // covers all subpaths.
         let straight = scene.materials.straight_chance(id, surface, back, lanes);
         if straight > 0.0 && straight < 1.0 {
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
@@ -265,7 +266,8 @@ pub(super) fn scatter_in(
     // Particles are mirror-symmetric, so light scatters equally in both directions.
     flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
     flight.state.label |= label::MEDIUM;
-    // MIS weights must depend only on the path; therefore assume unpolarized light and guiding in all events.
+    // MIS weights must depend only on the path. The densities therefore assume unpolarized light and guiding
+    // in all events.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = DirectionSampling { density: progress.density, from: point.receiver(scene) };

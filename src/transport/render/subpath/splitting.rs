@@ -1,19 +1,22 @@
-//! Splitting: a subpath of large weight continues as two of half the weight (Kahn & Harris 1951, Booth 1985).
+//! Splitting, by which a subpath of large weight continues as two branches of half the weight (Kahn & Harris
+//! 1951, Booth 1985).
 //!
 //! With guiding in media ([`super::guide`]), few long subpaths have no guided scattering event, and each of
-//! them has a large weight. In a dense medium, much light has been scattered forty times. By then, only one
-//! unguided subpath in twelve remains, with weight twelve, and its contributions are rare and large. Such a
-//! subpath is split at a scattering event, and both branches continue with independent random numbers.
+//! these subpaths has a large weight. In a dense medium, much light has been scattered forty times. After
+//! forty events, one unguided subpath in twelve remains. An unguided subpath has weight twelve, and its
+//! contributions are rare and large. A subpath of large weight is split at a scattering event, and both
+//! branches continue with independent random numbers.
 //!
-//! On average, a branch contributes half of the original subpath. Densities and MIS weights are unchanged.
+//! On average, a branch contributes half as much as the original subpath. Densities and MIS weights are
+//! unchanged.
 
 use super::scattering::Progress;
 use super::{Guide, Site, Vertex};
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Minimum weight, relative to the start of the subpath, at which a subpath is split. (In milk, all values
-/// from 1.5 to 2.5 are equally efficient.)
+/// Minimum weight, relative to the start of the subpath, at which a subpath is split. In milk, all values
+/// from 1.5 to 2.5 are equally efficient.
 const LEAST: f32 = 2.0;
 
 /// Maximum number of splits of a branch.
@@ -23,13 +26,13 @@ const MOST: u32 = u8::BITS;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Splitting {
     Never,
-    /// All branches, one after another.
+    /// All branches, in sequence.
     All,
     /// Only the branch with this lineage ([`Branch::lineage`]).
     Follow(u8),
 }
 
-/// A branch that has not been traced yet, and that starts at the vertex where the subpath was split.
+/// A branch that has not been traced yet. The branch starts at the vertex where the subpath was split.
 pub(crate) struct Branch {
     /// Number of vertices that the branch shares with the subpath, including the vertex of the split.
     pub points: usize,
@@ -39,9 +42,9 @@ pub(crate) struct Branch {
 }
 
 impl Splitting {
-    /// Splits a subpath at its last vertex, if this is a medium vertex and the weight is large enough. If all
-    /// branches are traced, returns the branch that is traced later. `lineage` is the lineage of the subpath
-    /// so far.
+    /// Splits a subpath at its last vertex, if this vertex is in a medium and the weight is large enough. If
+    /// all branches are traced, returns the branch that is traced later. `lineage` is the lineage of the
+    /// subpath before the split.
     #[inline]
     pub fn split(
         self,
@@ -65,7 +68,7 @@ impl Splitting {
             return None;
         }
         chain.scale(Spectral::splat(0.5));
-        // The stream is forked in all modes, so that following a lineage reproduces the same random numbers.
+        // The stream is forked in all modes, so that a lineage always has the same random numbers.
         let other = stream.fork();
         let bit = 1 << progress.splits;
         progress.splits += 1;

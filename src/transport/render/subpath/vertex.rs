@@ -1,13 +1,13 @@
 //! Vertices of a subpath, which can be connected to vertices of another subpath.
 //!
-//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, this is C = M₁
-//! M₂ ⋯. For a light subpath, it is the transpose of L = ⋯ M₂ M₁, to which matrices are appended on the same
-//! side. A whole path is C · L, and both kinds of subpaths use the same code. The product excludes the
-//! scattering at the vertex itself.
+//! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, the product is C
+//! = M₁ M₂ ⋯. For a light subpath, the product is the transpose of L = ⋯ M₂ M₁. Matrices are appended to C
+//! and to the transpose of L on the same side, so both kinds of subpaths use the same code. A whole path is C
+//! · L. The product excludes the scattering at the vertex itself.
 //!
-//! Densities are per area on surfaces, and per volume in media. A factor μ_t of the medium at either vertex
-//! is omitted, because it is the same from both ends. Densities depend only on the path, not on the live
-//! wavelengths of a subpath, so that MIS weights add up to one.
+//! Densities are per area on surfaces, and per volume in media. The factor μ_t of the medium at each vertex
+//! is omitted, because this factor is the same from both ends. Densities depend only on the path, not on the
+//! live wavelengths of a subpath, so that MIS weights add up to one.
 
 use super::guide::{At, Guide};
 use crate::geometry::ray::{Ray, Surface};
@@ -23,7 +23,7 @@ use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// The end of a subpath: a point without extent, and the ray that starts there.
+/// The end of a subpath, which is a point without extent, and the ray that starts at this point.
 #[derive(Clone, Copy)]
 pub(crate) struct End {
     pub ray: Ray,
@@ -61,9 +61,9 @@ pub(crate) struct Vertex {
     pub surface: Surface,
     /// Exact position at which the ray hit the vertex, for path lengths.
     pub at: DVec3,
-    /// Unit direction to the vertex before this one.
+    /// Unit direction to the previous vertex.
     pub back: Vec3A,
-    /// Mueller product from the end of the subpath to the light that reaches this vertex; `frame` is the
+    /// Mueller product from the end of the subpath to the light that reaches this vertex. `frame` is the
     /// frame of this light.
     pub chain: Chain,
     pub frame: Vec3A,
@@ -73,7 +73,8 @@ pub(crate) struct Vertex {
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Number of interactions before this vertex; `label` is their path label ([`tensor::label`]).
+    /// Number of interactions before this vertex. `label` is the path label of these interactions
+    /// ([`tensor::label`]).
     pub interactions: u32,
     pub label: u8,
     /// True if the subpath continued from this vertex along a delta lobe.
@@ -83,13 +84,13 @@ pub(crate) struct Vertex {
     /// Density with which a subpath in the opposite direction would have sampled this vertex from the
     /// following vertex.
     pub reverse: f32,
-    /// Factor that converts the density of direction `back` to the density of the vertex before this one.
+    /// Factor that converts the density of direction `back` to the density of the previous vertex.
     pub spread: f32,
 }
 
 impl Vertex {
-    /// Returns the end of a subpath as a vertex. The density of the vertex is that of the direction in which
-    /// the subpath starts.
+    /// Returns the end of a subpath as a vertex. The density of this vertex is the density of the start
+    /// direction.
     #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
@@ -113,9 +114,10 @@ impl Vertex {
         }
     }
 
-    /// Returns the scattering matrix from `wi` to `wo`; both directions point away from the vertex.
+    /// Returns the scattering matrix from `wi` to `wo`. Both directions point away from the vertex.
     ///
-    /// On surfaces, this is the Mueller BSDF times |cosθ_i|; in media, it is the phase function.
+    /// On surfaces, the matrix is the Mueller BSDF times |cosθ_i|. In media, the matrix is the phase
+    /// function.
     #[inline]
     pub fn scatter(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match self.site {
@@ -146,7 +148,7 @@ impl Vertex {
         (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
     }
 
-    /// Returns [`Self::scatter`], restricted to lobes of `kind` if this is set.
+    /// Returns [`Self::scatter`], restricted to lobes of `kind` if `kind` is set.
     #[inline]
     pub fn scatter_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -155,7 +157,7 @@ impl Vertex {
         }
     }
 
-    /// Returns [`Self::scatter_flux`], restricted to lobes of `kind` if this is set.
+    /// Returns [`Self::scatter_flux`], restricted to lobes of `kind` if `kind` is set.
     #[inline]
     pub fn scatter_flux_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -220,7 +222,8 @@ impl Vertex {
         scene.lanes().mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Returns the ratio of projected to actual area along a unit direction: the cosine, or 1 in a medium.
+    /// Returns the ratio of projected to actual area along a unit direction. The ratio is the cosine, or 1 in
+    /// a medium.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
@@ -229,8 +232,8 @@ impl Vertex {
         }
     }
 
-    /// Returns true if the vertex scatters light between all directions, so that connections can end at the
-    /// vertex.
+    /// Returns true if connections can end at the vertex because the vertex scatters light between all
+    /// directions.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {

@@ -1,5 +1,5 @@
-//! Random walks from the camera or from an emitter through surfaces and media: vertices ([`super::vertex`])
-//! joined by flights ([`super::flight`]).
+//! Random walks from the camera or from an emitter through surfaces and media. A walk consists of vertices
+//! ([`super::vertex`]) that are joined by flights ([`super::flight`]).
 
 use super::scattering::{Continuation, Progress, scatter_in, scatter_on};
 use super::splitting::{Branch, Splitting};
@@ -14,22 +14,23 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
 /// Maximum survival probability of Russian roulette. Where large particles scatter light forward, few
-/// subpaths find the light, after dozens of events. With a lower maximum, these few would have to compensate
-/// for all terminated subpaths.
+/// subpaths find the light, and only after dozens of events. With a lower maximum, these few subpaths would
+/// have to compensate for all terminated subpaths.
 const SURVIVAL: f32 = 0.99;
 
-/// The vertices of a subpath; the first vertex is the end at which it starts.
+/// The vertices of a subpath. The first vertex is the end at which the subpath starts.
 #[derive(Default)]
 pub(crate) struct Walk {
     pub points: Vec<Vertex>,
-    /// State of the subpath after it left the scene.
+    /// State of the subpath after leaving the scene, or `None`.
     pub escape: Option<Escape>,
     /// The points at which the subpath hit emissive surfaces.
     pub glows: Vec<EmitterHit>,
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with earlier branches.
     pub fresh: usize,
-    /// The branch that was taken at each split: one bit per split, with the first split in the lowest bit.
+    /// The branch that was taken at each split. There is one bit per split, and the first split is in the
+    /// lowest bit.
     pub lineage: u8,
     /// Branches that have not been traced yet.
     pending: Vec<Branch>,
@@ -40,7 +41,7 @@ pub(crate) struct Escape {
     pub chain: Chain,
     /// Direction and Stokes frame of the light on which the subpath's Mueller product acts.
     pub beam: Beam,
-    /// Number of earlier interactions; `label` is their path label.
+    /// Number of earlier interactions. `label` is the path label of these interactions.
     pub interactions: u32,
     pub label: u8,
     pub chosen: DirectionSampling,
@@ -64,7 +65,7 @@ pub(crate) struct Limits {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum First {
     Anything,
-    /// The vertex must redirect the subpath into a single direction; other subpaths are discarded.
+    /// The vertex must redirect the subpath into a single direction. Other subpaths are discarded.
     Redirects,
     /// The vertex must not be on a Lambertian surface, where the subpath ends.
     NotLambert,
@@ -197,8 +198,8 @@ impl Walk {
         true
     }
 
-    /// Moves to the next vertex and appends it with its density. Returns false if the subpath ends before the
-    /// vertex.
+    /// Moves to the next vertex and appends this vertex with its density. Returns false if the subpath ends
+    /// before the vertex.
     fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
         let Progress { flight, interactions, .. } = progress;
         let (site, surface, hit) = match flight.fly(scene, stream, &mut self.rays) {
@@ -304,7 +305,8 @@ mod tests {
         }
     }
 
-    /// Returns the weight of a branch at a vertex, and its product with the cosine to the first direction.
+    /// Returns the weight of a branch at a vertex, and the product of the weight and the cosine to the first
+    /// direction.
     fn counts(walk: &Walk, at: usize) -> [f64; 2] {
         let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
@@ -313,8 +315,8 @@ mod tests {
         [weight, weight * f64::from(-point.back.z)]
     }
 
-    /// Returns the mean and the standard error of both results of [`counts`], over subpaths up to a vertex,
-    /// and the variance of the first result.
+    /// Returns the mean and the standard error of both results of [`counts`] over subpaths up to a vertex.
+    /// Also returns the variance of the first result.
     fn means(walks: u32, at: usize, splitting: Splitting, guide: &Guide) -> ([(f64, f64); 2], f64) {
         let (scene, _, end) = milk();
         let (mut walk, limits) = (Walk::default(), limits_to(at, splitting));
@@ -340,8 +342,8 @@ mod tests {
         ([of(0), of(1)], of(0).1.powi(2) * n)
     }
 
-    /// Verifies that, without absorption, the mean weight is one after any number of scattering events, and
-    /// the mean cosine is gⁿ after n events, for all kinds of guiding and splitting. Splitting must reduce
+    /// Verifies the weights of subpaths without absorption, for all kinds of guiding and splitting. After n
+    /// scattering events, the mean weight must be one and the mean cosine must be gⁿ. Splitting must reduce
     /// the variance to less than half.
     #[test]
     #[ignore = "slow: tools/check --all"]
@@ -368,12 +370,12 @@ mod tests {
         let (_, guide, _) = milk();
         let ([(mean, error), _], _) = means(4000, 200, Splitting::All, &guide);
         println!("{mean} +- {error}");
-        // With guiding in all events, the mean was 0.50 +- 0.13.
+        // With guiding in all events, the mean is 0.50 +- 0.13.
         assert!(error < 0.08, "{mean} +- {error}");
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 
-    /// Verifies that following the lineage of a branch gives the same vertices.
+    /// Verifies that a trace along the lineage of a branch gives the same vertices.
     #[test]
     fn following_a_lineage_gives_the_same_vertices() {
         let (scene, guide, end) = milk();

@@ -8,7 +8,8 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// Returns the specular reflectance of a material at normal incidence: the maximum over lanes and sides.
+/// Returns the specular reflectance of a material at normal incidence. The result is the maximum over lanes
+/// and sides.
 pub(crate) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, material, ..Surface::default() };
     let reflects = |wo: Vec3A| {
@@ -56,8 +57,8 @@ impl Glints {
 mod tests {
     use super::*;
 
-    /// Verifies that a distant sphere uniformly scatters the light on its cross-section, which is a quarter
-    /// of its surface area.
+    /// Verifies that a distant sphere uniformly scatters the light that arrives on the cross-section. The
+    /// cross-section of a sphere is a quarter of the surface area.
     #[test]
     fn a_ball_scatters_the_light_on_its_cross_section() {
         let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };
@@ -66,7 +67,8 @@ mod tests {
         let (from, p) = (Vec3A::new(1.0, 3.0, 0.0), Vec3A::new(1.0, 0.0, -2.0));
         let taken = 0.5 * PI * 0.01 / 9.0;
         let want = taken / (4.0 * PI * 4.0);
-        // Only half of the sphere's surface is lit, so the estimate may be too large by a small factor.
+        // Only half of the sphere's surface is illuminated, so the estimate may be too large by a small
+        // factor.
         let got = glints.irradiance(from, p);
         assert!((got / want - 4.0).abs() < 1e-3, "{}", got / want);
         assert_eq!(Glints::new(std::iter::empty()).irradiance(from, p), 0.0);

@@ -1,11 +1,11 @@
-//! Mirrors in groups with too many instances to list. A point is sampled in two steps: first the instance,
-//! then the point.
+//! Mirrors in groups with too many instances to list. To sample a point, the code first samples the instance
+//! and then samples a point of the instance.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
 use optics::sampling::warp;
 
-/// The mirrors of groups, and the transforms of the groups' instances.
+/// The mirrors of groups, and the transforms of the instances of the groups.
 #[derive(Debug, Default)]
 pub(crate) struct Copied {
     /// Group, transform to the world, and cumulative area (m²) of each instance.
@@ -27,7 +27,8 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // This area factor is exact for a uniform scale. An approximation suffices for all other maps.
+            // The area factor `grown` is exact for a uniform scale. An approximation suffices for all other
+            // maps.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))

@@ -1,18 +1,18 @@
-//! The mirrors of a scene, and initial guesses for specular paths over them (Zeltner, Georgiev & Jakob 2020,
-//! "Specular manifold sampling for rendering high-frequency caustics and glints").
+//! The mirrors of a scene, and initial guesses for specular paths over mirrors (Zeltner, Georgiev & Jakob
+//! 2020, "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
-//! Because camera and emitter are points, no subpath and no straight connection samples the light of a
-//! surface that is lit via a mirror and seen in a mirror. [`manifold`](super) finds the specular path from a
+//! Camera and emitter are points. No subpath and no straight connection therefore samples the light of a
+//! surface that is illuminated and seen through mirrors. [`manifold`](super) finds the specular path from a
 //! good initial guess.
 //!
-//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light to
-//!   a point is reflected. Each group and each pair of groups therefore has one candidate path. Sequences of
-//!   three or more groups are tried only if no other strategy samples their light.
+//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines the point of
+//!   reflection. Each group and each pair of groups therefore has one candidate path. Sequences of three or
+//!   more groups are tried only if no other strategy samples the same light.
 //! - Curved mirrors: any number of specular paths may exist. One initial guess is sampled at random. If a
-//!   fraction p of all guesses leads to a path, its weight is 1/p. The number of further guesses until the path
-//!   is found again has the mean 1/p.
-//! - Sequences that include a curved mirror, and curved glass: the same as for curved mirrors, but the guesses
-//!   come from traced rays ([`super::initial_guess`]).
+//!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of further guesses
+//!   until the path is found again has the mean 1/p.
+//! - Curved glass, and sequences that include a curved mirror: the method is the same as for curved mirrors,
+//!   but the guesses are traced rays ([`super::initial_guess`]).
 
 pub(super) mod glints;
 mod instances;
@@ -38,12 +38,13 @@ type Key = (u32, Owner);
 
 const EVERY: Owner = Owner::instance(u32::MAX);
 
-/// Maximum number of mirrors in instances that are listed as those of the world are. If there are more, the
-/// mirrors of each group are listed once, and flat mirrors are sampled at random as curved mirrors are.
+/// Maximum number of mirrors in instances that are listed individually, like those of the world. If there are
+/// more mirrors, the mirrors of each group are listed once, and flat mirrors are sampled at random like
+/// curved mirrors.
 const MOST_LISTED: usize = 65536;
 
-/// Maximum number of planes of flat mirrors. If there are more, flat mirrors are sampled at random as curved
-/// mirrors are.
+/// Maximum number of planes of flat mirrors. If there are more planes, flat mirrors are sampled at random
+/// like curved mirrors.
 const MOST_FLATS: usize = 2048;
 
 /// Maximum number of planes for which pairs of planes are considered.
@@ -61,16 +62,17 @@ const PASSED: f32 = 4.0;
 /// Fraction of random target points that are replaced by their image in a flat mirror.
 const IMAGED: f32 = 0.25;
 
-/// Tolerance for equal planes: for normals, and for distances as a fraction of the scene's extent.
+/// Tolerance for equal planes. The tolerance applies to normals, and to distances as a fraction of the
+/// scene's extent.
 const SAME_PLANE: f32 = 1e-4;
 
-/// Maximum distance of a reflection point from the centre of the mirrors in a plane, in units of their
+/// Maximum distance of a reflection point from the centre of the mirrors in a plane, in units of the mirrors'
 /// radius. `REACH` slightly exceeds 1 because of rounding errors. `REACH_BENT` applies if interfaces on the
 /// path may shift the reflection point.
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 
-/// Barycentric coordinates of an inner point of triangles and parallelograms, for evaluating surfaces.
+/// Barycentric coordinates of an inner point of triangles and parallelograms at which surfaces are evaluated.
 const INSIDE: f32 = 0.3;
 
 /// A point on a group of mirrors, used as the initial guess for a path.
@@ -89,7 +91,7 @@ struct Flat {
     radius: f32,
 }
 
-/// An end point and its successive images in flat mirrors, each with the group of the mirror.
+/// An end point and its successive images in flat mirrors, each with the group of its mirror.
 type Images = ArrayVec<(u32, Vec3A), { MOST_IN_ROW + 1 }>;
 
 impl Seed {
@@ -107,16 +109,16 @@ pub(crate) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors in groups with many instances.
     copied: Copied,
-    /// Estimate of the light from curved mirrors; `bright` also includes the light through curved glass.
+    /// Estimate of the light from curved mirrors. `bright` includes the light through curved glass too.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]; [`EVERY`] denotes all owners.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]. [`EVERY`] denotes all owners.
     groups: HashMap<Key, u32>,
     /// True if interfaces may shift the point of reflection.
     bent: bool,
-    /// True if some interface is dispersive.
+    /// True if at least one interface is dispersive.
     pub disperses: bool,
-    /// True if some crystal produces double images.
+    /// True if at least one crystal produces double images.
     pub splits: bool,
 }
 
@@ -131,7 +133,8 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the reflection point for light between two points, or `None` if it is outside these mirrors.
+    /// Returns the reflection point for light between two points, or `None` if the point is outside these
+    /// mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -235,7 +238,7 @@ impl Mirrors {
         self
     }
 
-    /// Returns the group of the surface that was hit; for other surfaces, an index that no seed has.
+    /// Returns the group of the surface that was hit. For other surfaces, returns an index that no seed has.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
@@ -314,7 +317,7 @@ impl Mirrors {
     }
 
     /// Calls `f` with all sequences that end with the given mirrors. `images` are the end point and its
-    /// successive images in these mirrors, starting with the last mirror on the path.
+    /// successive images in the given mirrors, starting with the last mirror on the path.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
         let (last, image) = *images.last().expect("internal error: no end point");
         for (group, flat) in (0..).zip(&self.flats) {
@@ -358,7 +361,7 @@ impl Mirrors {
         Some(point)
     }
 
-    /// Samples a random point on the curved mirrors. Returns `None` if there are none.
+    /// Samples a random point on the curved mirrors. Returns `None` if there are no curved mirrors.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
         let listed = self.curved.last().map_or(0.0, |c| c.1);
         let all = listed + self.copied.area();
@@ -377,8 +380,8 @@ impl Mirrors {
     }
 }
 
-/// Returns the primitives that may be mirrors, and true. If there are too many, returns only the primitives
-/// of the world, and false.
+/// Returns the primitives that may be mirrors, and true. If there are too many primitives, returns those of
+/// the world, and false.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();

@@ -65,8 +65,8 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
     Mirrors::new(&geometry.build(), &materials)
 }
 
-/// Verifies that mirrors in one plane form one group, whichever side they face, and that diffuse and rough
-/// surfaces are not mirrors.
+/// Verifies that mirrors in one plane form one group regardless of the side that they face, and that diffuse
+/// and rough surfaces are not mirrors.
 #[test]
 fn coplanar_parts_form_one_mirror() {
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
@@ -84,7 +84,7 @@ fn coplanar_parts_form_one_mirror() {
 }
 
 /// Verifies that a path over a flat mirror has equal angles of incidence and reflection. No path leads to the
-/// other side of the mirror, or via a point outside it.
+/// other side of the mirror, or over a point outside the mirror.
 #[test]
 fn paths_over_a_flat_mirror_have_equal_angles() {
     let all = [rectangle(GOLD, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0])];
@@ -103,7 +103,8 @@ fn paths_over_a_flat_mirror_have_equal_angles() {
     assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
 }
 
-/// Verifies paths over two mirrors at a right angle. For these points, only one order of the mirrors exists.
+/// Verifies paths over two mirrors at a right angle. For the tested points, only one order of the mirrors is
+/// possible.
 #[test]
 fn paths_over_two_mirrors_have_equal_angles() {
     let all = [
@@ -128,7 +129,8 @@ fn paths_over_two_mirrors_have_equal_angles() {
     assert_eq!(pairs, 1);
 }
 
-/// Verifies that random points are on curved mirrors, with probabilities proportional to the areas.
+/// Verifies that random points are on curved mirrors, with probabilities proportional to the areas of the
+/// mirrors.
 #[test]
 fn seeds_cover_curved_mirrors() {
     let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);
@@ -146,7 +148,7 @@ fn seeds_cover_curved_mirrors() {
 }
 
 /// Verifies that points on mirrors with many instances are on the instances, with probabilities proportional
-/// to the areas.
+/// to the areas of the instances.
 #[test]
 fn mirrors_with_many_copies_are_sampled_in_two_steps() {
     const N: u32 = 40_000;
