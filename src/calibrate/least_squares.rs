@@ -1,8 +1,9 @@
 //! Nonlinear least squares that reports undetermined parameters.
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
-//! deviations. Directions of the parameters that affect no residual keep their initial values and are
-//! reported. These directions are found from the singular values of the Jacobian with normalized columns.
+//! deviations. Along a direction in parameter space that affects no residual, the parameters keep their
+//! initial values, and the fit reports the direction. The singular values of the Jacobian with normalized
+//! columns determine the undetermined directions.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,4 +1,5 @@
-//! Clocks of a rig: the machine's clock, or a simulated clock that advances only while an instrument waits.
+//! Clocks of a rig. A clock is the machine's clock, or a simulated clock that advances only while an
+//! instrument waits.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -16,7 +17,7 @@ pub enum Clock {
 #[derive(Clone, Copy, Debug)]
 pub struct Simulated {
     now: Duration,
-    /// Wall time minus run time, in seconds. [`Clock::jump`] changes it.
+    /// Wall time minus run time, in seconds. [`Clock::jump`] changes the offset.
     wall_offset_s: f64,
 }
 
@@ -37,7 +38,7 @@ impl Clock {
         })))
     }
 
-    /// Returns the time since the clock was created, which is monotonic.
+    /// Returns the time since the creation of the clock. This time never decreases.
     pub fn now(&self) -> Duration {
         match self {
             Self::Real(begun) => begun.elapsed(),

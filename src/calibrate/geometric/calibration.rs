@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. Serialized to
-/// TOML, the calibration is [`base::calibration_file::Part::Devices`] of a calibration file.
+/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. The TOML form
+/// of the calibration is the part [`base::calibration_file::Part::Devices`] of a calibration file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The `[camera]` table of a scene file.
@@ -86,7 +86,7 @@ pub struct Quality {
     pub files: Vec<String>,
 }
 
-/// The covariance of all parameters; 0 in rows and columns of fixed parameters.
+/// The covariance of all parameters. Rows and columns of fixed parameters are 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CovarianceTable {

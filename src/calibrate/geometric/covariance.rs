@@ -1,5 +1,5 @@
 //! Covariances of all parameters from the triangular factor (QR) of the Jacobian. Normal equations would lose
-//! half of the digits, which rational lenses need.
+//! half of the digits, but rational lenses need all digits.
 
 use super::bundle::{Corner, Normal, State, Weights};
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};

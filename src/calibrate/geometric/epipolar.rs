@@ -1,7 +1,7 @@
 //! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
 //!
-//! Each plane intersects the camera's image and the projector's image in one line each. Lens
-//! distortion bends these lines.
+//! Each plane intersects the camera's image and the projector's image in one line each. With lens distortion,
+//! the lines of intersection are curved.
 
 use super::device::Device;
 use super::pose::Pose;
@@ -23,7 +23,7 @@ pub struct Planes {
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
-    /// Creates the epipolar planes of a calibration; returns `None` if the baseline is zero or along the
+    /// Creates the epipolar planes of a calibration. Returns `None` if the baseline is zero or along the
     /// camera's axis.
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
@@ -79,8 +79,8 @@ impl Planes {
         [camera.iter().map(band).collect(), projector.iter().map(band).collect()]
     }
 
-    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector
-    /// pixels of a lit projector pixel. All other camera pixels receive only indirect light.
+    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
+    /// lit projector pixel. Camera pixels for which the result is false receive only indirect light.
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;

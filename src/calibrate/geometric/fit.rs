@@ -37,8 +37,9 @@ pub struct Fit {
     pub relative: Pose,
     /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
-    /// parameters. With a projector, the six parameters of a change of `relative` follow ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first. The entries
+    /// of fixed parameters are 0. With a projector, the six parameters of a change of `relative` follow
+    /// ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each view's pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
@@ -67,7 +68,7 @@ const FINE: f64 = 1e-10;
 /// Maximum RMS of the residual distances in a valid fit, relative to the image width.
 const HOPELESS: f64 = 0.02;
 
-/// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
+/// Fits a camera to the corners of each view. With a second setup, also fits a projector and the pose from
 /// camera to projector.
 ///
 /// If `robust` is true, outliers are detected by a fit with Huber's loss and excluded.

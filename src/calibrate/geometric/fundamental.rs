@@ -1,7 +1,7 @@
 //! Estimates the fundamental matrix from points (Hartley's normalized eight-point algorithm, then
 //! minimization of the Sampson distance), or computes the matrix from a calibration.
 //!
-//! Pixels are those of devices without distortion; see [`undistorted`].
+//! Pixel coordinates are those of devices without lens distortion (see [`undistorted`]).
 
 use super::device::Device;
 use super::homography::{apply, normalization, null_vector};

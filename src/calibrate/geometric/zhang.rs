@@ -5,8 +5,10 @@ use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Returns initial devices, the most likely first: estimated focal lengths with the principal point in
-/// the center, then all estimated intrinsics, then three guessed focal lengths.
+/// Returns initial devices, the most likely first:
+/// - a device with estimated focal lengths and the principal point in the centre
+/// - a device with all intrinsics estimated
+/// - three devices with guessed focal lengths
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;
@@ -118,7 +120,7 @@ pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 /// Returns the homography of each view, from the board's plane to the image.
 ///
 /// # Errors
-/// If the points of a view are collinear; the error is the index of this view, from 0.
+/// The index, from 0, of a view whose points are collinear.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i)).collect()

@@ -241,7 +241,7 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         of[0].parameter.set_table(&mut scheme, &rows);
     }
     if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
-        // The brightness of each sample is fitted, so the brightness of the optics is kept.
+        // The brightness of each sample is fitted, so the fit does not change the brightness of the optics.
         now.keep_brightness(before, &wavelengths(samples));
     }
     Ok(Calibrated { scheme, found, undetermined: fit.describe_undetermined(&names), fit })

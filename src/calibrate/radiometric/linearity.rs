@@ -68,7 +68,7 @@ impl Linearity {
     /// of the light of each level.
     ///
     /// # Errors
-    /// If there are too few levels; the message states which levels are missing.
+    /// A message that states which levels are missing if there are too few levels.
     pub fn of(
         levels: &[Level],
         saturation: Option<f64>,

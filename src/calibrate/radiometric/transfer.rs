@@ -48,7 +48,7 @@ impl Transfer {
     /// Fits the curve to the levels' linearized signals.
     ///
     /// # Errors
-    /// If there are too few levels; the message names the missing frames.
+    /// A message that names the missing frames if there are too few levels.
     pub fn of(
         dark: &[Level],
         levels: &[Level],

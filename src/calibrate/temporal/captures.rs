@@ -6,7 +6,7 @@ use polarimetry::capture::detector::spad::Mode;
 /// Maximum number of bins in a period.
 const MOST_BINS: usize = 1 << 20;
 
-/// Maximum value of any time, in ps: one second.
+/// Maximum of any time in ps, equal to one second.
 const LONGEST_PS: f64 = 1e12;
 
 /// The counter that recorded the histograms.

@@ -1,4 +1,4 @@
-//! Tests with simulated diodes of known time zeros and responses: fitted values and stated errors.
+//! Tests fitted values and stated errors with simulated diodes of known time zeros and responses.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::aligned::aligned;
@@ -101,8 +101,8 @@ impl Bench {
     }
 }
 
-/// The errors of time zeros, response and clock agree with the stated errors, over repetitions with 12 pixels
-/// and two planes. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
+/// Over repetitions with 12 pixels and two planes, the errors of time zeros, response and clock agree with
+/// the stated errors. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {
@@ -130,7 +130,8 @@ fn stated_errors_match_actual_errors() {
     for (truth, error, zeros, found) in all {
         assert_eq!((found.dark, found.saturated), (0, 0));
         unsettled += found.unsettled;
-        // About one capture in ten thousand does not converge. Such a capture is reported and excluded.
+        // About one capture in ten thousand does not converge. The calibration reports and excludes such
+        // captures.
         let each = zeros
             .iter()
             .enumerate()
@@ -206,8 +207,8 @@ fn after_pulses_are_separated_from_background() {
     scores.hold("free-running diode");
 }
 
-/// The aligned mean equals the response integrated over bins, and its time zeros agree with those of the
-/// parametric model.
+/// The aligned mean equals the response integrated over bins. The time zeros from the aligned mean agree with
+/// those from the parametric model.
 #[test]
 fn measured_responses_agree_with_the_model() {
     let truth = Impulse::default();
@@ -323,7 +324,7 @@ fn invalid_captures_are_reported() {
     for travel_ps in [f64::NAN, f64::INFINITY] {
         assert!(message(Capture { travel_ps, ..capture(&all, 2000) }).contains("travel time"));
     }
-    // Light in a single bin: a response too narrow to be determined causes no panic.
+    // With all light in one bin, the response is too narrow to be determined. The calibration must not panic.
     let _ = of(capture(&all, 10_000));
     for bad in [
         Counter { bin_ps: f64::NAN, ..counter },

@@ -1,5 +1,5 @@
-//! Byte lines to instruments: a serial port, a TCP connection, or an in-memory line, whose second end an
-//! emulator uses.
+//! Byte lines to instruments. A line is a serial port, a TCP connection, or a line in memory whose other end
+//! an emulator uses.
 
 use crate::instrument::Fault;
 use std::io::{self, ErrorKind, Read, Write};
@@ -50,7 +50,7 @@ pub trait Line: Send {
     /// [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError>;
 
-    /// Reopens the line after a disconnection; bytes in transit are lost.
+    /// Reopens the line after a disconnection. Bytes in transit are lost.
     ///
     /// # Errors
     /// [`LineError`] if the line cannot be opened.
@@ -86,8 +86,8 @@ pub struct StreamLine {
 }
 
 impl StreamLine {
-    /// Opens a serial port with 8 data bits, no parity and one stop bit; `hardware` selects RTS/CTS flow
-    /// control.
+    /// Opens a serial port with 8 data bits, no parity and one stop bit. If `hardware` is true, RTS/CTS flow
+    /// control is used.
     ///
     /// # Errors
     /// [`LineError::Gone`] with the system's error message if the port cannot be opened.

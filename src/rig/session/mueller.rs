@@ -36,7 +36,8 @@ pub struct RunOptions {
     /// Horizontal field of view of the camera in radians. The field of view is used to correct for oblique
     /// incidence at the retarders. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
-    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear interpolation.
+    /// Whether a polarizer array is demosaicked by superpixels. If false, the array is demosaicked by
+    /// bilinear interpolation.
     pub superpixel: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Plan files: captures, masks and exposures of a camera, or points of a scan.
+//! Plan files. A plan contains captures, and either masks and exposures of a camera or points of a scan.
 //!
 //! ```toml
 //! name = "36 captures, epipolar and non-epipolar"
@@ -59,14 +59,14 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The measurement in every capture: camera frames or a scan.
+/// The measurement in every capture. It consists of camera frames or of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
     Scan(ScanWork),
 }
 
-/// Frames of a camera: every mask at every exposure.
+/// Frames of a camera, one for every mask and exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraWork {
     pub exposures: Vec<Duration>,
@@ -86,7 +86,7 @@ pub enum MaskPlan {
     Stripes {
         name: String,
         count: u32,
-        /// Whether each frame shows its stripe; otherwise each frame shows everything except its stripe.
+        /// Whether each frame shows its stripe. If false, each frame shows everything except its stripe.
         inside: bool,
     },
 }
@@ -123,7 +123,7 @@ pub struct ScanWork {
     /// Time from the sync pulse to the start of the first bin, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Whether the time tags of the counter are stored; the histograms are then computed from the tags.
+    /// Whether the time tags of the counter are stored. If true, the histograms are computed from the tags.
     pub time_tags: bool,
 }
 
@@ -320,7 +320,8 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 }
 
 impl Plan {
-    /// Returns the lengths of the run's axes: captures, shots, exposures; or captures, rows, columns.
+    /// Returns the lengths of the run's axes, which are captures, shots and exposures for a camera, or
+    /// captures, rows and columns for a scan.
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;
         match &self.work {

@@ -54,7 +54,7 @@ use std::time::Duration;
 pub enum Scene {
     /// A tensor in a finished store.
     Tensor(PathBuf),
-    /// A scene to render first: scene file and samples per pixel.
+    /// A scene to render first, given by its scene file and samples per pixel.
     Scene(PathBuf, Option<u32>),
     /// A uniform sample with this row-major Mueller matrix.
     Sample([f32; 16]),
@@ -65,7 +65,7 @@ pub struct BenchPlan {
     pub scene: Scene,
     /// Name of the slice from which the simulated sensors read.
     pub slice: String,
-    /// Radiance at T00 = 1: the factor by which a sample's Mueller matrix is multiplied.
+    /// Radiance for T00 = 1. A sample's Mueller matrix is multiplied by this factor.
     pub brightness: f64,
     /// Wavelength in nanometers.
     pub nm: f64,
@@ -323,7 +323,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     }
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
-    // A bare name is searched in the system's library paths.
+    // A library name without a folder is searched in the system's library paths.
     let library = file.library.clone().map(|l| if l.components().count() > 1 { beside(path, &l) } else { l });
     Ok(Some((library, settings)))
 }
@@ -331,7 +331,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
 /// Returns the row-major Mueller matrix of a named sample.
 ///
 /// - `air`: the identity.
-/// - `mirror`: lossless; exchanges handedness and ±45°.
+/// - `mirror`: lossless. Exchanges handedness, and exchanges +45° and -45°.
 /// - `polarizer`: ideal, at 0°.
 pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     let diagonal = |d: [f32; 4]| std::array::from_fn(|i| if i % 5 == 0 { d[i / 5] } else { 0.0 });

@@ -1,9 +1,9 @@
-//! The writer thread: writes each frame, syncs the frame to disk, and only then records the frame in the
+//! The writer thread. It writes each frame, syncs the frame to disk, and only then records the frame in the
 //! journal.
 //!
 //! A frame that is a whole chunk of the store is written directly. Smaller frames (histograms) are first
-//! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is
-//! emptied afterwards, so that a frame is always in the log or in a chunk. Queued frames are synced
+//! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is emptied
+//! after the chunk is written, so that a frame is always in the log or in a chunk. Queued frames are synced
 //! together. Time tags are written in the same way, before their histograms.
 
 use super::journal::{Event, FrameRecord, Journal};
@@ -27,7 +27,7 @@ enum Item {
     Flush(SyncSender<()>),
 }
 
-/// An error because of which the writer thread ended.
+/// The error that ended the writer thread.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {cause}; free disk space and resume: all recorded frames are saved")]
 pub struct DiskError {
@@ -49,18 +49,18 @@ struct Work {
     tags: Option<TagLog>,
     /// Pixel values or counts of the incomplete chunk.
     part: Vec<u32>,
-    /// Indices of chunks that are written but may not yet be on disk.
+    /// Indices of chunks that are written but might not be on disk yet.
     unsynced: Vec<usize>,
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
-/// Returns the CRC-32C of a frame's values.
+/// Returns the CRC-32C of the values of a frame.
 pub fn checksum(numbers: &[u32]) -> u32 {
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
     crc32c::crc32c(&bytes)
 }
 
-/// The intact part of a run's store, and the logged frames of the incomplete chunk.
+/// The intact part of a run's store, and the frames of the incomplete chunk in the log.
 pub struct Recovered {
     /// Number of intact frames, from the first one.
     pub frames: u32,
@@ -271,7 +271,7 @@ impl Work {
                 }
             }
         }
-        // Frames written before a failure are journaled as well.
+        // Frames that were written before a failure are also recorded in the journal.
         for chunk in std::mem::take(&mut self.unsynced) {
             self.store.sync_chunk(chunk).map_err(io)?;
         }

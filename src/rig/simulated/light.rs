@@ -1,5 +1,5 @@
-//! The scenery of the simulated bench: a rendered tensor in memory, a scan read row by row, or a
-//! uniform sample.
+//! The scenery of the simulated bench. The scenery is a rendered tensor in memory, a scan read row by row, or
+//! a uniform sample.
 
 use polarimetry::capture::bench::{Bench, Light, times};
 use polarimetry::capture::design_matrix::ELEMENTS;
@@ -21,7 +21,7 @@ const MOST_BYTES: u64 = 6 << 30;
 
 /// The object that the simulated bench illuminates.
 pub enum Scenery {
-    /// A uniform sample such as air, a mirror or a known plate: every camera pixel has the same Mueller
+    /// A uniform sample such as air, a mirror or a known plate. Every camera pixel has the same Mueller
     /// matrix. With time bins, all light is in the first bin.
     Sample {
         /// Row-major Mueller matrix at full drive of all projector pixels.
@@ -62,7 +62,7 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows that are read together: all rows of a chunk if they fit into memory, otherwise 1.
+    /// Number of rows that are read together. All rows of a chunk if they fit into memory, otherwise 1.
     together: usize,
 }
 
@@ -73,7 +73,7 @@ impl Scenery {
         Self::Sample { mueller, camera, image }
     }
 
-    /// Opens a slice of a finished store at a wavelength. A slice with time bins becomes a scan; any other
+    /// Opens a slice of a finished store at a wavelength. A slice with time bins becomes a scan. Any other
     /// slice becomes a tensor that patterns illuminate.
     ///
     /// # Errors
@@ -260,7 +260,7 @@ fn lit_pixels(pattern: &[f32]) -> impl Iterator<Item = (usize, f32)> {
 }
 
 impl PlayedScan {
-    /// Returns 16 elements per bin of a scan point. The rows that were read last stay in memory.
+    /// Returns 16 elements per bin of a scan point. The most recently read rows stay in memory.
     ///
     /// # Errors
     /// A message if the store is damaged or the point does not exist.

@@ -11,8 +11,8 @@ pub struct Saddle {
     pub at: Vector2<f64>,
     /// Unit vectors along the two edges that cross at the corner.
     pub edges: [Vector2<f64>; 2],
-    /// Half of the brightness difference between white and black; negative if the square between +e1 and
-    /// +e2 is black.
+    /// Half of the brightness difference between white and black. The value is negative if the square between
+    /// +e1 and +e2 is black.
     pub contrast: f64,
 }
 
@@ -78,7 +78,8 @@ fn erf(x: f64) -> [f64; 2] {
     [(1.0 - tail).copysign(x), std::f64::consts::FRAC_2_SQRT_PI * e]
 }
 
-/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives; d is the offset from the corner.
+/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives, where d is the offset from the
+/// corner.
 fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     let (dx, dy) = (x - p[0], y - p[1]);
     let ((s1, c1), (s2, c2)) = (p[2].sin_cos(), p[3].sin_cos());
@@ -146,7 +147,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         })
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
-    // A saddle is point-symmetric: use the even part of the values on the ring.
+    // A saddle is point-symmetric, so the even part of the values on the ring is used.
     let half: Vec<f64> = (0..RING / 2).map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean).collect();
     let swing = half.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let odd = (0..RING / 2).map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2)).sum::<f64>();

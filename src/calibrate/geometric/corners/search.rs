@@ -33,7 +33,7 @@ pub enum NotFound {
     Size(usize, usize, usize, usize),
 }
 
-/// Standard deviations of the blurs with which corners are searched, in pixels.
+/// Standard deviations, in pixels, of the blurs that the corner search applies to the image.
 const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 
 /// Finds a board.

@@ -50,8 +50,8 @@ struct Controller {
 }
 
 impl Controller {
-    /// Advances the simulated stage to the current time; returns the message that reports the end
-    /// of a motion.
+    /// Advances the simulated stage to the current time. Returns the message that reports the end of a
+    /// motion.
     fn pass(&mut self) -> Option<Message> {
         let motion = self.motion?;
         let share = motion.begun.elapsed().as_secs_f64() / motion.time.as_secs_f64().max(1e-6);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// Polling interval of a moving stage.
 const ASK: Duration = Duration::from_millis(100);
-/// Number of consecutive equal positions, different from the goal, after which a stage counts as stalled.
+/// Number of consecutive equal positions away from the goal after which a stage counts as stalled.
 const STANDS: u32 = 3;
 
 /// Units of a stage model, and limits of its motion.
@@ -57,8 +57,8 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Stops automatic status updates and enables the channel, but does not move
-    /// the stage.
+    /// Creates a stage that communicates over a line. Stops automatic status updates and enables the channel,
+    /// but does not move the stage.
     ///
     /// # Errors
     /// [`Failure`] if the line is disconnected.
@@ -102,7 +102,7 @@ impl AptStage {
         }
     }
 
-    /// Queries the status. Passes every message that arrives to `seen`.
+    /// Queries the status. Passes to `seen` every message that arrives.
     fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
         self.send(&Message::RequestDcStatus)?;
         loop {

@@ -33,8 +33,8 @@ fn a_camera_conforms() {
     conformance::area_camera(&mut camera(&Fake::new())).assert_passed("GenICam camera", 18);
 }
 
-/// Features reach their registers in the registers' units: first the stream layout, then the lock, then the
-/// start command.
+/// The driver writes features to their registers in the registers' units. The order is: the stream layout,
+/// the lock, the start command.
 #[test]
 fn features_reach_their_registers() {
     let fake = Fake::new();
@@ -174,8 +174,8 @@ impl PayloadStream for Broken {
     }
 }
 
-/// The driver handles the outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a
-/// closed sender.
+/// The driver handles three outcomes of `cameleon`'s channel: a damaged frame, no frame in time, and a closed
+/// sender.
 #[test]
 fn outcomes_of_cameleon_streams_are_handled() {
     let mut frames = Streamed::new(Broken(None));

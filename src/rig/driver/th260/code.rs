@@ -1,4 +1,5 @@
-//! Maps the library's error codes (`errorcodes.h`) to faults, and defines its constants (`th260defin.h`).
+//! Maps the error codes of the library (`errorcodes.h`) to faults, and defines the library's constants
+//! (`th260defin.h`).
 
 use crate::instrument::Fault;
 
@@ -39,13 +40,13 @@ pub fn fault(code: i32) -> Fault {
         -43..=-40 => Fault::Timeout,
         // Defects of the board's modules or EEPROM.
         -56..=-53 | -74..=-64 => Fault::Refused,
-        // The board is not found, not open or not initialized; errors of DMA, FPGA, calibration or
-        // status; unknown codes.
+        // The board is not found, not open or not initialized, or an error of DMA, FPGA, calibration or
+        // status occurred. Unknown codes are handled in the same way.
         _ => Fault::Disconnected,
     }
 }
 
-/// Returns advice on an error code, to be appended to the message; empty if there is none.
+/// Returns advice on an error code, to be appended to the message. The text is empty if there is no advice.
 pub fn fix(code: i32) -> &'static str {
     match code {
         OPEN_FAIL => "; check that the board and its driver are installed",

@@ -1,7 +1,7 @@
 //! Binding to PicoQuant's library, loaded at run time. All unsafe code of the driver is in this module.
 //!
-//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes to is longer than
-//! `th260defin.h` requires, and outlives the call.
+//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes to is longer than `th260defin.h`
+//! requires and outlives the call.
 
 use super::code::LONGEST_HISTOGRAM;
 use libloading::Library;
@@ -9,7 +9,7 @@ use std::error::Error;
 use std::ffi::{c_char, c_double, c_int, c_uint};
 use std::path::{Path, PathBuf};
 
-/// A command to a board. Each variant calls the library's function of the given name.
+/// A command to a board. Each variant calls the library function with the given name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
     /// Calls `CloseDevice`.
@@ -66,7 +66,7 @@ pub(super) struct Hardware {
     pub version: String,
 }
 
-/// The functions of the library. Errors are the library's codes, all negative.
+/// The functions of the library. Errors are the library's codes, which are all negative.
 pub(super) trait Th260: Send {
     fn version(&mut self) -> Result<String, i32>;
     /// Returns the library's text for an error code.
@@ -165,10 +165,11 @@ functions! {
     get_elapsed: Number = b"TH260_GetElapsedMeasTime\0",
 }
 
-/// Loads the given library or, if none is given, the first of [`names`] that loads.
+/// Loads the given library. If no library is given, loads the first of [`names`] that can be loaded.
 ///
 /// # Errors
-/// If no library loads; the message lists the files tried, why each failed, and the library's source.
+/// If no library can be loaded, a message that lists the files tried, the cause of each failure, and the
+/// library's source.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];
@@ -206,8 +207,8 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
-/// Calls a function that writes `N` texts, and returns these texts. Each buffer has 256 characters, more
-/// than any of these functions writes (at most 40, by `th260defin.h`).
+/// Calls a function that writes `N` texts, and returns the texts. Each buffer has 256 characters. No function
+/// writes more than 40 characters (`th260defin.h`).
 fn texts<const N: usize>(call: impl FnOnce([*mut c_char; N]) -> c_int) -> Result<[String; N], i32> {
     let mut buffers = [[0_u8; 256]; N];
     good(call(buffers.each_mut().map(|b| b.as_mut_ptr().cast())))?;
@@ -232,7 +233,8 @@ impl Th260 for Loaded {
     }
 
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32> {
-        // SAFETY: all arguments are integers, none is a pointer; the library checks their ranges.
+        // SAFETY: all arguments are integers, and none is a pointer. The library checks the ranges of the
+        // arguments.
         good(unsafe {
             match order {
                 Order::Close => (self.close)(device),
