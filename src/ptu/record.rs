@@ -1,4 +1,4 @@
-//! Records of 32 bits: a photon, a marker, a sync pulse, or a clock overflow.
+//! Records of 32 bits. A record is a photon, a marker, a sync pulse, or a clock overflow.
 //!
 //! | | from the least significant bit | special | overflow | markers |
 //! |---|---|---|---|---|
@@ -95,8 +95,8 @@ impl RecordType {
         }
     }
 
-    /// Returns the number of the last channel plus 1. Channels count from 0, except those of the PicoHarp in
-    /// T2, which count from 1.
+    /// Returns the number of the last channel plus 1. Channels are numbered from 0, except those of the
+    /// PicoHarp in T2, which are numbered from 1.
     pub fn channels(self) -> u8 {
         match self.family() {
             Family::PicoT2 => 5,
@@ -240,13 +240,13 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// A decoded record. Times since the start, including overflows, are in sync pulses (T3) or clock
-/// counts (T2).
+/// A decoded record. Times are measured from the start and include overflows. The unit is the sync pulse in
+/// T3 and the clock count in T2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     Photon {
         time: u64,
-        /// Time since the sync pulse in counts of `dtime` (T3; 0 in T2).
+        /// Time since the sync pulse in counts of `dtime` (T3), or 0 in T2.
         dtime: u16,
         /// Detector channel, from 0.
         channel: u8,
@@ -256,7 +256,7 @@ pub enum Event {
     /// A signal at one or more of the four marker inputs.
     Marker {
         time: u64,
-        /// Marker inputs; bit 0 is the first.
+        /// Marker inputs. Bit 0 is the first input.
         bits: u8,
     },
     /// The clock overflowed.

@@ -5,7 +5,7 @@
 //! random assignment of the counts of a simulated diode therefore has exactly the same distribution as a
 //! simulation of each pulse. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighboring detections. The counts of such a diode are
+//! The dead time of a free-running diode correlates neighbouring detections. The counts of such a diode are
 //! assigned to pulses independently. This assignment preserves histograms but not the correlation.
 
 use optics::sampling::stream::Stream;
@@ -54,7 +54,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
     stamps
 }
 
-/// Returns `n` ≤ `below` distinct numbers below `below` in ascending order. All sets are equally likely.
+/// Returns `n` ≤ `below` distinct integers in [0, `below`) in ascending order. All sets are equally likely.
 fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     if n.saturating_mul(2) > below {
         // Selection sampling (Knuth, algorithm S).

@@ -71,25 +71,25 @@ impl<'a> Render<'a> {
         self
     }
 
-    /// Renders only a part of the tiles. These tiles are bit-identical to those of the whole render; all
+    /// Renders only a part of the tiles. These tiles are bit-identical to those of the whole render, and all
     /// other tiles stay zero. The store records the part and cannot be opened as a finished render.
-    /// [`store::merge::merge`] joins all parts; the result equals the whole render byte for byte.
+    /// [`store::merge::merge`] joins all parts. The merged store equals the whole render byte for byte.
     pub fn part(mut self, part: Part) -> Self {
         self.share.part = Some(part);
         self
     }
 
-    /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A
-    /// tile is bit-identical to the same tile of a render in which all tiles have this tile's number.
-    /// Tiles with 0 samples stay zero. The settings stored with the scene contain the largest number.
+    /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A tile with
+    /// N samples is bit-identical to the same tile of a render in which all tiles have N samples. Tiles with
+    /// 0 samples stay zero. The settings stored with the scene contain the largest number.
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
     }
 
     /// Shares the light paths between all parts K of N, through files in a folder that all machines can
-    /// access. Without this option, each part traces all light paths. Parts never block on one another; the
-    /// output is bit-identical.
+    /// access. Without this option, each part traces all light paths. Parts never block on one another, and
+    /// the output is bit-identical.
     pub fn shared_light(mut self, folder: &'a Path) -> Self {
         self.share.light = Some(folder);
         self
@@ -104,8 +104,8 @@ impl<'a> Render<'a> {
     /// Renders into a sink.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene has no slices or no such part, threads cannot be started, or the
-    /// sink fails.
+    /// [`schedule::RenderError`] if the scene has no slices or does not have the part, if threads cannot be
+    /// started, or if the sink fails.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
         let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
@@ -121,14 +121,14 @@ impl<'a> Render<'a> {
     /// Renders all fields of all slices into arrays in memory.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene has no slices, or threads cannot be started.
+    /// [`schedule::RenderError`] if the scene has no slices, or if threads cannot be started.
     pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
         let mut arrays = Arrays::default();
         self.into_sink(&mut arrays)?;
         Ok(arrays)
     }
 
-    /// Renders into a new Zarr store. The path must not exist yet.
+    /// Renders into a new Zarr store. The path must not exist.
     ///
     /// # Errors
     /// [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`] can resume
@@ -146,8 +146,8 @@ impl<'a> Render<'a> {
     }
 }
 
-/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names,
-/// all slices are kept.
+/// Settings that override those of a scene. `None` keeps the scene's setting. Without slice names, all slices
+/// are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Samples per camera pixel.
@@ -193,8 +193,8 @@ impl Choices {
     }
 }
 
-/// Returns the maximum number of threads that a user can request. This number is larger than the
-/// number of cores, but does not overload the machine.
+/// Returns the maximum number of threads that a user can request. This number is larger than the number of
+/// cores, but is small enough not to overload the machine.
 pub fn most_threads() -> usize {
     8 * cores()
 }
@@ -204,8 +204,8 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns whether a system error, such as a full disk, stopped a render into a store, rather than the
-/// request.
+/// Returns whether a system error, such as a full disk, stopped a render into a store. Returns false if the
+/// request is the cause.
 pub fn is_of_system(e: &RenderError) -> bool {
     match e {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => true,

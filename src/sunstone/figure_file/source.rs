@@ -1,4 +1,4 @@
-//! Parses a figure file and makes the checks that need neither scenes nor applications.
+//! Parses a figure file, and makes the checks that need neither scenes nor applications.
 
 use base::document;
 use base::locate::{InputError, Located};
@@ -35,7 +35,7 @@ impl Source {
         Self::of_text(path, &text)
     }
 
-    /// Does the same as [`Self::read`] for the text of a file. `path` names the file in messages.
+    /// Parses the text of a figure file. `path` names the file in messages.
     ///
     /// # Errors
     /// The same errors as [`Self::read`].

@@ -29,8 +29,9 @@ struct State {
     trouble: Trouble,
 }
 
-/// A laser with pulse rates of 1 Hz to 80 MHz that emits 5 mW when it is on. Commands: `OUTP`, `SOUR:FREQ`,
-/// `MEAS:POW?`, `SYST:INTL?`, `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?`, `*CLS`.
+/// A laser with pulse rates of 1 Hz to 80 MHz that emits 5 mW when it is on. The commands are `OUTP`,
+/// `SOUR:FREQ`, `MEAS:POW?`, `SYST:INTL?`, `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?` and
+/// `*CLS`.
 #[derive(Clone, Debug)]
 pub struct Emulator(Arc<Mutex<State>>);
 
