@@ -130,8 +130,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if several && a.angles.is_some() {
         bail!("--angles draws a single scheme; pass only one value of -k, --sensor and --estimator");
     }
-    // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
-    // needed.
+    // The noise of a full-rank least-squares estimate does not depend on the material, so the data might not
+    // be needed.
     let needed = a.figure.is_some()
         || a.save_prior.is_some()
         || a.angle_error > 0.0

@@ -118,7 +118,7 @@ fn show(a: &Show) -> Result<(), Failure> {
     print(table(&schemes, &rays).trim_end())
 }
 
-/// Maximum number of captures of a scheme: approximately the number that a rig can take in one day.
+/// Maximum number of captures of a scheme, which is approximately the number that a rig can take in one day.
 const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {

@@ -2,7 +2,7 @@
 //!
 //! A file consists of a header of tags ([`tag`], [`header`]) and of records of 4 bytes each ([`record`]). The
 //! reader keeps only one block of records in memory ([`reader`]). The layouts follow PicoQuant's published
-//! descriptions of the file format. The package's validation compares them with the Python package `ptufile`.
+//! descriptions of the file format. The layouts are checked against the Python package `ptufile`.
 
 pub mod error;
 pub mod header;

@@ -1,6 +1,6 @@
-//! Instruments that are Python objects. The session's thread calls the objects' methods, and has Python's
-//! lock only during a call. This module refuses requests outside the limits, so that the objects need no
-//! checks.
+//! Instruments that are Python objects. The session's thread calls the objects' methods, and holds Python's
+//! lock only during a call. This module refuses requests outside the limits, so that the objects do not need
+//! to check them.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;
@@ -135,7 +135,7 @@ impl RotationStage for Stage {
     }
 }
 
-/// A Python pattern projector and its number of loaded patterns.
+/// A Python pattern projector, and the number of loaded patterns.
 pub type Projector = Given<ProjectorLimits, usize>;
 
 impl PatternProjector for Projector {
@@ -259,7 +259,7 @@ impl AreaCamera for Camera {
         let Region { width, height, .. } = region;
         let [rows, columns] = picture.shape;
         if picture.shape != [height as usize, width as usize] {
-            // The array may be an earlier frame that arrives late. Report a timeout, so that the frame is
+            // The array might be an earlier frame that arrives late. Report a timeout, so that the frame is
             // requested again.
             let what = format!(
                 "`frame` returned an array of shape ({rows}, {columns}), but the configured region has {height} rows and {width} columns"

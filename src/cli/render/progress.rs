@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 
-/// Prints progress: a bar on a terminal, otherwise a line every few seconds.
+/// Prints the progress of a render. A terminal shows a bar, any other output a line every few seconds.
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
