@@ -32,8 +32,8 @@ impl Lanes {
     }
 }
 
-/// Selects an item by name, or the only item. `what` is the noun for an item, such as `material`, and
-/// `several` is the plural.
+/// Selects an item by name, or the only item if no name is given. `what` is the noun for an item, such as
+/// `material`, and `several` is the plural.
 pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
     let known = names.join(", ");
     match (name, names) {

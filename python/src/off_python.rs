@@ -1,4 +1,4 @@
-//! Runs work without Python's global interpreter lock (GIL), also in a forked process.
+//! Runs work without Python's global interpreter lock (GIL). The work can run in a forked process.
 //!
 //! A fork copies only one thread. The child process therefore has the queue of rayon's global pool, but no
 //! worker threads, and work in this pool would never run. Work in a child process runs on a separate pool.

@@ -62,7 +62,7 @@ impl Shared {
     }
 }
 
-/// Signals the end of the work, also on a panic.
+/// Signals the end of the work, including an end by panic.
 struct Ring<'a>(&'a Shared);
 
 impl Drop for Ring<'_> {

@@ -80,7 +80,7 @@ fn cost(r: &DVector<f64>) -> f64 {
 /// each parameter.
 ///
 /// # Errors
-/// [`FitError`] if residuals are too few or not finite, or if the iteration does not converge.
+/// Returns [`FitError`] if residuals are too few or not finite, or if the iteration does not converge.
 pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Fit, FitError> {
     let n = start.len();
     let mut x = DVector::from_column_slice(start);

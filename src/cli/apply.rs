@@ -1,4 +1,4 @@
-//! The `sunstone apply` command: runs the paper's applications from scene files.
+//! The `sunstone apply` command, which runs the paper's applications from scene files.
 
 use crate::progress::Progress;
 use crate::{Failure, bail, places, print};

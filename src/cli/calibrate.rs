@@ -1,4 +1,4 @@
-//! The `sunstone calibrate` command: calibrates cameras, projectors and detectors.
+//! The `sunstone calibrate` command, which calibrates cameras, projectors and detectors.
 
 use crate::{Failure, bail, calibrate_detector, output, places, print, print_path};
 use clap::{Args, ValueEnum};

@@ -1,4 +1,4 @@
-//! The `sunstone decompose` command: Lu–Chipman decomposition.
+//! The `sunstone decompose` command, which computes the Lu–Chipman decomposition.
 
 use crate::matrices::MatrixSource;
 use crate::{Failure, bail, places, print_path};

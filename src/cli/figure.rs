@@ -1,4 +1,4 @@
-//! The `sunstone figure` command: draws slices of a store.
+//! The `sunstone figure` command, which draws slices of a store.
 
 use crate::figure_file::Extension;
 use crate::{Failure, bail, figure_file, places, print_path, source};

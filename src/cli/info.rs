@@ -1,4 +1,4 @@
-//! The `sunstone info` command: describes a store, or a scene before the scene is rendered.
+//! The `sunstone info` command, which describes a store, or a scene before the scene is rendered.
 
 use crate::{Failure, print};
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! The `sunstone learn` command: optimizes capture schemes.
+//! The `sunstone learn` command, which optimizes capture schemes.
 
 use crate::pbrdf::data::MaterialSource;
 use crate::scheme::{SensorArgument, picture, save, table};

@@ -1,4 +1,4 @@
-//! The `sunstone probe` command: queries a stored slice.
+//! The `sunstone probe` command, which queries a stored slice.
 
 use crate::source::{Source, slice};
 use crate::{Failure, bail, places, print, print_path};

@@ -1,4 +1,4 @@
-//! The `sunstone reconstruct` command: computes Mueller matrices from intensities.
+//! The `sunstone reconstruct` command, which computes Mueller matrices from intensities.
 
 mod arguments;
 mod of_run;

@@ -1,4 +1,4 @@
-//! The `sunstone scheme` command: makes, prints and checks capture schemes.
+//! The `sunstone scheme` command, which makes, prints and checks capture schemes.
 
 use crate::{Failure, bail, figure, output, places, print, print_path};
 use clap::ValueEnum;

@@ -4,8 +4,8 @@ use super::header::Header;
 use super::record::Mode;
 use super::scan::{Scan, is_bidirectional};
 
-/// Name prefixes of tags that describe the file, the program, the hardware or results. These tags are not
-/// known to affect a photon's channel, time or pixel.
+/// Name prefixes of tags that describe the file, the program, the hardware or results. No tag with one of
+/// these prefixes is known to affect a photon's channel, time or pixel.
 const DESCRIPTIVE: [&str; 22] = [
     "$",
     "CreatorSW_",

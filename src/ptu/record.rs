@@ -1,4 +1,4 @@
-//! Records of 32 bits. A record is a photon, a marker, a sync pulse, or a clock overflow.
+//! Records of 32 bits. A record represents a photon, a marker, a sync pulse, or a clock overflow.
 //!
 //! | | from the least significant bit | special | overflow | markers |
 //! |---|---|---|---|---|

@@ -30,7 +30,7 @@ impl Sweep {
     }
 
     /// Returns the column at a time since the start of the line, and the time range of the column. Returns
-    /// `None` after the line.
+    /// `None` after the end of the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {

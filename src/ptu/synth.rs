@@ -5,12 +5,13 @@
 //! random assignment of the counts of a simulated diode therefore has exactly the same distribution as a
 //! simulation of each pulse. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighbouring detections. The counts of such a diode are
-//! assigned to pulses independently. This assignment preserves histograms but not the correlation.
+//! The dead time of a free-running diode correlates neighbouring detections. The counts of a free-running
+//! diode are assigned to pulses independently. The independent assignment preserves histograms but not the
+//! correlation.
 
 use optics::sampling::stream::Stream;
 
-/// A detection: its pulse and its bin.
+/// A detection, given by its pulse and its bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stamp {
     /// Number of the pulse, from 0.

@@ -85,7 +85,7 @@ pub struct Report {
 /// Renders the data of an application, and runs the application once for each seed.
 ///
 /// # Errors
-/// [`ApplicationError`] if a render or a method fails.
+/// Returns [`ApplicationError`] if a render or a method fails.
 pub fn run(
     application: &Application,
     settings: &Settings,
@@ -106,8 +106,8 @@ impl<'a> Run<'a> {
     /// Prepares a run without rendering.
     ///
     /// # Errors
-    /// [`ApplicationError::Seeds`] if the number of seeds is out of range. [`ApplicationError::Studio`] if
-    /// the scene file cannot be read.
+    /// Returns [`ApplicationError::Seeds`] if the number of seeds is out of range. Returns
+    /// [`ApplicationError::Studio`] if the scene file cannot be read.
     pub fn new(
         application: &'a Application,
         settings: &'a Settings,
@@ -138,7 +138,7 @@ impl<'a> Run<'a> {
     /// not identify the methods, because the program's version identifies them.
     ///
     /// # Errors
-    /// [`ApplicationError`] if a render fails.
+    /// Returns [`ApplicationError`] if a render fails.
     pub fn inputs(&mut self) -> Result<String, ApplicationError> {
         let Self { application, settings, observer, .. } = self;
         let Size { pixels, spp } = observer.size;
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
     /// Renders missing data, and runs the application once for each seed.
     ///
     /// # Errors
-    /// [`ApplicationError`] if a render or a method fails.
+    /// Returns [`ApplicationError`] if a render or a method fails.
     pub fn report(self) -> Result<Report, ApplicationError> {
         let Self { application, settings, watch, mut observer } = self;
         let (train, test) = (observer.plan.train.clone(), observer.plan.test.clone());

@@ -68,7 +68,7 @@ impl DenoiseError {
 pub struct Outcome {
     pub slice: String,
     /// Estimated RMS error of all means, divided by the RMS error of the pooled input renders. `None` if the
-    /// slice was copied because it is not an image or has no standard errors.
+    /// slice is not an image or has no standard errors, and was therefore copied.
     pub error: Option<f64>,
 }
 
@@ -76,7 +76,7 @@ pub struct Outcome {
 /// camera rows and columns are copied from the first store.
 ///
 /// # Errors
-/// [`DenoiseError`] if an input is invalid or the output cannot be written.
+/// Returns [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outcome>, DenoiseError> {
     denoise_in_bands(inputs, out, replace, BAND)
 }
@@ -84,7 +84,7 @@ pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outc
 /// Works as [`denoise`], with bands of about `band` values.
 ///
 /// # Errors
-/// [`DenoiseError`] if an input is invalid or the output cannot be written.
+/// Returns [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise_in_bands(
     inputs: &[PathBuf],
     out: &Path,

@@ -48,8 +48,8 @@ pub struct Prepared<'a> {
 /// Checks a figure file against its scenes and applications, and renders nothing.
 ///
 /// # Errors
-/// [`FigureFileError::Input`] at the location of a name that does not exist in the scenes and applications.
-/// [`FigureFileError::Studio`] if a scene itself is invalid.
+/// Returns [`FigureFileError::Input`] at the location of a name that does not exist in the scenes and
+/// applications. Returns [`FigureFileError::Studio`] if a scene itself is invalid.
 pub fn prepare<'a>(
     source: &'a Source,
     settings: &'a Settings,
@@ -115,7 +115,7 @@ impl Prepared<'_> {
     /// Renders what is not in the cache, and draws the figure.
     ///
     /// # Errors
-    /// [`FigureFileError`] if a render, an application or the drawing fails.
+    /// Returns [`FigureFileError`] if a render, an application or the drawing fails.
     pub fn draw(mut self) -> Result<Made, FigureFileError> {
         let source = self.source;
         for stage in self.stages.values_mut() {

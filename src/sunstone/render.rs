@@ -104,8 +104,8 @@ impl<'a> Render<'a> {
     /// Renders into a sink.
     ///
     /// # Errors
-    /// [`schedule::RenderError`] if the scene has no slices or does not have the part, if threads cannot be
-    /// started, or if the sink fails.
+    /// Returns [`schedule::RenderError`] if the scene has no slices or does not have the part, if threads
+    /// cannot be started, or if the sink fails.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
         let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
@@ -121,7 +121,7 @@ impl<'a> Render<'a> {
     /// Renders all fields of all slices into arrays in memory.
     ///
     /// # Errors
-    /// [`schedule::RenderError`] if the scene has no slices, or if threads cannot be started.
+    /// Returns [`schedule::RenderError`] if the scene has no slices, or if threads cannot be started.
     pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
         let mut arrays = Arrays::default();
         self.into_sink(&mut arrays)?;
@@ -131,8 +131,8 @@ impl<'a> Render<'a> {
     /// Renders into a new Zarr store. The path must not exist.
     ///
     /// # Errors
-    /// [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`] can resume
-    /// the render.
+    /// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`]
+    /// can resume the render.
     pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
         self.to_target(&Target { path: path.to_owned(), ..Target::default() })
     }
@@ -140,7 +140,8 @@ impl<'a> Render<'a> {
     /// Renders into a Zarr store that is created, replaced or resumed.
     ///
     /// # Errors
-    /// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
+    /// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be
+    /// resumed.
     pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
         self.into_sink(&mut ZarrSink::new(target.clone()))
     }
@@ -167,7 +168,7 @@ impl Choices {
     /// `dashes` is the prefix of option names in messages, such as `--`, or empty.
     ///
     /// # Errors
-    /// A message with the name of the invalid choice, the fault and the fix.
+    /// Returns a message with the name of the invalid choice, the fault and the fix.
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
@@ -217,7 +218,7 @@ pub fn is_of_system(e: &RenderError) -> bool {
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
-/// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
+/// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
 pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
     Render::new(scene).watch(watch).to_target(target)
 }

@@ -68,7 +68,7 @@ fn located<T: Clone>(
 /// a sample.
 ///
 /// # Errors
-/// [`BenchError`] if the scene is invalid or the render stopped.
+/// Returns [`BenchError`] if the scene is invalid or the render stopped.
 pub fn tensor_of(
     rig: &RigPlan,
     plan: &Plan,

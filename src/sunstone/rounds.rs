@@ -66,8 +66,8 @@ impl RoundsError {
 pub struct Standing {
     /// Number of the next round, from 0. This number equals the number of finished rounds.
     pub round: u32,
-    /// Relative error that is not exceeded by the share of lit pixels that the goal requires. `None` before
-    /// the first round.
+    /// Smallest relative error that the required share of lit pixels does not exceed. `None` before the first
+    /// round.
     pub error: Option<f64>,
     /// Total number of samples up to now, over all pixels.
     pub samples: u64,
@@ -146,8 +146,8 @@ impl ToError<'_> {
     /// this call did.
     ///
     /// # Errors
-    /// [`RoundsError`] if the render stopped. Finished rounds stay next to the target, and the render can be
-    /// resumed.
+    /// Returns [`RoundsError`] if the render stopped. Finished rounds stay next to the target, and the render
+    /// can be resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
         let folder = folder_of(&target.path);
@@ -198,7 +198,7 @@ impl ToError<'_> {
     /// Returns the state of the rounds in a folder. If `round` is given, returns the state before that round.
     ///
     /// # Errors
-    /// [`RoundsError`] if the rounds cannot be read or belong to another render.
+    /// Returns [`RoundsError`] if the rounds cannot be read or belong to another render.
     pub fn standing(
         &self,
         scene: &Scene,
@@ -240,7 +240,7 @@ impl ToError<'_> {
     /// Renders a part of a round. The previous rounds in the folder determine the round.
     ///
     /// # Errors
-    /// [`RoundsError`] if the round does not exist or the render stopped.
+    /// Returns [`RoundsError`] if the round does not exist or the render stopped.
     pub fn part_of_round(
         &self,
         scene: &mut Scene,

@@ -75,7 +75,7 @@ impl<'a> Studio<'a> {
     /// Opens a scene file with a folder for renders.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the scene file cannot be read.
+    /// Returns [`StudioError::Scene`] if the scene file cannot be read.
     pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
         Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
     }
@@ -89,7 +89,7 @@ impl<'a> Studio<'a> {
     /// scene file itself.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the variant is invalid or does not exist.
+    /// Returns [`StudioError::Scene`] if the variant is invalid or does not exist.
     pub fn variant(&self, number: Option<u64>) -> Result<Variant, StudioError> {
         Ok(match number {
             Some(number) => variant::read(&self.path, &self.text, number)?,
@@ -101,7 +101,8 @@ impl<'a> Studio<'a> {
     /// image has `pixels` pixels.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the scene is invalid. [`StudioError::Lacks`] if a slice is missing.
+    /// Returns [`StudioError::Scene`] if the scene is invalid. Returns [`StudioError::Lacks`] if a slice is
+    /// missing.
     pub fn scene(&self, variant: &Variant, pixels: u32, slices: &[&str]) -> Result<Scene, StudioError> {
         let file = self.sized(&variant.file, pixels, slices)?;
         Ok(scene::from_file(&self.path, &self.text, &file)?)
@@ -111,7 +112,7 @@ impl<'a> Studio<'a> {
     /// the variant first if necessary.
     ///
     /// # Errors
-    /// [`StudioError`] if the scene is invalid or the render stopped.
+    /// Returns [`StudioError`] if the scene is invalid or the render stopped.
     pub fn render(
         &mut self,
         number: Option<u64>,

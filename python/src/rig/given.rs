@@ -1,6 +1,6 @@
 //! Instruments that are Python objects. The session's thread calls the objects' methods, and holds Python's
-//! lock only during a call. This module refuses requests outside the limits, so that the objects do not need
-//! to check them.
+//! lock only during a call. The module refuses requests outside the limits, so that the objects do not need
+//! to check limits.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;

@@ -69,7 +69,7 @@ pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
         .map_err(|_| format!("`{name}` is {seconds}; expected seconds, 0 or more"))
 }
 
-/// Converts a deadline. Infinity becomes a very long time.
+/// Converts a deadline. An infinite deadline becomes a very long duration.
 pub fn within(seconds: f64) -> Result<Duration, String> {
     if seconds == f64::INFINITY {
         return Ok(Duration::from_secs(u64::from(u32::MAX)));

@@ -21,8 +21,8 @@ impl Board {
     /// Creates a board.
     ///
     /// # Errors
-    /// [`Fault::Board`] if the square size is invalid, or if the board has too many corners or fewer than 3 ×
-    /// 3.
+    /// Returns [`Fault::Board`] if the square size is invalid, or if the board has too many corners or fewer
+    /// than 3 × 3.
     pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
         let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
         if sane && square.is_finite() && square > 0.0 {

@@ -29,7 +29,7 @@ pub struct Calibration {
 pub struct DeviceTable {
     /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the center of the first pixel.
+    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the centre of the first pixel.
     pub opencv_matrix: [[f64; 3]; 3],
     /// Lens coefficients in OpenCV's order.
     pub opencv: Option<Vec<f64>>,
@@ -237,7 +237,7 @@ impl Calibration {
     /// Reads a calibration file. Tables other than those of the devices are ignored.
     ///
     /// # Errors
-    /// [`InputError`] if the file is not a calibration or has no valid device.
+    /// Returns [`InputError`] if the file is not a calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;

@@ -25,7 +25,8 @@ pub struct Covariance {
 }
 
 impl Root {
-    /// Factorizes a state. Returns `None` if a corner is behind a device or a number is not finite.
+    /// Computes the factor for a state. Returns `None` if a corner is behind a device or a number is not
+    /// finite.
     pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
         let n = state.shared();
         // The last column contains the residuals.
@@ -38,7 +39,8 @@ impl Root {
                 return None;
             }
             let rows = jacobian.nrows();
-            // The pose comes first. Zero rows pad views that have fewer measurements than parameters.
+            // The columns of the pose are first. Zero rows pad views that have fewer measurements than
+            // parameters.
             let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
             ordered.view_mut((0, 0), (rows, 6)).copy_from(&jacobian.columns(n, 6));
             ordered.view_mut((0, 6), (rows, n)).copy_from(&jacobian.columns(0, n));

@@ -1,4 +1,4 @@
-//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
+//! Epipolar planes: planes through the centres of both devices, identified by their angle about the baseline.
 //!
 //! Each plane intersects the camera's image and the projector's image in one line each. With lens distortion,
 //! the lines of intersection are curved.
@@ -53,7 +53,7 @@ impl Planes {
         Some(self.angle(self.relative.rotation.transpose() * Vector3::new(n.x, n.y, 1.0)))
     }
 
-    /// Returns the angles of all pixel centers of a device, row by row.
+    /// Returns the angles of all pixel centres of a device, row by row.
     fn all(&self, device: &Device, of: impl Fn(Vector2<f64>) -> Option<f64>) -> Vec<Option<f64>> {
         let [w, h] = device.size;
         let pixels =

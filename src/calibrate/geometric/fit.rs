@@ -74,7 +74,7 @@ const HOPELESS: f64 = 0.02;
 /// If `robust` is true, outliers are detected by a fit with Huber's loss and excluded.
 ///
 /// # Errors
-/// [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.
+/// Returns [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.
 pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit, Fault> {
     check(setups, views)?;
     let start = begin(setups, views, robust)?;
@@ -204,8 +204,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut state =
             State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
-        // The parameters are freed in stages: pinhole, dominant lens terms, all. These stages avoid poles of
-        // rational lenses.
+        // To avoid poles of rational lenses, the parameters are freed in three stages: pinhole parameters,
+        // dominant lens terms, all parameters.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
@@ -254,7 +254,7 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     }
 }
 
-/// Fits with Huber's loss, scaled by the median residual, and marks the outliers.
+/// Fits the state with Huber's loss, which is scaled by the median residual, and marks the outliers.
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
@@ -332,7 +332,7 @@ fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covari
     w.sigma = sigma;
 }
 
-/// Expands the free parameters to all parameters and adds notes.
+/// Creates the result of a fit from its state. Expands the free parameters to all parameters and adds notes.
 fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance) -> Result<Fit, Fault> {
     let rms = rms(&state, views, w);
     let total: usize = state.ties.iter().map(Vec::len).sum();

@@ -82,7 +82,7 @@ impl Image {
     /// array. PNG and JPEG images are rotated according to their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
+    /// Returns [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {

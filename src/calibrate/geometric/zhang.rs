@@ -120,7 +120,7 @@ pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 /// Returns the homography of each view, from the board's plane to the image.
 ///
 /// # Errors
-/// The index, from 0, of a view whose points are collinear.
+/// Returns the index, from 0, of a view whose points are collinear.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i)).collect()

@@ -54,7 +54,7 @@ pub enum CalibrationError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub parameter: Parameter,
-    /// Wavelength in nanometers, if the parameter is fitted per wavelength.
+    /// Wavelength in nanometres, if the parameter is fitted per wavelength.
     pub nm: Option<f64>,
     /// Name of the parameter, which includes the name of the element.
     pub name: String,
@@ -147,7 +147,7 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
 /// samples. All numbers are fitted jointly.
 ///
 /// # Errors
-/// [`CalibrationError`] if the samples are invalid or the fit fails.
+/// Returns [`CalibrationError`] if the samples are invalid or the fit fails.
 pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, CalibrationError> {
     let Some(first) = samples.first() else {
         return Err(CalibrationError::NoSample);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Statistics {
-    /// Sum of squared residuals divided by their variances.
+    /// Chi-squared, which is the sum of the squared residuals, each divided by its variance.
     pub chi_squared: f64,
     /// Number of measurements minus number of parameters.
     pub freedom: usize,

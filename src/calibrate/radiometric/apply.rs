@@ -62,7 +62,7 @@ pub struct Corrected {
 /// values of an ideal camera.
 ///
 /// # Errors
-/// [`RadiometricError`] if frames are missing or do not match, or if an option is invalid.
+/// Returns [`RadiometricError`] if frames are missing or do not match, or if an option is invalid.
 pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<Radiometry, RadiometricError> {
     if dark.is_empty() {
         return Err(RadiometricError::NoDark);
@@ -133,8 +133,8 @@ impl Radiometry {
     /// Returns the corrected signal of a frame.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.
-    /// [`RadiometricError::Setting`] if the exposure is not a positive time.
+    /// Returns [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.
+    /// Returns [`RadiometricError::Setting`] if the exposure is not a positive time.
     pub fn correct(&self, frame: &[u32], exposure_s: f64) -> Result<Corrected, RadiometricError> {
         let pixels = self.dark.offset.len();
         if frame.len() != pixels {

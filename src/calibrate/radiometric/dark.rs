@@ -47,7 +47,7 @@ impl Dark {
     /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
     /// # Errors
-    /// [`RadiometricError`] if frames are missing or do not match.
+    /// Returns [`RadiometricError`] if frames are missing or do not match.
     pub fn of(stacks: &[Stack], limit: f64) -> Result<Self, RadiometricError> {
         check(&stacks.iter().collect::<Vec<_>>())?;
         let pixels = stacks[0].pixels();

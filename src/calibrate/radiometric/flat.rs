@@ -27,7 +27,7 @@ impl Flat {
     /// Computes the response from uniformly lit stacks.
     ///
     /// # Errors
-    /// A message that names the missing frames if lit frames are missing.
+    /// Returns a message that names the missing frames if lit frames are missing.
     pub fn of(
         dark: &Dark,
         stacks: &[Stack],

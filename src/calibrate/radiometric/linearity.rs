@@ -68,7 +68,7 @@ impl Linearity {
     /// of the light of each level.
     ///
     /// # Errors
-    /// A message that states which levels are missing if there are too few levels.
+    /// Returns a message that states which levels are missing if there are too few levels.
     pub fn of(
         levels: &[Level],
         saturation: Option<f64>,

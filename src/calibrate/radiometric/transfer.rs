@@ -48,7 +48,7 @@ impl Transfer {
     /// Fits the curve to the levels' linearized signals.
     ///
     /// # Errors
-    /// A message that names the missing frames if there are too few levels.
+    /// Returns a message that names the missing frames if there are too few levels.
     pub fn of(
         dark: &[Level],
         levels: &[Level],

@@ -99,7 +99,8 @@ impl Line {
     }
 }
 
-/// Interpolates values that are not finite from their neighbors. Returns `None` if no value is finite.
+/// Replaces values that are not finite by interpolation between their neighbours. Returns `None` if no value
+/// is finite.
 fn bridge(share: &mut [f64]) -> Option<()> {
     let known: Vec<usize> = (0..share.len()).filter(|i| share[*i].is_finite()).collect();
     let (first, last) = (*known.first()?, *known.last()?);

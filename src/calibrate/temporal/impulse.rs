@@ -3,7 +3,7 @@
 use polarimetry::capture::detector::response::{FWHM_PER_SIGMA, Response};
 use serde::{Deserialize, Serialize};
 
-/// Response to a short pulse. The Gaussian part is centered on time 0.
+/// Response to a short pulse. The Gaussian part is centred on time 0.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Impulse {
     /// Standard deviation of the Gaussian part in ps.

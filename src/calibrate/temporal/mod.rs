@@ -7,7 +7,7 @@
 //!
 //! - A is the signal of the pulse, t the known travel time of light, Δ the bin width, and z the time zero
 //!   of the pixel.
-//! - H is the cumulative response ([`polarimetry::capture::detector::response`]). The center of its
+//! - H is the cumulative response ([`polarimetry::capture::detector::response`]). The centre of its
 //!   Gaussian part defines the time zero.
 //! - B is the rate of ambient light and dark counts.
 //! - p is the probability of afterpulses. y_i is the number of afterpulses in bin i that the histogram's

@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A measured response: the fraction of light in a bin as a function of the delay of the bin's center.
+/// A measured response: the fraction of light in a bin as a function of the delay of the bin's centre.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {
     pub step_ps: f64,
     /// Delay of the first grid point after the arrival of the light, in ps.
     pub first_ps: f64,
-    /// Fraction of the light that is detected in a bin whose center is delayed to each grid point.
+    /// Fraction of the light that is detected in a bin whose centre is delayed to each grid point.
     pub share: Vec<f64>,
-    /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbors.
+    /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbours.
     pub sigma: Vec<f64>,
     /// Probability of afterpulses. `share` excludes afterpulses.
     pub after_pulsing: f64,

@@ -138,7 +138,8 @@ impl One {
 /// distances. A pixel may have several captures. The response is fitted as [`Options`] specifies.
 ///
 /// # Errors
-/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
+/// Returns [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant
+/// pulse.
 pub fn calibrate(
     counter: &Counter,
     captures: &[Capture],
@@ -232,7 +233,8 @@ pub fn calibrate(
 /// Time zeros refer to the template. The errors of the time zeros exclude the errors of the template.
 ///
 /// # Errors
-/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
+/// Returns [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant
+/// pulse.
 pub fn calibrate_with(
     template: &Template,
     counter: &Counter,

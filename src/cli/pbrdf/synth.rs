@@ -1,4 +1,4 @@
-//! The `sunstone pbrdf synth` command: tables in the KAIST format from analytic materials.
+//! The `sunstone pbrdf synth` command, which writes tables of analytic materials in the KAIST format.
 
 use super::data::{Resolution, banded_failure};
 use crate::progress::bar;

@@ -55,7 +55,7 @@ impl<T: PixelNumber> Work<'_, T> {
     /// Reconstructs all pixels in any order, and passes the results to `write`.
     ///
     /// # Errors
-    /// [`Failure`] if an input cannot be read or `write` fails.
+    /// Returns [`Failure`] if an input cannot be read or `write` fails.
     pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;

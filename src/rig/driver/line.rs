@@ -41,19 +41,19 @@ pub trait Line: Send {
     /// Sends all bytes.
     ///
     /// # Errors
-    /// [`LineError`] if the bytes cannot be sent in time, or if the line is disconnected.
+    /// Returns [`LineError`] if the bytes cannot be sent in time, or if the line is disconnected.
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError>;
 
     /// Waits for bytes and returns at least one.
     ///
     /// # Errors
-    /// [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
+    /// Returns [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError>;
 
     /// Reopens the line after a disconnection. Bytes in transit are lost.
     ///
     /// # Errors
-    /// [`LineError`] if the line cannot be opened.
+    /// Returns [`LineError`] if the line cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
@@ -90,7 +90,7 @@ impl StreamLine {
     /// control is used.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message if the port cannot be opened.
+    /// Returns [`LineError::Gone`] with the system's error message if the port cannot be opened.
     pub fn serial(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
         use serialport::FlowControl;
         let flow = if hardware { FlowControl::Hardware } else { FlowControl::None };
@@ -100,7 +100,7 @@ impl StreamLine {
     /// Connects to `host:port`.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message if the connection fails.
+    /// Returns [`LineError::Gone`] with the system's error message if the connection fails.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         Self::open(address, |address| {
             let found = address.to_socket_addrs()?.next();

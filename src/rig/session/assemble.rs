@@ -55,7 +55,7 @@ pub fn simulated(plan: &RigPlan) -> Option<&str> {
 /// Creates the simulated bench of a rig file with the given scenery.
 ///
 /// # Errors
-/// A message if the plan, the bench and the scenery do not match.
+/// Returns a message if the plan, the bench and the scenery do not match.
 pub fn bench(
     rig: &RigPlan,
     bench: &BenchPlan,
@@ -105,7 +105,7 @@ pub fn bench(
 /// Opens the tensor or sample that a rig file names for its bench.
 ///
 /// # Errors
-/// A message if the tensor cannot be opened, or if a scene has not been rendered yet.
+/// Returns a message if the tensor cannot be opened, or if a scene has not been rendered yet.
 pub fn scenery(
     plan: &BenchPlan,
     camera: [usize; 2],
@@ -150,7 +150,8 @@ fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProje
 /// Creates all instruments of a rig file. Simulated instruments use the bench `world`.
 ///
 /// # Errors
-/// A message if a driver is unavailable in this build or on this machine, or an instrument does not reply.
+/// Returns a message if a driver is unavailable in this build or on this machine, or an instrument does not
+/// reply.
 pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleError> {
     let clock = world.map_or_else(Clock::real, Shared::clock);
     let mut rig = Rig::new(&plan.name, clock);

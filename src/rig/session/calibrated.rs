@@ -47,8 +47,9 @@ impl Believed {
     /// pixels, if present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is not a calibration, has no table for a rig, or has an invalid detector
-    /// parameter. [`InputError`] also if the size of a device differs from the size in the rig file.
+    /// Returns [`InputError`] if a file is not a calibration, has no table for a rig, or has an invalid
+    /// detector parameter. Returns [`InputError`] if the size of a device differs from the size in the rig
+    /// file.
     pub(super) fn calibrated(
         self,
         rig: &Path,

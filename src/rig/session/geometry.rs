@@ -91,7 +91,7 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centers at + 0.5.
+    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centres at + 0.5.
     /// Returns an infinite coordinate if the distortion cannot be inverted at this pixel.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
@@ -105,7 +105,7 @@ impl Lens {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// Fundamental matrix F of undistorted pixels with centers at + 0.5.
+    /// Fundamental matrix F of undistorted pixels with centres at + 0.5.
     pub fundamental: Matrix3<f64>,
     pub camera: Lens,
     pub projector: Lens,
@@ -115,7 +115,7 @@ impl Geometry {
     /// Creates a geometry from a rig file's table.
     ///
     /// # Errors
-    /// A message that states the fault and the fix, if a value is invalid.
+    /// Returns a message that states the fault and the fix, if a value is invalid.
     pub fn new(file: &GeometryFile) -> Result<Self, String> {
         let camera = Lens::new(&file.camera, "camera")?;
         let projector = Lens::new(&file.projector, "projector")?;
@@ -151,7 +151,7 @@ impl Geometry {
                 "`rotation` is not a rotation matrix, or `translation` is zero; copy OpenCV's R and t".into(),
             );
         }
-        // Compute F for pixel centers at integers, then shift by half a pixel.
+        // Compute F for pixel centres at integers, then shift by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;
         let mut shift = Matrix3::identity();
         (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);

@@ -28,7 +28,7 @@ pub struct Run {
     pub(super) store: FrameStore,
     /// The plan's scheme with the element angles that the encoders reported.
     pub scheme: Scheme,
-    /// Wavelength in nanometers.
+    /// Wavelength in nanometres.
     pub nm: f64,
     /// Names of the masks. A scan has one mask, `scan`.
     pub masks: Vec<String>,
@@ -40,8 +40,8 @@ pub struct Run {
 
 /// Intensities of all captures through one mask.
 pub struct Intensities {
-    /// Intensities in the unit of the tensor, by measurement and pixel. NaN for a pixel that was not read
-    /// or has only saturated readings.
+    /// Intensities in the unit of the tensor, by measurement and pixel. The value is NaN for a pixel that was
+    /// not read or that has only saturated readings.
     pub values: Vec<f32>,
     /// Variances of the intensities. Infinite for unknown intensities.
     pub variances: Vec<f32>,
@@ -57,8 +57,8 @@ impl Run {
     /// `scheme`.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is missing, unfinished or damaged, or if the elements of `scheme` differ
-    /// from those of the run.
+    /// Returns [`ImageError`] if the run is missing, unfinished or damaged, or if the elements of `scheme`
+    /// differ from those of the run.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(failed)?;
         let damaged = |what: &str| {
@@ -101,7 +101,7 @@ impl Run {
     /// mask are subtracted.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist or frames are damaged.
+    /// Returns [`ImageError`] if the mask does not exist or frames are damaged.
     pub fn intensities(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
         if self.work["kind"] == "scan" {
             return self.scan();
@@ -240,7 +240,7 @@ impl Run {
     /// a camera run.
     ///
     /// # Errors
-    /// [`ImageError`] if the stored parameters of the diode are damaged.
+    /// Returns [`ImageError`] if the stored parameters of the diode are damaged.
     pub fn diode(&self) -> Result<Option<Spad>, ImageError> {
         if self.work["kind"] != "scan" {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! The journal of a run: one JSON event per line in chronological order. If the journal has a line for a
+//! The journal of a run, with one JSON event per line in chronological order. If the journal has a line for a
 //! frame, the frame is on disk.
 //!
 //! Only the writer appends to the journal and syncs it to disk. If a crash truncates a line, the line is
@@ -80,7 +80,7 @@ impl Journal {
     /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
-    /// If the journal cannot be opened or created.
+    /// Returns an error if the journal cannot be opened or created.
     pub fn open(store: &Path) -> io::Result<Self> {
         let path = store.join(FILE);
         let torn = match std::fs::read(&path) {
@@ -98,7 +98,7 @@ impl Journal {
     /// Appends events and waits until they are on disk.
     ///
     /// # Errors
-    /// If the events cannot be written or synced.
+    /// Returns an error if the events cannot be written or synced.
     pub fn append(&mut self, events: &[Event]) -> io::Result<()> {
         let mut text = String::new();
         for event in events {
@@ -113,7 +113,7 @@ impl Journal {
 /// Calls `f` for every complete event of a store's journal, in order. A missing journal has no events.
 ///
 /// # Errors
-/// If the journal cannot be read.
+/// Returns an error if the journal cannot be read.
 pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     let file = match base::input::open(&store.join(FILE)) {
         Ok(file) => file,
@@ -139,7 +139,7 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
 /// `keep` limits the memory use, because a run can have half a million frames.
 ///
 /// # Errors
-/// Same as [`read`].
+/// Returns the same errors as [`read`].
 pub fn frames<T>(store: &Path, keep: impl Fn(FrameRecord) -> T) -> io::Result<Vec<T>> {
     let mut found = vec![];
     read(store, |event| {

@@ -1,4 +1,4 @@
-//! Runs of known samples for calibration: means over many pixels or scan points.
+//! Computes means over many pixels or scan points from runs of known samples, for calibration.
 //!
 //! Only the dependence on direction distinguishes the effect of the galvo mirrors from that of the
 //! beamsplitter. A scan with mirrors therefore yields one sample at the centre of the scan, and four samples
@@ -34,7 +34,7 @@ impl Run {
     /// has four more directions.
     ///
     /// # Errors
-    /// [`ImageError`] if the run has no known sample, has no lit mask, or cannot be read.
+    /// Returns [`ImageError`] if the run has no known sample, has no lit mask, or cannot be read.
     pub fn samples(&self) -> Result<Vec<Sample>, ImageError> {
         let path = self.store.path().display();
         let name = self.store.attributes().get("sample").and_then(Value::as_str);

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 /// A stage, and the overshoot with which it approaches its goals.
 pub struct Stage {
     pub device: Box<dyn RotationStage>,
-    /// Overshoot in degrees with which the stage approaches each goal from below. 0 for a stage without
-    /// backlash.
+    /// Overshoot in degrees with which the stage approaches each goal from below. The overshoot is 0 for a
+    /// stage without backlash.
     pub approach_deg: f64,
 }
 

@@ -9,7 +9,7 @@
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
 
-/// Maps a pixel (x, y) of a distorted lens to the corresponding pixel of an ideal lens. Pixel centers are at
+/// Maps a pixel (x, y) of a distorted lens to the corresponding pixel of an ideal lens. Pixel centres are at
 /// + 0.5.
 pub type Ideal<'a> = &'a (dyn Fn([f64; 2]) -> [f64; 2] + Sync);
 
@@ -24,7 +24,7 @@ pub struct Epipolar<'a> {
     pub projector: Ideal<'a>,
 }
 
-/// One frame of a mask: the displayed pattern and the camera region.
+/// One frame of a mask, given by the displayed pattern and the camera region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// The pattern that the projector shows.
@@ -84,7 +84,7 @@ fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
 /// other lines. A camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors
-/// A message if no epipolar line crosses the projector.
+/// Returns a message if no epipolar line crosses the projector.
 pub fn stripes(
     name: &str,
     count: u32,
@@ -133,7 +133,7 @@ pub fn stripes(
     Ok(Mask { name: name.to_owned(), shots: (0..count).map(shot).collect(), shot_of })
 }
 
-/// Iterates over the centers of pixels, rows from the top.
+/// Iterates over the centres of pixels, rows from the top.
 fn pixels([w, h]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..h).flat_map(move |y| (0..w).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
 }
@@ -221,7 +221,7 @@ mod tests {
                     let p = inverse * Vector3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0) * depth;
                     let q = k * (r * p + t);
                     let (u, v) = ((q[0] / q[2]).floor(), (q[1] / q[2]).floor());
-                    // Rows at the edge have only one neighbor.
+                    // Rows at the edge have only one neighbour.
                     if !(0.0..64.0).contains(&u) || !(1.0..47.0).contains(&v) {
                         continue;
                     }

@@ -48,7 +48,8 @@ impl Run {
     /// come from a first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
+    /// Returns [`ImageError`] if the mask does not exist, if frames are damaged, or if there are too few
+    /// captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
         let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;
@@ -89,7 +90,7 @@ impl Run {
 /// Writes the Mueller matrices of masks to a store, one slice per mask.
 ///
 /// # Errors
-/// [`ProbeError`] if the store cannot be created or written.
+/// Returns [`ProbeError`] if the store cannot be created or written.
 pub fn write_store(
     path: &Path,
     images: &[MuellerImage],

@@ -44,7 +44,7 @@ impl Run {
     /// Returns the histograms of a scan.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is not a scan or is damaged.
+    /// Returns [`ImageError`] if the run is not a scan or is damaged.
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
@@ -92,8 +92,8 @@ impl Run {
     /// is set to 1.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is a scan, is damaged, has no masks `dark` and `full`, or has captures with
-    /// different element angles.
+    /// Returns [`ImageError`] if the run is a scan, is damaged, has no masks `dark` and `full`, or has
+    /// captures with different element angles.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
         let (Ok([captures, shots, exposures, height, width]), None) = (self.shape(), self.fov_x) else {

@@ -59,7 +59,7 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The measurement in every capture. It consists of camera frames or of a scan.
+/// The measurement in every capture, which consists of camera frames or of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
@@ -130,7 +130,7 @@ pub struct ScanWork {
 /// Reads a plan file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid plan.
+/// Returns [`InputError`] with file, position and fix if the file cannot be read or is not a valid plan.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and edit it")?;
     from_toml(path, &text)
@@ -139,7 +139,7 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Parses a plan from TOML text. Paths in the plan are relative to the folder of `path`.
 ///
 /// # Errors
-/// Same as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
         "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \

@@ -54,7 +54,7 @@ use std::time::Duration;
 pub enum Scene {
     /// A tensor in a finished store.
     Tensor(PathBuf),
-    /// A scene to render first, given by its scene file and samples per pixel.
+    /// A scene to render before the run, given by its scene file and samples per pixel.
     Scene(PathBuf, Option<u32>),
     /// A uniform sample with this row-major Mueller matrix.
     Sample([f32; 16]),
@@ -67,7 +67,7 @@ pub struct BenchPlan {
     pub slice: String,
     /// Radiance for T00 = 1. A sample's Mueller matrix is multiplied by this factor.
     pub brightness: f64,
-    /// Wavelength in nanometers.
+    /// Wavelength in nanometres.
     pub nm: f64,
     /// True elements. If `None`, the elements of the plan's scheme are used.
     pub optics: Option<Scheme>,
@@ -107,7 +107,7 @@ pub struct RigPlan {
     pub counter: Option<(Driver, CounterLimits)>,
     /// Board of a counter behind PicoQuant's library.
     pub th260: Option<Board>,
-    /// Wavelength of the rig's light source in nanometers.
+    /// Wavelength of the rig's light source in nanometres.
     pub wavelength_nm: f64,
     /// Assumed camera parameters.
     pub cmos: Cmos,
@@ -120,7 +120,7 @@ pub struct RigPlan {
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid rig.
+/// Returns [`InputError`] with file, position and fix if the file cannot be read or is not a valid rig.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and edit it")?;
     from_toml(path, &text)
@@ -129,7 +129,7 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
 /// Parses a rig from TOML text. Paths in the rig file are relative to the folder of `path`.
 ///
 /// # Errors
-/// Same as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
         "expected [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], [geometry], \

@@ -23,7 +23,8 @@ const JUMP_S: f64 = 5.0;
 /// Polling interval of a condition.
 const LOOK: Duration = Duration::from_secs(5);
 
-/// A captured frame: its record, its pixel values or counts, and its time tags if the run stores time tags.
+/// A captured frame, given by its record, its pixel values or counts, and its time tags if the run stores
+/// time tags.
 type Taken = (FrameRecord, Vec<u32>, Option<Tags>);
 
 /// State of a run.
@@ -49,7 +50,8 @@ struct Session<'a> {
 /// Captures all missing frames.
 ///
 /// # Errors
-/// [`RunError`] if an instrument or the disk fails permanently. All frames in the journal are on disk.
+/// Returns [`RunError`] if an instrument or the disk fails permanently. All frames in the journal are on
+/// disk.
 pub fn run(
     rig: &mut Rig,
     steps: &Steps,
@@ -185,7 +187,7 @@ impl Session<'_> {
         Ok(self.frame(step)?)
     }
 
-    /// Prepares the run: homes the stages, loads the patterns and switches on the light.
+    /// Prepares the run. Homes the stages, loads the patterns and switches on the light.
     fn prepare(&mut self) -> Result<(), Failure> {
         if self.ready {
             return Ok(());
@@ -294,7 +296,7 @@ impl Session<'_> {
         moves.iter().map(|(name, _)| finish(name)).collect()
     }
 
-    /// Captures one frame: moves the stages, then reads the detector.
+    /// Captures one frame. Moves the stages, then reads the detector.
     fn frame(&mut self, step: Step) -> Result<Taken, Failure> {
         let angles_deg = self.turn(step.capture)?;
         if let Some(tell) = &mut self.rig.on_frame {

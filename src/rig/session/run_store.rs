@@ -129,7 +129,7 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
 /// Creates the store of a new run.
 ///
 /// # Errors
-/// [`RunStoreError`] if the store cannot be created.
+/// Returns [`RunStoreError`] if the store cannot be created.
 pub fn create(
     path: &Path,
     steps: &Steps,
@@ -155,7 +155,7 @@ fn maps(steps: &Steps) -> Vec<FrameMap> {
 /// Opens the store of an unfinished run of the same plan and rig.
 ///
 /// # Errors
-/// [`RunStoreError`] if the store cannot be opened or belongs to another run.
+/// Returns [`RunStoreError`] if the store cannot be opened or belongs to another run.
 pub fn resume(
     path: &Path,
     steps: &Steps,
@@ -184,7 +184,7 @@ pub fn resume(
 
 /// Writes the metadata of all frames as columns, then writes the manifest, which marks the run as finished.
 /// # Errors
-/// [`DiskError`] if the store cannot be written.
+/// Returns [`DiskError`] if the store cannot be written.
 pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     let failed = |cause: String| DiskError { path: path.to_owned(), cause };
     let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;

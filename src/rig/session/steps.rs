@@ -29,7 +29,7 @@ pub struct Steps {
     pub goals: BTreeMap<String, Vec<f64>>,
     /// Masks of a camera plan.
     pub masks: Vec<Mask>,
-    /// Shots of all masks in order: the index of the mask, and the camera region.
+    /// Shots of all masks in order, each given by the index of its mask and by the camera region.
     pub shots: Vec<(usize, Region)>,
     /// Patterns of all shots in order, as loaded into the projector.
     pub patterns: Vec<Pattern>,
@@ -52,7 +52,7 @@ impl Steps {
     /// Checks a plan against the limits of a rig's instruments.
     ///
     /// # Errors
-    /// [`Failure`] if an instrument is missing or the plan exceeds a limit.
+    /// Returns [`Failure`] if an instrument is missing or the plan exceeds a limit.
     pub fn new(plan: Plan, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<Self, Failure> {
         let goals = goals(&plan.scheme, rig)?;
         let mut steps = Self {

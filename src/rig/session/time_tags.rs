@@ -41,7 +41,7 @@ impl Tags {
     /// Decodes the records of one acquisition. Sync numbers count from the start of the acquisition.
     ///
     /// # Errors
-    /// A message if tags are later than the last pulse or out of order, or if records are invalid.
+    /// Returns a message if tags are later than the last pulse or out of order, or if records are invalid.
     pub fn new(records: &[u32], record: RecordType, pulses: u64) -> Result<Self, String> {
         let mut decoder = Decoder::new(record);
         let mut photons = vec![];
@@ -76,7 +76,7 @@ impl Tags {
     /// file with these tags.
     ///
     /// # Errors
-    /// A message if a bin has 2³² − 1 counts.
+    /// Returns a message if a bin has 2³² − 1 counts.
     pub fn histogram(&self, bins: usize, scale: &Scale) -> Result<Vec<u32>, String> {
         let name = Path::new("time tags");
         let mut bytes = Cursor::new(vec![]);

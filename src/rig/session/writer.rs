@@ -1,5 +1,5 @@
-//! The writer thread. It writes each frame, syncs the frame to disk, and only then records the frame in the
-//! journal.
+//! The writer thread, which writes each frame, syncs the frame to disk, and only then records the frame in
+//! the journal.
 //!
 //! A frame that is a whole chunk of the store is written directly. Smaller frames (histograms) are first
 //! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is emptied
@@ -72,7 +72,7 @@ pub struct Recovered {
 /// Compares a store with its journal. The first frame with a different checksum ends the intact part.
 ///
 /// # Errors
-/// If the journal cannot be read.
+/// Returns an error if the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
@@ -146,7 +146,7 @@ impl Writer {
     /// the run stores time tags.
     ///
     /// # Errors
-    /// [`DiskError`] if the file system reports an error.
+    /// Returns [`DiskError`] if the file system reports an error.
     pub fn new(
         store: FrameStore,
         recovered: Recovered,
@@ -189,7 +189,7 @@ impl Writer {
     /// Queues a frame. Blocks while the queue is full.
     ///
     /// # Errors
-    /// [`DiskError`] if writing an earlier item failed.
+    /// Returns [`DiskError`] if writing an earlier item failed.
     pub fn frame(
         &mut self,
         record: FrameRecord,
@@ -202,7 +202,7 @@ impl Writer {
     /// Queues an event for the journal.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn event(&mut self, event: Event) -> Result<(), DiskError> {
         self.send(Item::Event(event))
     }
@@ -210,7 +210,7 @@ impl Writer {
     /// Waits until all queued items are on disk.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
@@ -220,7 +220,7 @@ impl Writer {
     /// Waits until all queued items are on disk, and closes the store.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn close(&mut self) -> Result<(), DiskError> {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {
@@ -316,7 +316,7 @@ impl Work {
     }
 }
 
-/// Appends a point's tags to the log. The last point of a row also writes the row's file.
+/// Appends a point's tags to the log. After the last point of a row, the row's file is written.
 fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Result<()> {
     if frame.is_multiple_of(per) {
         log.empty()?;
@@ -331,7 +331,7 @@ fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Resul
 /// Removes the logs of a finished run.
 ///
 /// # Errors
-/// If a log cannot be removed.
+/// Returns an error if a log cannot be removed.
 pub fn remove_log(store: &Path) -> io::Result<()> {
     time_tags::remove_log(store)?;
     sealed_log::remove(&store.join(LOG))

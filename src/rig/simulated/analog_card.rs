@@ -87,7 +87,7 @@ impl SimulatedCard {
     /// Checks that the card is not outputting a buffer.
     ///
     /// # Errors
-    /// [`Failure`] if the line is disconnected or the card is outputting a buffer.
+    /// Returns [`Failure`] if the line is disconnected or the card is outputting a buffer.
     fn free(&mut self) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         self.catch_up();

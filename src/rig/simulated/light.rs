@@ -62,7 +62,8 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows that are read together. All rows of a chunk if they fit into memory, otherwise 1.
+    /// Number of rows that are read together. The number is that of all rows of a chunk if they fit into
+    /// memory, otherwise 1.
     together: usize,
 }
 
@@ -77,7 +78,7 @@ impl Scenery {
     /// slice becomes a tensor that patterns illuminate.
     ///
     /// # Errors
-    /// A message if the store cannot be read or a simulated sensor cannot read the slice.
+    /// Returns a message if the store cannot be read or a simulated sensor cannot read the slice.
     pub fn open(path: &Path, name: &str, nm: f64) -> Result<Self, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
         denoised::refuse(&store).map_err(|e| e.to_string())?;
@@ -176,7 +177,7 @@ impl Scenery {
     /// projector pixels.
     ///
     /// # Errors
-    /// A message if the pattern does not fit the tensor, or if the scenery is a scan.
+    /// Returns a message if the pattern does not fit the tensor, or if the scenery is a scan.
     pub fn light(
         &mut self,
         pattern: Option<&Vec<f32>>,
@@ -263,7 +264,7 @@ impl PlayedScan {
     /// Returns 16 elements per bin of a scan point. The most recently read rows stay in memory.
     ///
     /// # Errors
-    /// A message if the store is damaged or the point does not exist.
+    /// Returns a message if the store is damaged or the point does not exist.
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {

@@ -107,7 +107,8 @@ impl Shared {
     /// other fault to the caller.
     ///
     /// # Errors
-    /// [`Failure`] if the line is disconnected, or if a fault disconnects, delays or blocks the instrument.
+    /// Returns [`Failure`] if the line is disconnected, or if a fault disconnects, delays or blocks the
+    /// instrument.
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
@@ -202,7 +203,7 @@ impl Shared {
     /// Reconnects an instrument.
     ///
     /// # Errors
-    /// [`Failure`] if the instrument is disconnected permanently.
+    /// Returns [`Failure`] if the instrument is disconnected permanently.
     pub fn reconnect(&self, instrument: &str, within: Duration) -> Result<(), Failure> {
         if self.with(|w| w.gone.contains(instrument)) {
             self.clock().sleep(within);

@@ -83,7 +83,7 @@ impl Link {
     /// assumes calibrated elements.
     ///
     /// # Errors
-    /// [`ChainFailure`] if the elements cannot be calibrated.
+    /// Returns [`ChainFailure`] if the elements cannot be calibrated.
     pub fn rig(&self, seed: u64, nm: &[f64]) -> Result<Rig, ChainFailure> {
         let nominal = &self.chain.nominal;
         let real = self.real(nominal, seed);
@@ -120,7 +120,7 @@ impl Link {
     /// captured, otherwise all of `slices`. Ground truth is unchanged.
     ///
     /// # Errors
-    /// [`ChainFailure`] if a slice cannot be captured.
+    /// Returns [`ChainFailure`] if a slice cannot be captured.
     pub fn observe(
         &self,
         rig: &Rig,
@@ -151,7 +151,7 @@ impl Link {
 /// observation that a scheme captures.
 ///
 /// # Errors
-/// [`ChainFailure::Slice`] if a slice cannot be captured.
+/// Returns [`ChainFailure::Slice`] if a slice cannot be captured.
 pub fn exposed(
     laboratory: &Laboratory,
     o: &Observation,
@@ -191,7 +191,7 @@ const ROUNDING: f64 = 1e-6;
 /// `sunstone rig calibrate`.
 ///
 /// # Errors
-/// [`ChainFailure`] if the elements cannot be calibrated.
+/// Returns [`ChainFailure`] if the elements cannot be calibrated.
 pub fn calibrated(
     plan: &Scheme,
     real: &Scheme,

@@ -165,7 +165,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
             } else if wins == first {
                 format!("down to {}", part.shown(all[first - 1].0))
             } else {
-                // The first method may win only at worse values, because baselines also degrade.
+                // The first method can win at worse values only, because the baselines also degrade.
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };

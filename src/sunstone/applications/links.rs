@@ -85,7 +85,7 @@ impl Part {
     /// Parses a name and, after `=`, comma-separated values that replace the default values.
     ///
     /// # Errors
-    /// A message with the fault and the fix.
+    /// Returns a message with the fault and the fix.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
         let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
@@ -174,7 +174,7 @@ const MOST_CAPTURES: usize = 64;
 /// Parses a range of capture counts, such as `1-8`.
 ///
 /// # Errors
-/// A message with the fault and the fix.
+/// Returns a message with the fault and the fix.
 pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
@@ -195,7 +195,7 @@ pub enum Links {
     Chain(Chain),
     /// A capture chain with several values of one parameter.
     Sweep(Chain, Part, Vec<f64>),
-    /// A comparison of capture counts. A capture chain is run with each number of captures in the range.
+    /// A comparison of capture counts, which uses a capture chain with each number of captures in the range.
     Few(Chain, RangeInclusive<usize>),
 }
 

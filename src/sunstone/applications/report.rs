@@ -30,7 +30,7 @@ const COLUMNS: usize = 4;
 /// comparison of capture counts. Creates the folder. Each file is written atomically.
 ///
 /// # Errors
-/// [`ReportError`] if a file cannot be drawn or written.
+/// Returns [`ReportError`] if a file cannot be drawn or written.
 pub fn write(
     application: &Application,
     report: &Report,

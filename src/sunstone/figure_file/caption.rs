@@ -58,7 +58,7 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
 /// Checks the syntax of a caption.
 ///
 /// # Errors
-/// [`Fault`] if the braces are invalid.
+/// Returns [`Fault`] if the braces are invalid.
 pub fn check(caption: &str) -> Result<(), Fault> {
     pieces(caption).map(|_| ())
 }
@@ -66,7 +66,7 @@ pub fn check(caption: &str) -> Result<(), Fault> {
 /// Inserts values into a caption.
 ///
 /// # Errors
-/// [`Fault`] if the caption names a value that is not in `known`.
+/// Returns [`Fault`] if the caption names a value that is not in `known`.
 pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, Fault> {
     let mut out = String::new();
     for piece in pieces(caption)? {

@@ -98,7 +98,8 @@ pub struct Picture {
 }
 
 impl Fit {
-    /// Converts a report. Sweeps and comparisons of capture counts have no images.
+    /// Converts a report to the results that the cache stores. Sweeps and comparisons of capture counts have
+    /// no images.
     pub fn of(mut report: Report, application: &Application, links: &Links) -> Self {
         let (mut points, mut verdicts) = (vec![], vec![]);
         for metric in application.metrics.iter().copied() {

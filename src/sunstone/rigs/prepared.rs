@@ -64,7 +64,7 @@ impl Prepared {
     /// Reads a plan, and the rig file `rig` or the rig file that the plan names.
     ///
     /// # Errors
-    /// [`PrepareError`] if a file is invalid or no rig is named.
+    /// Returns [`PrepareError`] if a file is invalid or no rig is named.
     pub fn load(path: &Path, rig: Option<&PathBuf>) -> Result<Self, PrepareError> {
         let plan = plan::load(path)?;
         let named = rig.or(plan.rig.as_ref()).cloned().ok_or_else(|| {
@@ -77,7 +77,7 @@ impl Prepared {
     /// Puts a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
     ///
     /// # Errors
-    /// [`PrepareError::Wrong`] if no sample has this name.
+    /// Returns [`PrepareError::Wrong`] if no sample has this name.
     pub fn put_sample(&mut self, sample: &str) -> Result<(), PrepareError> {
         let mueller = sample_of(sample)
             .ok_or_else(|| wrong(format!("unknown sample `{sample}`; use air, mirror or polarizer")))?;
@@ -101,7 +101,7 @@ impl Prepared {
     /// not rendered and the sample is black.
     ///
     /// # Errors
-    /// [`PrepareError`] if an instrument or the render of a bench fails.
+    /// Returns [`PrepareError`] if an instrument or the render of a bench fails.
     pub fn assemble(
         &self,
         given: &[String],
@@ -143,7 +143,7 @@ impl Prepared {
     /// Returns the steps of the plan for a rig.
     ///
     /// # Errors
-    /// [`PrepareError::Wrong`] if the rig cannot execute the plan.
+    /// Returns [`PrepareError::Wrong`] if the rig cannot execute the plan.
     pub fn steps(&self, rig: &Rig) -> Result<Steps, PrepareError> {
         let made = match &self.rig.geometry {
             Some(geometry) => geometry.with(|g| Steps::new(self.plan.clone(), rig, Some(g))),
@@ -155,8 +155,8 @@ impl Prepared {
     /// Creates or resumes the store of a run. Returns the store and its intact frames.
     ///
     /// # Errors
-    /// [`PrepareError`] if the store exists, belongs to another run, is finished, is an input, or cannot be
-    /// written.
+    /// Returns [`PrepareError`] if the store exists, belongs to another run, is finished, is an input, or
+    /// cannot be written.
     pub fn begin(
         &self,
         output: &Path,

@@ -1,4 +1,4 @@
-//! Joins neighboring corners of a board into a grid.
+//! Joins neighbouring corners of a board into a grid.
 
 use super::saddle::Saddle;
 use crate::geometric::image::Image;
@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 /// and rows downward.
 pub type Place = (i32, i32);
 
-/// Maximum deviation of a neighbor from an edge's direction, as the sine or tangent of the angle between the
+/// Maximum deviation of a neighbour from an edge's direction, as the sine or tangent of the angle between the
 /// two directions.
 const ASIDE: f64 = 0.3;
 
@@ -51,7 +51,7 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     aligned && equal && first != 0.0 && signs.all(|s| s == first)
 }
 
-/// Returns all grids of neighboring corners, the largest first. Row and column directions have the
+/// Returns all grids of neighbouring corners, the largest first. Row and column directions have the
 /// orientation of the image's x and y.
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     // Returns the four directions of a corner: along e1 and e2, and opposite to e1 and e2.

@@ -39,7 +39,7 @@ const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 /// Finds a board.
 ///
 /// # Errors
-/// [`NotFound`] if the image does not show exactly this board.
+/// Returns [`NotFound`] if the image does not show exactly this board.
 pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     let mut seen = NotFound::Nothing;
     let source = image;
@@ -112,7 +112,7 @@ fn filled(
         .collect()
 }
 
-/// Radius of the fit window of a corner, relative to the distance from this corner to its nearest neighbor.
+/// Radius of the fit window of a corner, relative to the distance from this corner to its nearest neighbour.
 const REACH: f64 = 0.4;
 /// Minimum and maximum radius of the fit window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];

@@ -35,11 +35,11 @@ impl Decoded {
 /// The coordinates of a pixel are NaN in these cases:
 /// - The white pattern is only slightly brighter than the black pattern.
 /// - More than one bit of an axis is uncertain, because the pixel receives light from projector pixels that
-///   are not neighbors.
+///   are not neighbours.
 /// - The decoded coordinate is outside the projector's image.
 ///
 /// # Errors
-/// A message if the numbers of images and patterns differ, or if image sizes differ.
+/// Returns a message if the numbers of images and patterns differ, or if image sizes differ.
 pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> {
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {

@@ -61,7 +61,7 @@ impl AptStage {
     /// but does not move the stage.
     ///
     /// # Errors
-    /// [`Failure`] if the line is disconnected.
+    /// Returns [`Failure`] if the line is disconnected.
     pub fn new(name: &str, line: Box<dyn Line>, model: Model) -> Result<Self, Failure> {
         let mut stage =
             Self { name: name.to_owned(), line, parser: Parser::new(HOST), model, homed: false, goal: None };

@@ -56,8 +56,8 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although it
-    /// numbers planes from 0. This driver uses 24, as TI's own program does.
+    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although the guide
+    /// numbers planes from 0. The driver uses 24, as TI's own program does.
     pub const WHITE: u8 = 24;
 
     /// Encodes the entry as three bytes.
@@ -156,7 +156,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Encodes the command: its code and its data.
+    /// Returns the code and the encoded data of the command.
     pub fn encode(&self) -> (u16, Vec<u8>) {
         match self {
             Self::PatternMode(on) => (0x1A1B, vec![u8::from(*on)]),

@@ -1,6 +1,6 @@
 //! Images of the controller's flash as PNG files. Each image holds 24 one-bit patterns, one per plane.
 //!
-//! TI's program builds the firmware from such images. Planes are numbered as in the controller (programmer's
+//! TI's program builds the firmware from these images. Planes are numbered as in the controller (programmer's
 //! guide DLPU010, pattern display LUT). Planes 0 to 7 are the bits of green, 8 to 15 those of red, and 16 to
 //! 23 those of blue, each from the lowest bit.
 
@@ -22,7 +22,7 @@ fn place(plane: usize) -> (usize, usize) {
 /// Reads flash images. Each image is a PNG file with 8 bits per colour and the size of the mirror array.
 ///
 /// # Errors
-/// A message that names the file, if the file cannot be read or does not have the required format.
+/// Returns a message that names the file, if the file cannot be read or does not have the required format.
 pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
     let image = |path: &P| -> Result<Vec<Pattern>, String> {
         let path = path.as_ref();

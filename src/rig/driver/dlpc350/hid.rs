@@ -17,19 +17,19 @@ pub trait HidLine: Send {
     /// Sends one report.
     ///
     /// # Errors
-    /// [`LineError`] if the device is disconnected.
+    /// Returns [`LineError`] if the device is disconnected.
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError>;
 
     /// Waits for one report.
     ///
     /// # Errors
-    /// [`LineError`] if no report arrives within the time `within`, or if the device is disconnected.
+    /// Returns [`LineError`] if no report arrives within the time `within`, or if the device is disconnected.
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError>;
 
     /// Reopens the device after a disconnection.
     ///
     /// # Errors
-    /// [`LineError`] if the device cannot be opened.
+    /// Returns [`LineError`] if the device cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 

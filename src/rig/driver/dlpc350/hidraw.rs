@@ -21,7 +21,7 @@ impl HidRaw {
     /// Opens the first device with this vendor and product ID.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with advice if no device has these IDs or if the device cannot be opened.
+    /// Returns [`LineError::Gone`] with advice if no device has these IDs or if the device cannot be opened.
     pub fn open(ids: [u16; 2]) -> Result<Self, LineError> {
         let mut line = Self { ids, open: None };
         line.reopen()?;
@@ -54,7 +54,8 @@ impl HidLine for HidRaw {
         let Some((file, _)) = &mut self.open else {
             return Err(LineError::Gone("the device is not open; connect the device and resume".into()));
         };
-        // The kernel expects the report number first: 0 if the device does not number its reports.
+        // The kernel expects the report number first. The number is 0 if the device does not number its
+        // reports.
         let mut bytes = [0; REPORT + 1];
         bytes[1..].copy_from_slice(report);
         let sent = file.write_all(&bytes);

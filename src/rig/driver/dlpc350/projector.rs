@@ -51,8 +51,8 @@ impl Dlpc350 {
     /// A pattern repeats every `period`.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if there are too many images or no LED, or if a pixel value or the period is
-    /// invalid.
+    /// Returns a [`Failure`] of kind limit if there are too many images or no LED, or if a pixel value or the
+    /// period is invalid.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -99,8 +99,8 @@ impl Dlpc350 {
     /// Sets the triggers of the projector.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if a time is out of range, or if the period is too short for an input
-    /// trigger, which requires 230 µs of black after a pattern.
+    /// Returns a [`Failure`] of kind limit if a time is out of range, or if the period is too short for an
+    /// input trigger, which requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -352,7 +352,7 @@ impl PatternProjector for Dlpc350 {
         self.stands(until)
     }
 
-    /// Switches to manual control of the LEDs and turns the LEDs off first, so that they are dark even if the
+    /// First switches to manual control of the LEDs and turns the LEDs off. The LEDs are then off even if the
     /// sequence still runs.
     fn dark(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;

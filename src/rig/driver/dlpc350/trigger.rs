@@ -83,7 +83,7 @@ impl Triggers {
     /// Returns the commands that set the triggers while the sequence is stopped.
     ///
     /// # Errors
-    /// A message that names the time, if a time is out of range.
+    /// Returns a message that names the time, if a time is out of range.
     pub fn commands(&self) -> Result<Vec<Command>, String> {
         let mut all = vec![];
         if let Some(o) = &self.output_1 {

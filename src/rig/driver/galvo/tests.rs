@@ -115,8 +115,8 @@ fn card_and_scanner_conform() {
     }
 }
 
-/// Each sample is output at its time and on its channel, rounded to the card's steps. Then the mirrors
-/// settle at the goal.
+/// The card outputs each sample at its time and on its channel, rounded to the card's steps. After the last
+/// sample, the mirrors settle at the goal.
 #[test]
 fn every_sample_is_output_at_its_time() {
     let world = world(&[]);

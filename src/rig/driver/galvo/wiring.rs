@@ -94,7 +94,7 @@ impl Wiring {
     /// Checks that a card can drive the mirrors over their full range.
     ///
     /// # Errors
-    /// A message that states the cause and the fix, if the card cannot drive the mirrors.
+    /// Returns a message that states the cause and the fix, if the card cannot drive the mirrors.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(

@@ -20,7 +20,8 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// Whether the acquisition runs or might run. An earlier program or connection might not have stopped it.
+    /// Whether the acquisition runs or might run. The acquisition might still run if an earlier program or
+    /// connection did not stop it.
     acquiring: bool,
     /// Whether the frame of a started exposure has not arrived yet.
     pending: bool,
@@ -39,7 +40,7 @@ impl GenICamCamera {
     /// not report.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - disconnected or timeout
     /// - refused: the camera is in use, or a feature is missing
     pub fn new(

@@ -40,10 +40,10 @@ fn of_feature(error: &GenApiError) -> Fault {
 impl Nodes {
     /// Opens the line and reads the camera's feature description.
     ///
-    /// [`Failure`] of one of these kinds:
+    /// # Errors
+    /// Returns a [`Failure`] of one of these kinds:
     /// - disconnected or timeout
     /// - refused: the camera is in use, or its XML is invalid
-    /// [`Failure`] of kind disconnected, timeout or refused (camera in use, or invalid XML).
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
         let message = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
@@ -119,7 +119,8 @@ impl Nodes {
     /// Sets an integer feature.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the value is outside the feature's range, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
     }
@@ -154,7 +155,8 @@ impl Nodes {
     /// Sets a numeric feature.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the value is outside the feature's range, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// line.
     pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -181,7 +183,7 @@ impl Nodes {
     ///
     /// # Errors
     ///
-    /// [`Failure`] of kind limit if the feature does not have the entry, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the feature does not have the entry, or an error of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {

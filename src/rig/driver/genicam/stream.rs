@@ -36,31 +36,31 @@ pub trait Frames: Send {
     /// Opens the line. Has no effect if the line is open.
     ///
     /// # Errors
-    /// [`StreamError`] if the line cannot be opened.
+    /// Returns [`StreamError`] if the line cannot be opened.
     fn open(&mut self) -> Result<(), StreamError>;
 
     /// Closes the line.
     ///
     /// # Errors
-    /// [`StreamError`] if the line cannot be closed.
+    /// Returns [`StreamError`] if the line cannot be closed.
     fn close(&mut self) -> Result<(), StreamError>;
 
     /// Starts receiving frames, and discards earlier frames.
     ///
     /// # Errors
-    /// [`StreamError`] if the line is closed or disconnected.
+    /// Returns [`StreamError`] if the line is closed or disconnected.
     fn start(&mut self, control: &mut dyn DeviceControl) -> Result<(), StreamError>;
 
     /// Returns the next frame, or `None` if no frame arrives before the deadline.
     ///
     /// # Errors
-    /// [`StreamError`] if the frame is damaged or the line is disconnected.
+    /// Returns [`StreamError`] if the frame is damaged or the line is disconnected.
     fn next(&mut self, within: Duration) -> Result<Option<Block>, StreamError>;
 
     /// Stops receiving frames. Has no effect if no reception was started.
     ///
     /// # Errors
-    /// [`StreamError`] if the line is disconnected.
+    /// Returns [`StreamError`] if the line is disconnected.
     fn stop(&mut self) -> Result<(), StreamError>;
 }
 

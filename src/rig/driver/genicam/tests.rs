@@ -50,7 +50,7 @@ fn features_reach_their_registers() {
         [identity.maker, identity.model, identity.serial, identity.firmware],
         ["Sunstone", "Fake 16 x 12", "F-0001", "0.1"]
     );
-    // Automatic exposure was on, and the driver turned it off.
+    // The driver turned off the automatic exposure, which was on.
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20034, 0)]);
     camera.configure(&settings(), WITHIN).expect("sets");
     assert_eq!(

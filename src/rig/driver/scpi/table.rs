@@ -3,7 +3,7 @@
 use crate::instrument::LaserLimits;
 use serde::Deserialize;
 
-/// Description of a laser: its limits and its commands. `{hz}` in [`Self::set_rate`] stands for the rate.
+/// Description of a laser by its limits and commands. `{hz}` in [`Self::set_rate`] stands for the rate.
 ///
 /// ```toml
 /// # Stanford Research DG645, whose output triggers a diode laser.
@@ -80,7 +80,7 @@ impl LaserTable {
     /// Parses and checks a table.
     ///
     /// # Errors
-    /// A message with the position in the text, if a key or a value is invalid.
+    /// Returns a message with the position in the text, if a key or a value is invalid.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         table.check()?;

@@ -15,7 +15,7 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// Whether a late reply may be pending. A late reply would be mistaken for the reply to the next query.
+    /// Whether a late reply might be pending. A late reply would be mistaken for the reply to the next query.
     out_of_step: bool,
 }
 
@@ -42,7 +42,7 @@ impl Talk {
     /// Reopens the line and discards pending replies.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected or timeout.
+    /// Returns a [`Failure`] of kind disconnected or timeout.
     pub fn reopen(&mut self) -> Result<(), Failure> {
         self.held.clear();
         let opened = self.line.reopen();
@@ -53,7 +53,7 @@ impl Talk {
     /// Sends a command that has no reply.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - refused: the command is not a single line
     /// - disconnected or timeout
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
@@ -76,7 +76,7 @@ impl Talk {
     /// Sends a query and returns the reply as text without the newline.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - timeout: no reply arrived in time
     /// - disconnected: the connection is lost, or the reply is not text
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
@@ -124,7 +124,7 @@ impl Talk {
     /// error, if there is an error.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - limit: a value is out of range (-222, -224 and similar errors)
     /// - refused: the command is unknown or currently impossible
     /// - disconnected: a query error occurred (-400 and below)

@@ -60,7 +60,7 @@ fn faults_are_distinguished() {
         assert_eq!(failure.fault, fault, "{trouble:?}: {failure}");
         assert!(begun.elapsed() < 10 * SHORT, "{trouble:?} took {:?}", begun.elapsed());
         emulator.trouble(Trouble::None);
-        // No reconnection is needed, because the driver knows that a late reply may be pending.
+        // No reconnection is needed, because the driver knows that a late reply might be pending.
         assert!(laser.state(LONG).expect("answers again").emitting);
     }
     laser.emit(false, 0.0, LONG).expect("goes dark");
@@ -123,7 +123,8 @@ fn tables_are_checked() {
     assert!(failure.fault == Fault::Disconnected && failure.what.contains("127.0.0.1:1"), "{failure}");
 }
 
-/// Tests another vendor's commands: those of the delay generator in the documentation of [`LaserTable`].
+/// Tests another vendor's commands, which are those of the delay generator in the documentation of
+/// [`LaserTable`].
 #[test]
 fn commands_of_another_vendor_work() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\

@@ -1,4 +1,4 @@
-//! A TimeHarp 260 as a photon counter: each acquisition yields one histogram.
+//! A TimeHarp 260 as a photon counter. Each acquisition yields one histogram.
 
 use super::super::line::left;
 use super::code::{self, DEVICES, FLAG_OVERFLOW, FLAG_SOFTWARE_ERROR, FLAG_SYSTEM_ERROR, LONGEST_HISTOGRAM};
@@ -40,7 +40,7 @@ impl Th260Counter {
     /// Loads PicoQuant's library, from the given file or from its usual locations, and opens a board.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - refused: the library is not found
     /// - disconnected: no board is found
     /// - limit: settings are invalid
@@ -52,7 +52,7 @@ impl Th260Counter {
     /// Opens a board through a loaded library.
     ///
     /// # Errors
-    /// [`Failure`] of one of these kinds:
+    /// Returns a [`Failure`] of one of these kinds:
     /// - disconnected: no board is found
     /// - refused: the board is in use
     /// - limit: settings are invalid
@@ -125,7 +125,7 @@ impl Th260Counter {
                 }
                 Ok(serial) => {
                     found.push(serial);
-                    // Release this board, because it has another serial number.
+                    // Release the board, because its serial number differs from that in the settings.
                     let _ = self.library.tell(device, Order::Close);
                 }
                 Err(code::OPEN_FAIL) => {}
@@ -156,7 +156,8 @@ impl Th260Counter {
         self.inputs()
     }
 
-    /// Closes the board if this driver opened it. Errors are ignored, because the board may be disconnected.
+    /// Closes the board if this driver opened it. Errors are ignored, because the board might be
+    /// disconnected.
     fn close(&mut self) {
         if self.device >= 0 {
             if self.running.take().is_some() {

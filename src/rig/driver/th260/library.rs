@@ -87,7 +87,7 @@ pub(super) trait Th260: Send {
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
-/// Returns the file names under which the library is searched for.
+/// Returns the file names of the library to try.
 pub(super) fn names() -> Vec<PathBuf> {
     let names: &[&str] = if cfg!(windows) {
         &["th260lib64.dll", "th260lib.dll"]
@@ -112,7 +112,7 @@ type TextOfDevice = unsafe extern "system" fn(c_int, *mut c_char) -> c_int;
 type ThreeTexts = unsafe extern "system" fn(c_int, *mut c_char, *mut c_char, *mut c_char) -> c_int;
 type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_int;
 
-/// Declares the function table and the code that fills it, one entry per name.
+/// Declares the function table with one entry per name, and the code that fills the table.
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
         /// The loaded library. The function pointers are valid while `_library` is loaded.
@@ -125,8 +125,8 @@ macro_rules! functions {
             /// Looks up all functions.
             fn table(library: Library) -> Result<Self, String> {
                 // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it. The pointers are
-                // copied out of their `Symbol`s and used only while `_library`, stored in the same struct,
-                // keeps the code loaded.
+                // copied out of their `Symbol`s. They are used only while `_library`, which is stored in the
+                // same struct, keeps the code loaded.
                 unsafe {
                     $(let $field = *library.get::<$kind>($name).map_err(|_| format!("missing function {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })
@@ -168,8 +168,8 @@ functions! {
 /// Loads the given library. If no library is given, loads the first of [`names`] that can be loaded.
 ///
 /// # Errors
-/// If no library can be loaded, a message that lists the files tried, the cause of each failure, and the
-/// library's source.
+/// Returns a message that lists the files tried, the cause of each failure, and the library's source if no
+/// library can be loaded.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];

@@ -54,7 +54,7 @@ impl Th260Settings {
     /// Checks that a board supports these settings.
     ///
     /// # Errors
-    /// A message that names the setting and its range, if a setting is invalid.
+    /// Returns a message that names the setting and its range, if a setting is invalid.
     pub fn check(&self) -> Result<(), String> {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
@@ -96,7 +96,7 @@ impl Measurement {
     /// Converts settings for a board with base resolution `base_ps` and `binnings` binnings.
     ///
     /// # Errors
-    /// A message that names the setting, if the board does not support a setting.
+    /// Returns a message that names the setting, if the board does not support a setting.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(
