@@ -32,9 +32,9 @@ pub enum FitError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     pub values: DVector<f64>,
-    /// Covariance of the parameters; zero along undetermined directions.
+    /// Covariance of the parameters. The covariance is zero along undetermined directions.
     pub covariance: DMatrix<f64>,
-    /// Chi-squared: the sum of squared residuals, each divided by its variance.
+    /// Chi-squared, which is the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     /// Number of measurements minus number of determined parameters.
     pub freedom: usize,

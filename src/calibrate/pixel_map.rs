@@ -1,4 +1,5 @@
-//! A number per pixel, stored in text files as one string: base64 (RFC 4648) of little-endian 32-bit floats.
+//! A map with one number per pixel. Text files store the map as one string, which is the base64 (RFC 4648) of
+//! little-endian 32-bit floats.
 //!
 //! A map of 1224 × 1024 pixels takes 7 MB in a TOML file. Writing and reading preserve all bits. A NaN means
 //! that the pixel's value is unknown.

@@ -162,7 +162,7 @@ fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
 }
 
-/// Parses a number that satisfies a condition. Otherwise returns an error message with `expected`.
+/// Parses a number. If the number does not satisfy the condition, returns an error message with `expected`.
 pub fn number(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|v| is_good(*v)).ok_or_else(|| expected.to_owned())
 }

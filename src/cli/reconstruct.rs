@@ -171,7 +171,7 @@ fn go<T: PixelNumber + NumpyNumber>(
                 },
                 files.len() > 1,
             )?;
-            // If no pixel is determined, fail, so that no file is created.
+            // If no pixel is determined, return an error, so that no file is created.
             if done.tally.lost == done.tally.pixels {
                 return Err(nothing_left(&a.source, done.tally.pixels));
             }

@@ -138,7 +138,7 @@ pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     output::write(path, text.as_bytes())
 }
 
-/// Formats a table with a row for each scheme and wavelength.
+/// Formats a table that has a row for each scheme and wavelength.
 pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
     let mut out = String::from(
         "scheme                captures  nm    rank  condition  error variance     bound  over bound\n",

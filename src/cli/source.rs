@@ -1,4 +1,4 @@
-//! Opens the inputs of commands: a slice of a store, or an item of a file.
+//! Opens the inputs of commands. An input is a slice of a store, or an item of a file.
 
 use crate::{Failure, bail};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! An area camera: regions of interest, pixel formats, triggers, and frames of raw digital numbers.
+//! An area camera with regions of interest, pixel formats, triggers, and frames of raw digital numbers.
 
 use super::failure::Failure;
 use super::identity::Instrument;

@@ -42,7 +42,7 @@ impl Fault {
     }
 }
 
-/// A failure: its kind, the instrument, and a message with the cause and the fix.
+/// A failure, given by its kind, the instrument, and a message with the cause and the fix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{instrument}: {}: {what}", fault.name())]
 pub struct Failure {

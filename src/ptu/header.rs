@@ -1,4 +1,4 @@
-//! The header of a `.ptu` file: magic, version, and tags up to `Header_End`.
+//! The header of a `.ptu` file, which consists of magic, version, and tags up to `Header_End`.
 
 use super::error::PtuError;
 use super::record::{Mode, RecordType};

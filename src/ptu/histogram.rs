@@ -49,7 +49,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Returns the reason why the plan is invalid and the fix, or `None` if the plan is valid.
+    /// Returns the reason why the plan is invalid, and the fix. Returns `None` if the plan is valid.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
@@ -92,7 +92,7 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// Returns the total number of photons left out.
+    /// Returns the total number of excluded photons.
     pub fn photons(&self) -> u64 {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }

@@ -1,4 +1,4 @@
-//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all pixels.
+//! Tests the assignment of photons to the pixels of images, and the counts of photons outside all pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};
@@ -233,8 +233,8 @@ fn empty_histograms_are_refused() {
     }
 }
 
-/// Tests that lines before the first frame marker are excluded if they are too few for a frame, and that an
-/// incomplete last frame is kept.
+/// Tests that lines before the first frame marker are excluded if they are too few for a frame. An incomplete
+/// last frame is kept.
 #[test]
 fn incomplete_frames_are_skipped_only_at_the_beginning() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");

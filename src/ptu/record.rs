@@ -10,7 +10,7 @@
 //! In the first version of the HydraHarp, each overflow record represents one overflow (of 33552000 counts
 //! in T2). In later versions, a count of 0 also represents one overflow.
 
-/// Timing mode of photons: T2 or T3.
+/// Timing mode of photons, T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Photons are timed by one clock. Sync pulses are separate events.
@@ -46,7 +46,7 @@ pub enum RecordType {
     GenericT3,
 }
 
-/// Code in headers, name and bit layout of every type, in the order of the variants.
+/// Header code, name and bit layout of every record type, in the order of the variants.
 const TYPES: [(RecordType, u32, &str, Family); 12] = [
     (RecordType::PicoHarpT2, 0x0001_0203, "PicoHarp 300 T2", Family::PicoT2),
     (RecordType::PicoHarpT3, 0x0001_0303, "PicoHarp 300 T3", Family::PicoT3),

@@ -265,8 +265,8 @@ impl Beam {
         let Some(since) = time.checked_sub(begin).filter(|since| *since < duration) else {
             return;
         };
-        // As in `ptufile`, a backward line is a forward line in reversed time, so a count that crosses an
-        // edge of a sinusoidal sweep belongs to the same pixel in both directions.
+        // As in `ptufile`, a backward line is a forward line in reversed time. A count that crosses an edge
+        // of a sinusoidal sweep therefore belongs to the same pixel in both directions.
         let back = scan.is_backwards(line);
         let along = if back { duration - 1 - since } else { since };
         if let Some((x, [from, to])) = sweep.column(along, width) {

@@ -1,4 +1,4 @@
-//! One tag of a header: a name, an index in a list, and a value of one of eleven types.
+//! One tag of a header. A tag has a name, an index in a list, and a value of one of eleven types.
 //!
 //! A tag has 48 bytes: name (32 bytes, padded with zeros), index (i32, −1 without a list), type (u32), and
 //! value (8 bytes). For types whose code ends in `FFFF`, the last 8 bytes contain the length of the value,

@@ -1,4 +1,4 @@
-//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps.
+//! Tests `.ptu` files with round trips, record layouts, damaged files, scans and time stamps.
 
 use super::error::PtuError;
 use super::header::{Header, MAGIC};

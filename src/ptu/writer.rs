@@ -1,4 +1,4 @@
-//! Writes a `.ptu` file: the header, the records in order of time, and finally the number of records.
+//! Writes a `.ptu` file. Writes the header, the records in order of time, and finally the number of records.
 
 use super::header::Header;
 use super::record::{Family, Layout, Mode, RecordType, with_layout};

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A clock, which all instruments of a rig share.
 #[derive(Clone, Debug)]
 pub enum Clock {
-    /// The machine's clock, with the instant of its creation.
+    /// The machine's clock, with the instant at which the rig's clock was created.
     Real(Instant),
     /// A clock that advances only by [`Clock::sleep`].
     Simulated(Arc<Mutex<Simulated>>),

@@ -215,7 +215,7 @@ fn image(
     Ok(ratio.is_finite().then_some(ratio))
 }
 
-/// A band of a slice: the rows to write, the rows to read, and the range of columns.
+/// A band of a slice, given by the rows to write, the rows to read, and the range of columns.
 struct Part {
     rows: Range<usize>,
     read: Range<usize>,

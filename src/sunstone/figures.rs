@@ -64,7 +64,7 @@ pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), 
         let frames = with_panel(store, figure, |title, panel| figure::animate(view, title, panel))?;
         return Ok(figure::save_animation(&frames, path)?);
     }
-    // Check the extension before anything is read and drawn.
+    // Check the extension before reading and drawing.
     figure::Format::of(path)?;
     Ok(figure::save(&draw(store, figure)?, path)?)
 }

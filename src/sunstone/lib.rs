@@ -1,5 +1,5 @@
-//! Sunstone computes polarized, time-resolved light transport: the 7D tensor T(s, s', p, p', t) of
-//! Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
+//! Sunstone computes polarized, time-resolved light transport. The transport is the 7D tensor T(s, s', p, p',
+//! t) of Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
 //!
 //! This crate is the public API. The crate exports the types that most programs need:
 //!
@@ -7,7 +7,7 @@
 //! - a [`Render`] of the scene into a [`Store`], [`Arrays`] or any other [`Sink`]
 //! - a [`Probe`] of a store
 //!
-//! The crate re-exports the following crates. In this list, each crate uses only crates to its left:
+//! The crate re-exports the following crates. Each crate uses only crates that precede it in this list:
 //! [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`],
 //! [`pbrdf`], [`figure`], [`apply`].
 //!

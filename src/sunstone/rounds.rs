@@ -390,7 +390,7 @@ fn has_rounds(folder: &Path) -> bool {
     if is_address(folder) { is_there(&round_store(folder, 0)) } else { folder.exists() }
 }
 
-/// Removes the folder of rounds if it exists. Other files in the folder are an error.
+/// Removes the folder of rounds if it exists. The folder must not contain other files.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
     if is_address(folder) {
         // Remove the last round first. After an interrupted removal, the first rounds are left, and the next

@@ -257,9 +257,9 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     }
 }
 
-/// Returns the seed of the random numbers of a variant's render. With one seed for all variants,
-/// pixels that do not change between variants would have equal noise, and methods would be tested
-/// on their training noise. The scene file without a variant keeps its seed.
+/// Returns the seed of the random numbers of a variant's render. With one seed for all variants, pixels that
+/// do not change between variants would have equal noise. Methods would then be tested on their training
+/// noise. The scene file without a variant keeps its seed.
 fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
     // The factor is odd, so the map is one-to-one in the number. Variants of one seed therefore never share
     // random numbers.

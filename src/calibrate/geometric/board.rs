@@ -1,4 +1,4 @@
-//! The calibration target: a chessboard.
+//! The calibration target, which is a chessboard.
 
 use super::fault::Fault;
 use nalgebra::Vector3;

@@ -2,9 +2,9 @@
 //! of the views eliminated by the Schur complement.
 //!
 //! The projector coordinate q of a corner is measured with the camera. An error δ of the measured corner c
-//! causes the error Jδ of q, where J is the local derivative of projector pixels with respect to camera
-//! pixels. With predicted coordinates ĉ and q̂, the projector residual is therefore q + J(ĉ - c) - q̂. The
-//! error of c cancels in this residual, so the residuals of camera and projector are independent.
+//! causes the error Jδ of q. J is the local derivative of projector pixels with respect to camera pixels.
+//! With predicted coordinates ĉ and q̂, the projector residual is therefore q + J(ĉ - c) - q̂. The error of c
+//! cancels in this residual, so the residuals of camera and projector are independent.
 
 use super::device::{Device, Seen};
 use super::pose::Pose;

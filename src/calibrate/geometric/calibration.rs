@@ -71,7 +71,7 @@ pub struct Quality {
     pub camera_errors: BTreeMap<String, f64>,
     /// Standard errors of the projector's parameters by name.
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Standard errors of the projector's pose in the projector's frame: three angles (radians), three
+    /// Standard errors of the projector's pose in the projector's frame: three angles (radians) and three
     /// lengths (metres).
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.

@@ -10,7 +10,7 @@ pub struct Root {
     shared: DMatrix<f64>,
     /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
-    /// By view: the factor of the view's pose, the coupling to the shared parameters, and the
+    /// For each view, the factor of the view's pose, the coupling to the shared parameters, and the
     /// transformed residuals.
     own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
     /// Transformed residuals that belong to the shared parameters.
@@ -110,8 +110,8 @@ impl Root {
 }
 
 impl Covariance {
-    /// Returns tr(C N): the effective number of parameters that a subset of the measurements with normal
-    /// equations N determines.
+    /// Returns tr(C N), which is the effective number of parameters that a subset of the measurements
+    /// determines. N are the normal equations of the subset.
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
         for v in 0..part.own.len() {

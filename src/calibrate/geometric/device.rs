@@ -1,5 +1,5 @@
-//! Device model of a calibration: focal lengths, principal point and lens, their free parameters, and the
-//! derivatives of projected pixels.
+//! Device model of a calibration. The model has focal lengths, a principal point, a lens, and free
+//! parameters. The module also computes the derivatives of projected pixels.
 
 use super::pose::Pose;
 use glam::DVec2;

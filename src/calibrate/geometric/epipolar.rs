@@ -1,4 +1,5 @@
-//! Epipolar planes: planes through the centres of both devices, identified by their angle about the baseline.
+//! Epipolar planes, which pass through the centres of both devices. An angle about the baseline identifies a
+//! plane.
 //!
 //! Each plane intersects the camera's image and the projector's image in one line each. With lens distortion,
 //! the lines of intersection are curved.
@@ -13,8 +14,8 @@ pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Two unit vectors perpendicular to the baseline in the camera's frame: one toward the optical axis,
-    /// and one perpendicular to the first.
+    /// Two unit vectors perpendicular to the baseline, in the camera's frame. The first is directed toward
+    /// the optical axis, and the second is perpendicular to the first.
     across: [Vector3<f64>; 2],
 }
 
@@ -149,7 +150,7 @@ mod tests {
             if inside(p, planes.camera.size) && inside(q, planes.projector.size) {
                 let mut lit = vec![false; 80 * 50];
                 lit[q.y as usize * 80 + q.x as usize] = true;
-                // The reach covers half a projector pixel plus half a camera pixel, which is 1.5
+                // The reach covers half a projector pixel and half a camera pixel. A camera pixel is 1.5
                 // projector pixels wide.
                 let seen = planes.lit(&lit, 2.0);
                 prop_assert!(seen[p.y as usize * 64 + p.x as usize]);

@@ -1,5 +1,5 @@
-//! Fits devices to corners: initial estimate, bundle adjustment, estimation of noise and covariances, and
-//! notes.
+//! Fits devices to corners. The steps are the initial estimate, bundle adjustment, the estimation of noise
+//! and covariances, and notes.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -205,7 +205,7 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
             State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
         // To avoid poles of rational lenses, the parameters are freed in three stages: pinhole parameters,
-        // dominant lens terms, all parameters.
+        // dominant lens terms, and all parameters.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
@@ -372,8 +372,8 @@ impl Fit {
         (first..first + n).map(|i| self.covariance[(i, i)].sqrt()).collect()
     }
 
-    /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in
-    /// metres. Returns `None` without a projector.
+    /// Returns the standard errors of the change of `relative`, which are three angles in radians and three
+    /// lengths in metres. Returns `None` without a projector.
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();
         (self.devices.len() > 1)

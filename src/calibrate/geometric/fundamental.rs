@@ -17,8 +17,8 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Returns the fundamental matrix of a calibration: K'⁻ᵀ T R K⁻¹, where T is the matrix of the cross
-/// product with t. Returns `None` if the devices coincide.
+/// Returns the fundamental matrix K'⁻ᵀ T R K⁻¹ of a calibration, where T is the matrix of the cross product
+/// with t. Returns `None` if the devices coincide.
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
     let essential = relative.translation.cross_matrix() * relative.rotation;
@@ -171,7 +171,7 @@ mod tests {
         assert!((exact - want).norm().min((exact + want).norm()) < 1e-8);
         assert!(p.iter().zip(&q).all(|(p, q)| sampson(&want, *p, *q).abs() < 1e-8));
         assert!(exact.determinant().abs() < 1e-15);
-        // With noise of ±0.5 pixels in all four coordinates, the RMS distance of exact points from their
+        // With noise of ±0.5 pixels in all four coordinates, the RMS distance of noise-free points from their
         // epipolar lines is below 0.1 pixels.
         let (p, q) = points(400, 1.0);
         let noisy = of_points(&p, &q).unwrap();

@@ -266,8 +266,8 @@ mod tests {
         let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
         photo.write_with_encoder(encoder).unwrap();
         if orientation > 0 {
-            // Segment APP1: a little-endian TIFF header and one entry, the orientation tag 0x0112 of type
-            // SHORT.
+            // Segment APP1 contains a little-endian TIFF header and one entry, the orientation tag 0x0112 of
+            // type SHORT.
             let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
             exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
             let mut segment = vec![0xff, 0xe1];

@@ -1,4 +1,4 @@
-//! Tests of stated uncertainties: z-scores over many repetitions, simulated outliers, and degenerate views.
+//! Tests stated uncertainties with z-scores over many repetitions, simulated outliers, and degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -42,7 +42,8 @@ fn relative() -> Pose {
     Pose::new([0.05, -0.25, 0.02], [0.12, 0.05, 0.06])
 }
 
-/// Returns poses of boards within the image and beyond its edges, tilted in all directions.
+/// Returns poses of boards that are tilted in all directions. Some boards extend beyond the edges of the
+/// image.
 fn poses(n: usize) -> Vec<Pose> {
     let middle = Pose::new([0.0; 3], [-0.16, -0.1, 0.0]);
     (0..n)

@@ -1,4 +1,5 @@
-//! Initial estimates: focal lengths from homographies of the board (Zhang 2000), then poses.
+//! Computes initial estimates. Focal lengths are estimated from homographies of the board (Zhang 2000), then
+//! poses are estimated.
 
 use super::device::{Device, Model};
 use super::homography::{self, null_vector};
@@ -44,7 +45,8 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
         let (a, b) = (h.column(0), h.column(1));
         let (n, m) = ((a + b).normalize(), (a - b).normalize());
         let (a, b) = (a.normalize(), b.normalize());
-        // The columns are orthogonal, and so are their sum and difference after normalization.
+        // The two columns are orthogonal. The sum and the difference of the normalized columns are also
+        // orthogonal.
         for (p, q) in [(a, b), (n, m)] {
             let row = Vector2::new(p.x * q.x, p.y * q.y);
             normal += row * row.transpose();
@@ -114,7 +116,7 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose { rotation, translation: t })
 }
 
-/// Points of a view: coordinates on the board in metres, and in the image in pixels.
+/// Points of a view, given by coordinates on the board in metres and coordinates in the image in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
 /// Returns the homography of each view, from the board's plane to the image.

@@ -72,11 +72,11 @@ pub struct Calibrated {
     pub found: Vec<Found>,
     /// Descriptions of the undetermined parameters.
     pub undetermined: Vec<String>,
-    /// The fit: parameters in the order of `found`, then one brightness per sample.
+    /// The fit, with parameters in the order of `found`, then one brightness per sample.
     pub fit: Fit,
 }
 
-/// One fitted number: an imperfection at one wavelength, or at all wavelengths.
+/// One fitted number, which is an imperfection at one wavelength or at all wavelengths.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,

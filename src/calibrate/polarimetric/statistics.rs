@@ -1,4 +1,5 @@
-//! The `[polarimetric]` table of a calibration file: fitted imperfections with their covariance.
+//! The `[polarimetric]` table of a calibration file, which contains fitted imperfections with their
+//! covariance.
 
 use super::samples::Calibrated;
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,7 @@ pub struct Statistics {
     /// Wavelength in nanometres of a parameter that is fitted per wavelength, or `nan` for any other
     /// parameter.
     pub wavelengths_nm: Vec<f64>,
-    /// Units of the parameters: `°` or empty.
+    /// Units of the parameters, either `°` or empty.
     pub units: Vec<String>,
     /// Fitted values in the units of `units`.
     pub values: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Tests with simulated imperfections: fitted values, stated errors, and undetermined parameters.
+//! Tests fitted values, stated errors, and undetermined parameters with simulated imperfections.
 
 use super::super::least_squares::FitError;
 use super::super::z_scores::{ZScores, repeats};

@@ -1,4 +1,5 @@
-//! The dark frame: offset, dark current and noise per pixel, and pixels to exclude.
+//! The dark frame, which contains the offset, dark current and noise of each pixel, and the pixels to
+//! exclude.
 
 use super::error::RadiometricError;
 use super::stack::{Stack, check};
@@ -132,7 +133,7 @@ impl Dark {
 
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
-    /// The result ignores the covariance of offset and rate. Within the range of exposures, it is
+    /// The result ignores the covariance of offset and rate. Within the range of exposures, the result is
     /// therefore too large.
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);

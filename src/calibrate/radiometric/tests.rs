@@ -1,4 +1,4 @@
-//! Tests with simulated cameras of known imperfections: fitted values are compared with the truth, and actual
+//! Tests with simulated cameras of known imperfections. Fitted values are compared with the truth, and actual
 //! errors with stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
@@ -22,7 +22,7 @@ struct Camera {
     gain: f64,
     read_e: f64,
     full_e: f64,
-    /// Coefficients c₁ and c₂ of the nonlinearity: y (1 + c₁ u + c₂ u²) is linear in the light, with u =
+    /// Coefficients c₁ and c₂ of the nonlinearity. y (1 + c₁ u + c₂ u²) is linear in the light, with u =
     /// y/(`full_e`/gain).
     bend: [f64; 2],
     /// Electrons per unit of light.

@@ -1,4 +1,4 @@
-//! The measured response: the aligned mean of many histograms.
+//! The measured response, which is the aligned mean of many histograms.
 //!
 //! Each histogram samples the response at one phase relative to its bins. Pixels with different time zeros
 //! sample the response at different phases. The background is subtracted from the detections per pulse, and

@@ -8,8 +8,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use polarimetry::capture::detector::pile_up;
 use polarimetry::capture::detector::spad::Mode;
 
-/// Number of parameters of a capture's model: signal A, background B and time zero z, followed by
-/// [`super::Shape::ALL`].
+/// Number of parameters of a capture's model. The parameters are signal A, background B and time zero z,
+/// followed by [`super::Shape::ALL`].
 pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
@@ -25,7 +25,7 @@ const STEPS: usize = 80;
 /// Lower bound of rates, which keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
-/// The known response to a short pulse: parameters or a measured template.
+/// The known response to a short pulse, given by parameters or a measured template.
 #[derive(Clone, Copy)]
 pub(super) enum Known<'a> {
     Impulse(Impulse),

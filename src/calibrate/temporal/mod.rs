@@ -1,5 +1,5 @@
-//! Temporal calibration of photon counters from histograms of a plane: time zero of each pixel,
-//! response to a short pulse, and clock.
+//! Temporal calibration of photon counters from histograms of a plane. Determines the time zero of each
+//! pixel, the response to a short pulse, and the clock.
 //!
 //! > λ_i = A [H((i+1)Δ - t - z) - H(iΔ - t - z)] + B + p y_i/A_i
 //!

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A measured response: the fraction of light in a bin as a function of the delay of the bin's centre.
+/// A measured response, which is the fraction of light in a bin as a function of the delay of the bin's
+/// centre.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {

@@ -61,7 +61,7 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
-    /// Simulated captures: pixel, travel time in ps, counts.
+    /// Simulated captures, given by pixel, travel time in ps, and counts.
     taken: Vec<(usize, f64, Vec<u32>)>,
 }
 
@@ -151,8 +151,8 @@ fn stated_errors_match_actual_errors() {
     scores.hold("synchronous diode");
     assert!(f64::from(count) * 24e-3 >= unsettled as f64, "{unsettled} captures are unsettled");
     println!("chi-squared over freedom {chi:.4}");
-    // The fit uses bins and chi-squared uses groups of bins, so up to three of about fifty degrees of
-    // freedom are not subtracted (Chernoff and Lehmann 1954).
+    // The fit uses bins, and chi-squared uses groups of bins. Up to three of about fifty degrees of freedom
+    // are therefore not subtracted (Chernoff and Lehmann 1954).
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
@@ -167,7 +167,7 @@ fn pile_up_does_not_move_time_zero() {
     for (pixel, want) in bench.zeros.iter().enumerate() {
         let (error, sigma) = (found.zero_ps.at(pixel) - want, found.sigma_ps.at(pixel));
         assert!(error.abs() < 5.0 * sigma && sigma < 0.1, "{error} ± {sigma}");
-        // Naive estimate: the mean of the counts around their peak.
+        // The naive estimate is the mean time of the counts around their peak.
         let (_, travel, counts) = &bench.taken[pixel];
         let peak = counts.iter().enumerate().max_by_key(|(_, n)| **n).expect("counts").0;
         let near = || (peak - 8..peak + 9).map(|i| (25.0 * (i as f64 + 0.5), f64::from(counts[i])));

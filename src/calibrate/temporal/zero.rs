@@ -57,8 +57,8 @@ pub struct Temporal {
     pub unsettled: usize,
     /// Pearson's chi-squared over groups of bins of all captures.
     pub chi_squared: f64,
-    /// Degrees of freedom of `chi_squared`: the number of groups, minus three per capture. The number is
-    /// slightly too small, because the fit uses single bins and chi-squared uses groups.
+    /// Degrees of freedom of `chi_squared`, which is the number of groups minus three per capture. The number
+    /// is slightly too small, because the fit uses single bins and chi-squared uses groups.
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
     #[serde(alias = "untold")]
@@ -68,7 +68,8 @@ pub struct Temporal {
     pub response_sigma: [f64; 4],
     /// Covariance of the response's parameters in the order of [`Shape::ALL`].
     pub response_covariance: [[f64; 4]; 4],
-    /// Time zero of each pixel in ps: the recorded time minus the true time. NaN if the time zero is unknown.
+    /// Time zero of each pixel in ps, which is the recorded time minus the true time. NaN if the time zero is
+    /// unknown.
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,

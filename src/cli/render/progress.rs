@@ -8,14 +8,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 
-/// Prints the progress of a render. A terminal shows a bar, any other output a line every few seconds.
+/// Prints the progress of a render. A terminal shows a bar. Any other output receives a line every few
+/// seconds.
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
     /// Warnings that are printed after the render has started, so that they are not printed before an error
     /// that prevents the render.
     warnings: Mutex<Vec<String>>,
-    /// Prefix of the progress line, such as the round.
+    /// Prefix of the progress line, such as the number of the round.
     about: Mutex<String>,
 }
 

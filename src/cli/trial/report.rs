@@ -1,4 +1,4 @@
-//! Formats the results of a trial: a text table, the same table as CSV, and a chart.
+//! Formats the results of a trial as a text table, as the same table in CSV, and as a chart.
 
 use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
 use sunstone::polarimetry::trial::SchemeResult;

@@ -1,4 +1,4 @@
-//! Checks of a photon counter: the number of bins, one acquisition at a time, and valid time tags.
+//! Checks the number of bins of a photon counter, a single acquisition at a time, and valid time tags.
 
 use super::{Report, SHORT, fails, want};
 use crate::instrument::{CounterSettings, Fault, PhotonCounter};

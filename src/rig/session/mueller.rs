@@ -17,7 +17,7 @@ use tensor::field::Field;
 /// Mueller matrices of one mask.
 pub struct MuellerImage {
     pub name: String,
-    /// 16 elements per pixel, row-major. NaN if a pixel cannot be reconstructed.
+    /// 16 elements per pixel, row-major. The elements are NaN if a pixel cannot be reconstructed.
     pub mean: Vec<f32>,
     /// Standard errors of the elements, in the same order and unit as `mean`.
     pub errors: Vec<f32>,

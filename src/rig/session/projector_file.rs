@@ -1,4 +1,5 @@
-//! The `[projector]` table of a rig file: limits, and the flash, LEDs and triggers of a DLPC350.
+//! The `[projector]` table of a rig file, which contains limits, and the flash, LEDs and triggers of a
+//! DLPC350.
 
 use super::Fault;
 use super::rig_syntax::{Driver, Led, ProjectorFile};

@@ -1,4 +1,4 @@
-//! Rig files: the instruments and their drivers, and the bench of simulated instruments.
+//! Rig files, which list the instruments with their drivers, and the bench of simulated instruments.
 //!
 //! ```toml
 //! name = "simulated"
@@ -105,7 +105,7 @@ pub struct RigPlan {
     /// Commands of an SCPI laser.
     pub laser_table: Option<LaserTable>,
     pub counter: Option<(Driver, CounterLimits)>,
-    /// Board of a counter behind PicoQuant's library.
+    /// Board of a counter that PicoQuant's library controls.
     pub th260: Option<Board>,
     /// Wavelength of the rig's light source in nanometres.
     pub wavelength_nm: f64,
@@ -323,7 +323,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     }
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
-    // A library name without a folder is searched in the system's library paths.
+    // For a library name without a folder, the system searches its library paths.
     let library = file.library.clone().map(|l| if l.components().count() > 1 { beside(path, &l) } else { l });
     Ok(Some((library, settings)))
 }

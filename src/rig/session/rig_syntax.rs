@@ -242,7 +242,7 @@ impl Files {
 #[serde(deny_unknown_fields)]
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
-    /// Files from `sunstone calibrate`: parameters of detectors, camera and projector.
+    /// Files from `sunstone calibrate`, which contain parameters of detectors, camera and projector.
     pub(super) calibration: Option<Located<Files>>,
     pub(super) wavelength_nm: Option<f64>,
     #[serde(default)]

@@ -36,7 +36,7 @@ struct Session<'a> {
     begun: Duration,
     /// Wall time minus the rig's time, in seconds.
     wall_offset: f64,
-    /// Present settings of the camera, which are not sent again if they are unchanged.
+    /// Present settings of the camera. Unchanged settings are not sent again.
     camera: Option<CameraSettings>,
     shown: Option<usize>,
     ready: bool,

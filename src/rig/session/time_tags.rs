@@ -1,4 +1,5 @@
-//! Time tags of a scan: the raw T3 records of a counter, and histograms computed from the records.
+//! Time tags of a scan, which are the raw T3 records of a counter. The module also computes histograms from
+//! the records.
 //!
 //! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point and marker 2
 //! ends the point. Sync numbers continue from point to point. `sunstone ptu histogram … --pixels WIDTH,1

@@ -1,4 +1,4 @@
-//! Injected faults. Each fault occurs at the n-th use of an instrument.
+//! Injected faults. Each fault occurs at a given use of an instrument.
 
 use serde::{Deserialize, Serialize};
 

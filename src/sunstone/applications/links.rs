@@ -315,7 +315,7 @@ impl Links {
     }
 }
 
-/// Returns a configuration for each value and each of the chain's beliefs. Each belief is one series.
+/// Returns a configuration for each value and each of the chain's beliefs. Each belief has its own series.
 fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     let mut out = vec![];
     if part == Part::Calibration {

@@ -6,7 +6,7 @@ use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// A figure: scenes, panels and their layout.
+/// A figure, given by scenes, panels and the layout of the panels.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FigureFile {
@@ -83,7 +83,7 @@ pub struct PanelFile {
     pub insets: Vec<Located<InsetFile>>,
     #[serde(default)]
     pub arrows: Vec<Located<ArrowFile>>,
-    /// A scale bar: a reference length in the scene.
+    /// A scale bar, which shows a reference length in the scene.
     pub scale_bar: Option<Located<ScaleBarFile>>,
 }
 
@@ -238,7 +238,7 @@ pub struct ArrowFile {
     pub colour: String,
 }
 
-/// A scale bar: a horizontal reference length at the depth of a point of the scene.
+/// A scale bar, which shows a horizontal reference length at the depth of a point of the scene.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleBarFile {

@@ -22,7 +22,7 @@ use crate::applications::links::Links;
 /// First words of a cache file, including the number of the format.
 const BEGIN: &str = "sunstone fit 2 ";
 
-/// The results of a run of an application that panels show.
+/// The results that panels show, from one run of an application.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
     /// Scores of all methods for all seeds.

@@ -1,4 +1,5 @@
-//! Creates panels of a scene: views of slices, decompositions, layers of ground truth, and scale bars.
+//! Creates panels of a scene. A panel shows a view of a slice, a decomposition, a layer of ground truth, or a
+//! scale bar.
 
 use base::locate::{InputError, Located};
 use figure::composite::ScaleBar;

@@ -54,7 +54,7 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
 /// Returns all grids of neighbouring corners, the largest first. Row and column directions have the
 /// orientation of the image's x and y.
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
-    // Returns the four directions of a corner: along e1 and e2, and opposite to e1 and e2.
+    // Returns the four directions of a corner, which are along e1 and e2, and opposite to e1 and e2.
     let ways = |s: &Saddle| {
         let [mut x, mut y] = s.edges;
         // Make x the edge that is closer to the image's x axis. y has the orientation of the image's y axis.

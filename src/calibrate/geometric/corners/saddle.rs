@@ -1,5 +1,5 @@
-//! Detects single corners: finds candidates from the curvature of the image, then fits a blurred corner
-//! model to obtain subpixel positions.
+//! Detects single corners. Finds candidates from the curvature of the image, then fits a blurred corner model
+//! to obtain subpixel positions.
 
 use crate::geometric::image::Image;
 use nalgebra::{SMatrix, SVector, Vector2};
@@ -283,7 +283,7 @@ mod tests {
             let image = corner(at, angles, if i % 2 == 0 { 1.0 } else { -1.0 }).blurred(SOFT);
             let found = refine(&image, Vector2::new(15.5, 15.5), 6.0).expect("a corner");
             worst = worst.max((found.at - at).norm());
-            // A point in the square between both edges.
+            // A point in the square between the two edges.
             let middle = at + (found.edges[0] + found.edges[1]).normalize() * 5.0;
             let bright = image.between(middle.x, middle.y) > 100.0;
             assert_eq!(bright, found.contrast > 0.0, "{i}");

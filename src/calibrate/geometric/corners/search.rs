@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 pub struct Found {
     /// Corners in continuous pixels, in the order of [`Board::points`].
     ///
-    /// If exactly one candidate corner has a black outer square, that corner is the first.
-    /// Otherwise the corner nearest to the upper left of the image is the first.
+    /// If exactly one candidate corner has a black outer square, that corner is the first. In all other
+    /// cases, the corner nearest to the upper left of the image is the first.
     pub corners: Vec<Vector2<f64>>,
     /// Approximate side length of the smallest square in pixels.
     pub smallest: f64,

@@ -11,9 +11,9 @@ pub struct Decoded {
     /// Number of camera pixels per row.
     pub width: usize,
     pub height: usize,
-    /// Continuous column coordinate in the projector; NaN for unreliable pixels.
+    /// Continuous column coordinate in the projector, or NaN for unreliable pixels.
     pub u: Vec<f32>,
-    /// Continuous row coordinate in the projector; NaN for unreliable pixels.
+    /// Continuous row coordinate in the projector, or NaN for unreliable pixels.
     pub v: Vec<f32>,
 }
 

@@ -1,5 +1,5 @@
-//! Patterns of structured light: white, black, Gray codes of columns and rows with their inverses, and
-//! optional phase-shifted waves.
+//! Patterns of structured light. The patterns are white, black, Gray codes of columns and rows with their
+//! inverses, and optional phase-shifted waves.
 
 use std::f64::consts::TAU;
 

@@ -29,7 +29,7 @@ impl Trouble {
     }
 }
 
-/// A motion of the stage: start position, goal, start time and duration.
+/// A motion of the stage, given by start position, goal, start time and duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,

@@ -25,7 +25,7 @@ pub mod bits {
     pub const HOMED: u32 = 0x400;
     /// Set if the stage has settled at its goal.
     pub const SETTLED: u32 = 0x2000;
-    /// Set on a motion error: the motor cannot follow.
+    /// Set on a motion error, which means that the motor cannot follow.
     pub const MOTION_ERROR: u32 = 0x4000;
     /// Set if the channel is enabled.
     pub const ENABLED: u32 = 0x8000_0000;
@@ -89,7 +89,7 @@ pub enum Message {
     /// MGMSG_MOT_ACK_DCSTATUSUPDATE: reports that the host is alive. USB controllers require this message
     /// every second.
     AckDcStatus,
-    /// Any other message: id, parameters, data.
+    /// Any other message, given by id, parameters and data.
     Other(u16, [u8; 2], Vec<u8>),
 }
 

@@ -24,8 +24,8 @@ pub struct Model {
 impl Model {
     /// Returns a model by its product name.
     ///
-    /// PRM1-Z8: 1919.6418578623391 counts per degree, sampled every 2048/6e6 s (protocol, appendix on
-    /// scaling).
+    /// The PRM1-Z8 has 1919.6418578623391 counts per degree and a sampling period of 2048/6e6 s (protocol,
+    /// appendix on scaling).
     pub fn named(name: &str) -> Option<Self> {
         const COUNTS: f64 = 1919.641857862339;
         let family = ["PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M"];

@@ -1,4 +1,4 @@
-//! Commands of pattern mode: codes (CMD2 and CMD3 of the guide as one number) and data.
+//! Commands of pattern mode. A command has a code (CMD2 and CMD3 of the guide as one number) and data.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -43,7 +43,7 @@ pub struct Entry {
     pub plane: u8,
     /// Number of bits per pixel, 1 to 8.
     pub bits: u8,
-    /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
+    /// LEDs as a bit mask, with 1 for red, 2 for green and 4 for blue.
     pub leds: u8,
     /// Whether the pattern is inverted.
     pub negative: bool,
@@ -98,7 +98,7 @@ pub enum Mailbox {
 /// A command from the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Selects pattern mode if true, video mode if false.
+    /// Selects pattern mode if true, and video mode if false.
     PatternMode(bool),
     /// Selects the source of the patterns.
     Source(Source),
@@ -198,8 +198,8 @@ pub enum Question {
     Validation = 0x1A1A,
     /// Requests the number of images in flash.
     Images = 0x1A42,
-    /// Requests four versions of four bytes each, the application's version first: patch (16 bits), minor,
-    /// major.
+    /// Requests four versions of four bytes each, the application's version first. Each version consists of
+    /// patch (16 bits), minor and major number.
     Version = 0x0205,
     /// Requests the tag that the firmware's author assigned.
     Tag = 0x1AFF,

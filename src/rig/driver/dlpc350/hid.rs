@@ -55,7 +55,7 @@ impl Message {
         Self { read, refused: false, number, payload }
     }
 
-    /// Encodes reports: flags, number, payload length (little-endian) and payload, padded with zeros.
+    /// Encodes reports with flags, number, payload length (little-endian) and payload, padded with zeros.
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };
         let mut bytes = vec![flags, self.number];

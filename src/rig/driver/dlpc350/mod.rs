@@ -1,4 +1,4 @@
-//! TI's DLPC350, the controller of LightCrafter 4500 projectors: pattern mode over USB HID (guide DLPU010).
+//! Pattern mode over USB HID of TI's DLPC350, the controller of LightCrafter 4500 projectors (guide DLPU010).
 //!
 //! **Patterns.** In pattern mode the controller displays bit planes of the images in its flash, or bit planes
 //! of the video port. TI's own program writes these images together with the firmware. The images cannot be

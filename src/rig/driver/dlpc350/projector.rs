@@ -1,4 +1,4 @@
-//! The projector driver: displays patterns from flash, one at a time.
+//! The projector driver, which displays patterns from flash, one at a time.
 
 use super::super::line::{LineError, left};
 use super::command::{Command, Entry, Mailbox, Question, Run, Source, complaints};
@@ -100,7 +100,7 @@ impl Dlpc350 {
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind limit if a time is out of range, or if the period is too short for an
-    /// input trigger, which requires 230 µs of black after a pattern.
+    /// input trigger. An input trigger requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -167,7 +167,7 @@ impl Dlpc350 {
     }
 
     /// Returns the location in flash of a pattern or of its negative. Returns `None` if the flash contains
-    /// neither.
+    /// neither the pattern nor its negative.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {
@@ -200,7 +200,8 @@ impl Dlpc350 {
             fetch: true,
             joined: false,
         };
-        // Follow the order of the guide: set all parameters while the sequence is stopped, then validate.
+        // Follow the order of the guide. Set all parameters while the sequence is stopped, then validate the
+        // sequence.
         let triggers = self.triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         let before = [
             Command::Run(Run::Stop),

@@ -34,7 +34,7 @@ fn emulated() -> (Dlpc350, Emulator) {
     (Dlpc350::new("dmd", Box::new(emulator.clone()), flash, 2, PERIOD).expect("a projector"), emulator)
 }
 
-/// Compares bytes with the guide: flags, number, length, CMD3, CMD2, data.
+/// Compares bytes with the guide. The order is flags, number, length, CMD3, CMD2, data.
 #[test]
 fn packets_match_the_guide() {
     let (code, data) = Command::Run(Run::Start).encode();

@@ -1,4 +1,4 @@
-//! Triggers: output pulses of the controller and inputs that begin patterns.
+//! Triggers, which are output pulses of the controller and inputs that begin patterns.
 //!
 //! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the start of the
 //! pattern. Output 1 has a rising and a falling edge. Output 2 has only a rising edge. The delay of input 1
@@ -49,8 +49,8 @@ pub struct Input {
     pub delay_us: f64,
 }
 
-/// All triggers. If an output is absent, the controller keeps its settings. Without an input, the
-/// controller's clock begins patterns.
+/// All triggers. If an output is absent, the controller keeps the settings of this output. Without an input,
+/// the controller's clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {

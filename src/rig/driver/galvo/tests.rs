@@ -20,7 +20,7 @@ const WITHIN: Duration = Duration::from_secs(5);
 const CARD: AnalogLimits =
     AnalogLimits { channels: 3, volts: [-10.0, 10.0], bits: 16, rate_hz: [1.0, 1e6], samples: 65_536 };
 
-/// Test wiring: y is mounted in reverse and has a smaller gain.
+/// Wiring for the tests, in which the y mirror is mounted in reverse and has a smaller gain.
 const WIRING: Wiring = Wiring {
     channels: [2, 0],
     volts_per_degree: [0.8, -0.5],

@@ -1,4 +1,4 @@
-//! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths of the beam between
+//! Wiring of galvo mirrors to a card. Converts degrees to volts, and computes paths of the beam between
 //! positions.
 //!
 //! A mirror that rotates by θ deflects the beam by 2θ. Manufacturers specify volts per mechanical degree

@@ -1,4 +1,4 @@
-//! A GenICam camera as an area camera: one frame per trigger.
+//! A GenICam camera as an area camera, with one frame per trigger.
 //!
 //! After [`AreaCamera::configure`], the acquisition runs and the camera waits for triggers. An exposure
 //! therefore starts immediately at its trigger.
@@ -130,7 +130,7 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// Starts the acquisition in the order of USB3 Vision: sets the stream registers, locks features, sends
+    /// Starts the acquisition in the order of USB3 Vision. Sets the stream registers, locks features, sends
     /// the start command, and starts reception.
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
@@ -232,7 +232,7 @@ impl Instrument for GenICamCamera {
     }
 
     fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
-        // Ignore errors: a disconnected camera cannot be stopped.
+        // Ignore errors, because a disconnected camera cannot be stopped.
         let _ = self.halt();
         (self.settings, self.acquiring, self.pending) = (None, true, false);
         let _ = self.frames.close();

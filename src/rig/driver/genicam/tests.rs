@@ -1,4 +1,4 @@
-//! Tests of the driver with a camera in memory: register values, their order, and failures.
+//! Tests the register values of the driver, their order, and failures, with a camera in memory.
 
 use super::camera::GenICamCamera;
 use super::fake::{Fake, Trouble};
@@ -33,8 +33,8 @@ fn a_camera_conforms() {
     conformance::area_camera(&mut camera(&Fake::new())).assert_passed("GenICam camera", 18);
 }
 
-/// The driver writes features to their registers in the registers' units. The order is: the stream layout,
-/// the lock, the start command.
+/// The driver writes features to their registers in the registers' units. The stream layout is first,
+/// followed by the lock and the start command.
 #[test]
 fn features_reach_their_registers() {
     let fake = Fake::new();

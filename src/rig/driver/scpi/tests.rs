@@ -1,4 +1,4 @@
-//! Tests of the laser with the emulator over TCP, of command tables, and of invalid replies.
+//! Tests the laser with the emulator over TCP, command tables, and invalid replies.
 
 use super::super::line::{Line, LineError, MemoryLine};
 use super::emulator::{Emulator, Trouble};

@@ -9,11 +9,11 @@ pub const DEVICES: i32 = 4;
 pub const LONGEST_HISTOGRAM: usize = 32_768;
 /// Argument of `TH260_Initialize` for histogramming mode.
 pub const MODE_HISTOGRAM: i32 = 0;
-/// Flag of `TH260_GetFlags`: a histogram bin overflowed.
+/// Flag of `TH260_GetFlags` for the overflow of a histogram bin.
 pub const FLAG_OVERFLOW: i32 = 0x0001;
-/// Flag of `TH260_GetFlags`: a hardware error occurred.
+/// Flag of `TH260_GetFlags` for a hardware error.
 pub const FLAG_SYSTEM_ERROR: i32 = 0x0010;
-/// Flag of `TH260_GetFlags`: a software error occurred.
+/// Flag of `TH260_GetFlags` for a software error.
 pub const FLAG_SOFTWARE_ERROR: i32 = 0x0020;
 /// Longest acquisition time, in milliseconds.
 pub const LONGEST_MS: i32 = 360_000_000;
@@ -22,7 +22,7 @@ pub const GREATEST_OFFSET_NS: i32 = 100_000_000;
 /// Maximum absolute offset of a channel, in picoseconds.
 pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 
-/// Error of `TH260_OpenDevice`: there is no board at this index.
+/// Error of `TH260_OpenDevice` if there is no board at an index.
 pub const OPEN_FAIL: i32 = -1;
 
 /// Returns the fault for an error code. Codes that a reconnection can clear map to [`Fault::Disconnected`].

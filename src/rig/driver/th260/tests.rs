@@ -1,5 +1,5 @@
-//! Tests of the driver with a simulated board: commands, error codes and failures. The test also compiles a
-//! library and loads this library in place of PicoQuant's.
+//! Tests the commands, error codes and failures of the driver with a simulated board. The test also compiles
+//! a library and loads this library in place of PicoQuant's.
 
 use super::code;
 use super::counter::Th260Counter;
