@@ -256,7 +256,7 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
 }
 
 /// Computes a histogram as [`histogram`] does, but accepts a histogram without photons, such as that of a
-/// dark pixel. The second value is then the reason why there are no photons.
+/// dark pixel. If there are no photons, the second value is the reason.
 ///
 /// # Errors
 /// Returns the same errors as [`histogram`], except for an empty histogram.

@@ -1,4 +1,5 @@
-//! Conformance suite. Every instrument, simulated or real, must pass these checks to satisfy its trait.
+//! Conformance suite. Every instrument, simulated or real, must pass the checks of this suite to satisfy its
+//! trait.
 //!
 //! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite on an
 //! emulator. Instruments move and emit light during the checks.

@@ -305,7 +305,7 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// Identifies the render of a variant from which the methods get their input.
+    /// Identifies the render of a variant that is the input of the methods.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
         Wanted { variant, seed, spp: self.size.spp, slices: self.plan.slices.clone() }
     }

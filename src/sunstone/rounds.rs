@@ -348,7 +348,7 @@ fn mismatch(path: &Path, what: &'static str, theirs: Option<&Value>, ours: Optio
     .into()
 }
 
-/// Refuses a store of another scene, with other choices, or with attributes other than `expected`.
+/// Refuses a store whose scene or choices differ, or whose attributes differ from `expected`.
 fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) -> Result<(), RoundsError> {
     let store = TensorStore::open(path).map_err(|e| RenderError::Sink(SinkError::Open(e)))?;
     let theirs = store.attributes();

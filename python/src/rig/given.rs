@@ -203,7 +203,7 @@ impl<S> Default for Acquiring<S> {
 }
 
 impl<L, S: Value> Given<L, Acquiring<S>> {
-    /// Passes settings to the object, after they were checked against the limits.
+    /// Passes settings to the object. The settings are already checked against the limits.
     fn configure_with(&mut self, settings: S, within: Duration) -> Result<(), Failure> {
         self.state = Acquiring::default();
         let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));

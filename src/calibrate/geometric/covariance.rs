@@ -80,7 +80,7 @@ impl Root {
     }
 
     /// Returns how well the least determined combination of shared parameters is determined, from 0 (not at
-    /// all) to about 1, and the coefficients of this combination.
+    /// all) to about 1. Also returns the coefficients of this combination.
     ///
     /// The result is the smallest singular value of the root with its singular vector. Columns of the
     /// root are scaled by the square root of the information that known poses would give.

@@ -14,8 +14,8 @@ pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Two unit vectors perpendicular to the baseline, in the camera's frame. The first is directed toward
-    /// the optical axis, and the second is perpendicular to the first.
+    /// Two unit vectors perpendicular to the baseline, in the camera's frame. The first vector is directed
+    /// toward the optical axis, and the second vector is perpendicular to the first.
     across: [Vector3<f64>; 2],
 }
 

@@ -34,8 +34,8 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// Returns the refined fundamental matrix of at least eight pairs of points, or `None` if the points do not
-/// determine the matrix (for example coplanar points).
+/// Returns the refined fundamental matrix of at least eight pairs of points. Returns `None` if the points do
+/// not determine the matrix, for example coplanar points.
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
         return None;

@@ -151,7 +151,7 @@ impl Linearity {
 }
 
 /// Returns the mean relative deviation from the straight line with the least sum of squared relative
-/// deviations, over levels above 5 % of the largest signal.
+/// deviations. Uses the levels above 5 % of the largest signal.
 fn from_line(levels: &[&Level]) -> f64 {
     let top = levels.iter().map(|l| l.signal).fold(0.0, f64::max);
     let near: Vec<_> = levels.iter().filter(|l| l.signal >= 0.05 * top).collect();

@@ -34,7 +34,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// All parameters, in the order of all arrays with one number per parameter.
+    /// All parameters. Every array with one number per parameter has this order.
     pub const ALL: [Self; 4] = [Self::Width, Self::TailShare, Self::TailTime, Self::AfterPulsing];
 
     pub fn name(self) -> &'static str {

@@ -156,8 +156,8 @@ fn stated_errors_match_actual_errors() {
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
-/// At two photons per pulse, a likelihood that neglects pile-up would yield a time zero that is too early
-/// by a tenth of the pulse width.
+/// At two photons per pulse, a likelihood without pile-up would yield a time zero that is too early by a
+/// tenth of the pulse width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
     let truth = Impulse { tail_share: 0.0, ..Impulse::default() };

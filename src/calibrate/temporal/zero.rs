@@ -51,7 +51,7 @@ pub struct Temporal {
     pub period_bins: usize,
     /// Number of captures without a significant pulse.
     pub dark: usize,
-    /// Number of captures in which the diode was never armed in some bin.
+    /// Number of captures with a bin in which the diode was never armed.
     pub saturated: usize,
     /// Number of captures whose fit did not converge.
     pub unsettled: usize,

@@ -48,7 +48,7 @@ struct Buffers<T> {
 }
 
 /// A function that receives three arguments. The first argument is 0 for matrix elements or 1 for standard
-/// errors. The others are the index of the first pixel, and the values.
+/// errors. The other arguments are the index of the first pixel, and the values.
 type Write<'a, T> = dyn Fn(usize, usize, &[T]) -> Result<(), Failure> + Sync + 'a;
 
 impl<T: PixelNumber> Work<'_, T> {

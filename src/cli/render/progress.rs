@@ -13,8 +13,8 @@ use sunstone::render::{Summary, Watch};
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
-    /// Warnings that are printed after the render has started, so that they are not printed before an error
-    /// that prevents the render.
+    /// Warnings to print after the render has started. The warnings are not printed if an error prevents the
+    /// render.
     warnings: Mutex<Vec<String>>,
     /// Prefix of the progress line, such as the number of the round.
     about: Mutex<String>,

@@ -320,7 +320,7 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 }
 
 impl Plan {
-    /// Returns the lengths of the run's axes, which are captures, shots and exposures for a camera, or
+    /// Returns the lengths of the run's axes. The axes are captures, shots and exposures for a camera, and
     /// captures, rows and columns for a scan.
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;

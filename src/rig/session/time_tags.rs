@@ -33,8 +33,8 @@ pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
     pub pulses: u64,
-    /// The photons. Each number contains the pulse since the start of the dwell time (43 bits), the time
-    /// since the pulse in bins (15 bits), and the channel (6 bits).
+    /// The photons. Each number contains three fields: pulses since the start of the dwell time (43 bits),
+    /// bins since the pulse (15 bits), and channel (6 bits).
     photons: Vec<u64>,
 }
 

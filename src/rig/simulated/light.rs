@@ -171,7 +171,7 @@ impl Scenery {
         }
     }
 
-    /// Returns the light that returns from the scenery under a pattern, or `None` without a pattern.
+    /// Returns the light from the scenery under a pattern, or `None` without a pattern.
     ///
     /// The pattern contains the drive of each projector pixel. Each entry of s' covers a whole number of
     /// projector pixels.

@@ -1,5 +1,5 @@
-//! Tests of the encoded bytes, of the driver, and of invalid streams. The driver runs with the emulator, in
-//! memory and over a pseudo-terminal.
+//! Tests the encoded bytes, the driver, and invalid streams. The driver runs with the emulator, in memory and
+//! over a pseudo-terminal.
 
 use super::super::line::{MemoryLine, StreamLine};
 use super::emulator::{self, Trouble};

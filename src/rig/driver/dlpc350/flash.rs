@@ -2,7 +2,7 @@
 //!
 //! TI's program builds the firmware from these images. Planes are numbered as in the controller (programmer's
 //! guide DLPU010, pattern display LUT). Planes 0 to 7 are the bits of green, 8 to 15 those of red, and 16 to
-//! 23 those of blue, each from the lowest bit.
+//! 23 those of blue. Each range begins with the lowest bit.
 
 use super::projector::{Flash, SIZE};
 use crate::instrument::Pattern;

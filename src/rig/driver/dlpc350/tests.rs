@@ -1,4 +1,4 @@
-//! Tests of packets, of the driver with the emulator, and of invalid report streams.
+//! Tests packets, the driver with the emulator, and invalid report streams.
 
 use super::super::line::LineError;
 use super::command::{Begin, Command, Entry, Question, Run, complaints};

@@ -98,8 +98,8 @@ proptest! {
         prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees per second", fastest);
         // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. In
         // the worst case, the fastest sample covers the interval of length 1/n next to the midpoint. Near the
-        // midpoint the speed decreases as (1 - 4x²)² ≥ 1 - 8x², so the mean speed is at least 1 - 8/(3n²) of
-        // the maximum.
+        // midpoint the speed decreases as (1 - 4x²)² ≥ 1 - 8x². The mean speed is therefore at least 1 -
+        // 8/(3n²) of the maximum.
         let n = n as f64;
         let least = 2000.0 * (1.0 - 1.0 / n) * (1.0 - 8.0 / (3.0 * n * n));
         prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees per second", fastest, least);
