@@ -21,7 +21,7 @@ pub struct Simulated {
     wall_offset_s: f64,
 }
 
-/// Wall time at which a simulated clock starts: 2026-01-01 00:00 UTC, in seconds since 1970.
+/// Wall time at which a simulated clock starts, in seconds since 1970. The time is 2026-01-01 00:00 UTC.
 const SIMULATED_EPOCH_S: f64 = 1_767_225_600.0;
 
 impl Clock {

@@ -1,5 +1,5 @@
-//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses
-//! of the views eliminated by the Schur complement.
+//! Bundle adjustment (Triggs et al. 2000) by Levenberg–Marquardt over all parameters. The Schur complement
+//! eliminates the poses of the views.
 //!
 //! The projector coordinate q of a corner is measured with the camera. An error δ of the measured corner c
 //! causes the error Jδ of q. J is the local derivative of projector pixels with respect to camera pixels.

@@ -10,8 +10,8 @@
 //! - c_j are the coefficients of the polynomial that describes the nonlinearity, and Y is the saturation
 //!   signal.
 //! - g is the gain in e⁻/DN, measured by photon transfer (EMVA Standard 1288, release 4.0, sections 6 to 8,
-//!   in which K = 1/g). Photon transfer uses that the variance of the number of electrons equals the mean
-//!   number.
+//!   in which K = 1/g). Photon transfer uses the fact that the variance of the number of electrons equals the
+//!   mean number.
 //!
 //! Variances are those between frames, so they exclude differences between pixels.
 //!

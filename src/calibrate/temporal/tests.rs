@@ -274,7 +274,7 @@ fn exact_counts_give_the_exact_time() {
     let least = truth.sigma_ps / n.sqrt();
     assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
     assert!(found.undetermined.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
-    // Alignment preserves the total light and moves its mean by the time zero.
+    // Alignment preserves the total light and shifts the mean time of the light by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
     let mean = |h: &[f64]| {

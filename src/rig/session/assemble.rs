@@ -150,8 +150,8 @@ fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProje
 /// Creates all instruments of a rig file. Simulated instruments use the bench `world`.
 ///
 /// # Errors
-/// Returns a message if a driver is unavailable in this build or on this machine, or an instrument does not
-/// reply.
+/// Returns a message if a driver is unavailable in this build or on this machine, or if an instrument does
+/// not reply.
 pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleError> {
     let clock = world.map_or_else(Clock::real, Shared::clock);
     let mut rig = Rig::new(&plan.name, clock);

@@ -251,8 +251,8 @@ impl<'a> Applications<'a> {
         Ok((tile, self.values(view, run, fit)?))
     }
 
-    /// Returns the images that have the same colour scale as `picture`. These are all images of the same
-    /// variant in the figure, if their units are equal.
+    /// Returns the images that have the same colour scale as `picture`. The result contains all images of the
+    /// same variant in the figure, if the units of these images are equal.
     fn shared<'p>(&self, view: &ApplyFile, picture: &'p Picture, all: &'p [Picture]) -> Vec<&'p Picture> {
         if !picture.shared {
             return vec![picture];

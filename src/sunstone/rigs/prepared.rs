@@ -74,7 +74,7 @@ impl Prepared {
         Ok(Self { plan, rig, inputs: vec![path.to_owned(), named] })
     }
 
-    /// Puts a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
+    /// Places a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
     ///
     /// # Errors
     /// Returns [`PrepareError::Wrong`] if no sample has this name.

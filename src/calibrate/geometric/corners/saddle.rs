@@ -64,8 +64,8 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
 /// Maximum number of candidate corners in an image.
 const MOST: usize = 4000;
 
-/// Parameters of a corner's image: position, angles of both edges, blur width, half contrast, and the offset
-/// and gradient of a plane.
+/// Parameters of a corner's image. These are position, angles of both edges, blur width, half contrast, and
+/// the offset and gradient of a plane.
 type Parameters = SVector<f64, 9>;
 
 /// Returns the error function of `x` and its derivative.

@@ -102,7 +102,7 @@ pub enum Command {
     PatternMode(bool),
     /// Selects the source of the patterns.
     Source(Source),
-    /// Sets the trigger mode: 0 if video frames begin sequences, 1 if triggers begin patterns.
+    /// Sets the trigger mode. In mode 0, video frames begin sequences. In mode 1, triggers begin patterns.
     TriggerMode(u8),
     /// Sets trigger output 1, which is active once per pattern. Edges are 0 to 213 steps of 107.2 ns after
     /// the earliest time, which is 20.05 µs before the pattern.
@@ -191,7 +191,8 @@ impl Command {
 pub enum Question {
     /// Requests the state of initialization and the errors of the sequencer.
     Hardware = 0x1A0A,
-    /// Requests a bit mask: 1 if the mirrors are parked, 2 if the sequence runs, 4 if frames are frozen.
+    /// Requests a bit mask, with 1 if the mirrors are parked, 2 if the sequence runs, and 4 if frames are
+    /// frozen.
     Main = 0x1A0C,
     /// Requests the result of [`Command::Validate`]. The reply is 0x80 while validation runs, then a bit mask
     /// of faults.

@@ -32,7 +32,7 @@ pub fn fault(code: i32) -> Fault {
         -2 | -11 | -16 => Fault::Refused,
         // The versions of driver, library and board do not match.
         -9 | -12 | -33 | -52..=-49 => Fault::Refused,
-        // Invalid argument, mode or option, or a function that this board does not support.
+        // An argument, mode or option is invalid, or this board does not support the function.
         -19..=-17 | -80 => Fault::Limit,
         // Memory and pointer errors of the calling program.
         -21 | -20 => Fault::Refused,

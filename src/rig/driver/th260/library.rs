@@ -125,8 +125,8 @@ macro_rules! functions {
             /// Looks up all functions.
             fn table(library: Library) -> Result<Self, String> {
                 // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it. The pointers are
-                // copied out of their `Symbol`s. They are used only while `_library`, which is stored in the
-                // same struct, keeps the code loaded.
+                // copied out of their `Symbol`s. The pointers are used only while `_library`, which is stored
+                // in the same struct, keeps the code loaded.
                 unsafe {
                     $(let $field = *library.get::<$kind>($name).map_err(|_| format!("missing function {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })
@@ -168,8 +168,8 @@ functions! {
 /// Loads the given library. If no library is given, loads the first of [`names`] that can be loaded.
 ///
 /// # Errors
-/// Returns a message that lists the files tried, the cause of each failure, and the library's source if no
-/// library can be loaded.
+/// If no library can be loaded, returns a message that lists the files tried, the cause of each failure, and
+/// the library's source.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];
