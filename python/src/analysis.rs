@@ -20,7 +20,7 @@ pub enum Either<'py> {
     Double(PyReadonlyArrayDyn<'py, f64>),
 }
 
-/// Returns the values of a contiguous array; the Python package always passes contiguous arrays.
+/// Returns the values of a contiguous array. The Python package always passes contiguous arrays.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
     a.as_slice().map_err(|_| {
         input(format!("{what}: the array is not C-contiguous; pass numpy.ascontiguousarray(array)"))

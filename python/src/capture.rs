@@ -222,7 +222,8 @@ pub fn reconstruct<'py>(
     }
 }
 
-/// The rays of a reconstruction: one per wavelength, or one per pixel position and wavelength.
+/// The rays of a reconstruction. There is one ray per wavelength, or one ray per pixel position and
+/// wavelength.
 #[derive(Clone, Copy)]
 struct Along<'a> {
     rays: &'a [Ray],

@@ -1,5 +1,5 @@
-//! Simulates captures with an instrument: a camera or a photon counter, relative noise, and the rays of a
-//! lens.
+//! Simulates captures with an instrument. The model includes a camera or a photon counter, relative noise,
+//! and the rays of a lens.
 
 use crate::analysis::slice;
 use crate::capture::{Scheme, check_wavelengths};
@@ -24,7 +24,7 @@ pub struct Instrument {
     /// as a fraction of the mean T00.
     noise: Option<f64>,
     relative_noise: Option<f64>,
-    /// Horizontal field of view, in degrees; None means that all rays are axial.
+    /// Horizontal field of view, in degrees. None means that all rays are axial.
     fov_x_deg: Option<f64>,
     /// Width of the time bins in picoseconds. The time axis follows rows and columns.
     bin_ps: Option<f64>,

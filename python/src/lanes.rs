@@ -1,10 +1,10 @@
-//! Maps requested wavelengths, in any number and order, to sets of few, increasing wavelengths.
+//! Maps requested wavelengths, in any number and order, to sets of a few wavelengths in ascending order.
 
 use crate::error::{bail, input};
 use pyo3::prelude::*;
 use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 
-/// Wavelength sets and the position of each requested wavelength in them.
+/// Wavelength sets, and the position of each requested wavelength in the sets.
 pub struct Lanes {
     /// Wavelength sets for which a material or medium is built.
     pub sets: Vec<Wavelengths>,
@@ -32,8 +32,8 @@ impl Lanes {
     }
 }
 
-/// Selects an item by name, or the only item. `what` is the noun for an item, such as `material`, and
-/// `several` is the plural.
+/// Selects an item by name, or the only item if no name is given. `what` is the noun for an item, such as
+/// `material`, and `several` is the plural.
 pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
     let known = names.join(", ");
     match (name, names) {

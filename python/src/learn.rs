@@ -16,8 +16,8 @@ use sunstone::polarimetry::reconstruct::pca::data_set::Settings;
 use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMoment};
 use sunstone::transport::material::measured::axes::Axes;
 
-/// Data for learning: the second moment of all materials, and the second moments of the folds for
-/// cross-validation.
+/// Data for learning. The data are the second moment of all materials, and the second moments of the folds
+/// for cross-validation.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct LearningData(cross_validation::LearningData);
 

@@ -1,4 +1,4 @@
-//! The extension module `pysunstone._native`: converts between Python types and Sunstone's public API,
+//! The extension module `pysunstone._native`, which converts between Python types and Sunstone's public API,
 //! without other logic. Users import the package `pysunstone`, which documents the interface.
 
 mod analysis;

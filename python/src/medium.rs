@@ -29,7 +29,8 @@ impl Medium {
         let names = media::names_of_text(path, text).map_err(located)?;
         let name = choose("medium", "media", &names, name)?;
         let build = |w: &_| MediumSet::at(path, text, Some(&name), Some(Clone::clone(w)));
-        // Computing the tables of large particles takes seconds, so other Python threads may run.
+        // Computing the tables of large particles takes seconds, so the computation lets other Python threads
+        // run.
         let sets: Result<Vec<MediumSet>, InputError> =
             off_python(py, 0, || lanes.sets.par_iter().map(build).collect())?;
         Ok(Self { sets: sets.map_err(located)?, name, places: lanes.places })

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use sunstone::InputError;
 use sunstone::scene::mitsuba::import::Import;
 
-/// An import error: file, line, column, message and fix.
+/// An import error, given by file, line, column, message and fix.
 type Fault = (String, Option<usize>, Option<usize>, String, Option<String>);
 
 fn fault(e: &InputError) -> Fault {

@@ -14,7 +14,7 @@ use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
 use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord};
 
-/// The settings of a scene that a render changes, which are restored when the render ends.
+/// The settings of a scene that a render changes. The settings are restored when the render ends.
 struct Changed<'a> {
     scene: &'a mut sunstone::Scene,
     settings: Settings,
@@ -47,7 +47,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Returns the number of threads; 0 means one per core.
+    /// Returns the number of threads. 0 means one thread per core.
     fn threads(&self) -> PyResult<usize> {
         let most = most_threads();
         match self.threads {
@@ -117,7 +117,7 @@ fn describe(summary: &Summary) -> String {
     .to_string()
 }
 
-/// Renders a scene with the requested settings; reports progress and reacts to signals.
+/// Renders a scene with the requested settings. Reports progress and reacts to signals.
 fn run<T: Send>(
     py: Python<'_>,
     scene: &Scene,

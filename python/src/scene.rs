@@ -44,12 +44,12 @@ pub fn toml_of_json(json: &str) -> PyResult<String> {
 }
 
 impl Scene {
-    /// Locks the scene and waits for a render, which has exclusive access.
+    /// Locks the scene. If a render has exclusive access to the scene, waits until the render ends.
     pub fn lock(&self) -> MutexGuard<'_, sunstone::Scene> {
         self.built.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Builds a scene from the text of its file; its meshes and some of its files are in memory.
+    /// Builds a scene from the text of its file. The meshes and some files of the scene are in memory.
     pub fn in_memory(
         path: &Path,
         text: &str,

@@ -19,8 +19,8 @@ use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Devices(Rig);
 
-/// Resolution, focal lengths, principal point and origin of a device, and its axes image right, image
-/// down and forward in world coordinates.
+/// Resolution, focal lengths, principal point and origin of a device. The three axes are image right, image
+/// down and forward, in world coordinates.
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {

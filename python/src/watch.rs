@@ -54,7 +54,7 @@ impl Onlooker for Shared {
 }
 
 impl Shared {
-    /// Waits a short time for the end of the work; returns whether the work has ended.
+    /// Waits a short time for the end of the work. Returns whether the work has ended.
     fn wait(&self) -> bool {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self.bell.wait_timeout_while(ended, EVERY, |ended| !*ended);
@@ -62,7 +62,7 @@ impl Shared {
     }
 }
 
-/// Signals the end of the work, also on a panic.
+/// Signals the end of the work, including an end by panic.
 struct Ring<'a>(&'a Shared);
 
 impl Drop for Ring<'_> {
@@ -72,9 +72,9 @@ impl Drop for Ring<'_> {
     }
 }
 
-/// Runs work on another thread. The calling thread checks signals, and calls `progress(done,
-/// tiles)` on changes. An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the
-/// work at the next tile and is returned.
+/// Runs work on another thread. The calling thread checks signals, and calls `progress(done, tiles)` after
+/// each change. An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the work at the next
+/// tile and is returned.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -137,15 +137,15 @@ impl Shared {
         &self.stop
     }
 
-    /// Records that the current thread does the work and calls Python. A second Ctrl-C then interrupts that
-    /// call.
+    /// Records that the current thread does the work and calls Python. A second Ctrl-C then interrupts the
+    /// call of Python.
     pub fn calls_python(&self) -> PyResult<()> {
         let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
         *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
         Ok(())
     }
 
-    /// Raises `KeyboardInterrupt` in the worker thread if it runs Python code.
+    /// Raises `KeyboardInterrupt` in the worker thread if the thread runs Python code.
     fn insist(&self, py: Python<'_>) -> PyResult<()> {
         let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(ident) = worker else {

@@ -1,8 +1,9 @@
 //! Nonlinear least squares that reports undetermined parameters.
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
-//! deviations. Directions of the parameters that affect no residual keep their initial values and are
-//! reported. These directions are found from the singular values of the Jacobian with normalized columns.
+//! deviations. Along a direction in parameter space that affects no residual, the parameters keep their
+//! initial values, and the fit reports the direction. The singular values of the Jacobian with normalized
+//! columns determine the undetermined directions.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -31,9 +32,9 @@ pub enum FitError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     pub values: DVector<f64>,
-    /// Covariance of the parameters; zero along undetermined directions.
+    /// Covariance of the parameters. The covariance is zero along undetermined directions.
     pub covariance: DMatrix<f64>,
-    /// Chi-squared: the sum of squared residuals, each divided by its variance.
+    /// Chi-squared, which is the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     /// Number of measurements minus number of determined parameters.
     pub freedom: usize,
@@ -79,7 +80,7 @@ fn cost(r: &DVector<f64>) -> f64 {
 /// each parameter.
 ///
 /// # Errors
-/// [`FitError`] if residuals are too few or not finite, or if the iteration does not converge.
+/// Returns [`FitError`] if residuals are too few or not finite, or if the iteration does not converge.
 pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Fit, FitError> {
     let n = start.len();
     let mut x = DVector::from_column_slice(start);

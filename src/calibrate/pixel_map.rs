@@ -1,7 +1,8 @@
-//! A number per pixel, stored in text files as one string: base64 (RFC 4648) of little-endian 32-bit floats.
+//! A map with one number per pixel. Text files store the map as one string, which is the base64 (RFC 4648) of
+//! little-endian 32-bit floats.
 //!
-//! A map of 1224 × 1024 pixels takes 7 MB in a TOML file. Writing and reading preserve all bits. NaN
-//! means unknown.
+//! A map of 1224 × 1024 pixels takes 7 MB in a TOML file. Writing and reading preserve all bits. A NaN means
+//! that the pixel's value is unknown.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 pub struct PixelMap(pub Vec<f32>);
 
 impl PixelMap {
-    /// Returns the number of a pixel, or NaN if the pixel is outside the map.
+    /// Returns the value of a pixel, or NaN if the pixel is outside the map.
     pub fn at(&self, pixel: usize) -> f64 {
         self.0.get(pixel).map_or(f64::NAN, |v| f64::from(*v))
     }

@@ -1,10 +1,10 @@
 //! Compares the actual errors of many repetitions with the stated standard errors, to test covariances.
 //!
-//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a
-//! standard deviation of √(2/n) around 1. The mean square of 64 values is outside 0.8 to 1.25 in one of
-//! six tests, that of 1024 values in one of 100,000 tests. The bounds are therefore those of χ² for the
-//! number of independent values (Wilson and Hilferty 1931). With these bounds, correct covariances pass
-//! for practically all seeds.
+//! The mean square of n independent standard normals is χ²/n with n degrees of freedom. This mean has a
+//! standard deviation of √(2/n) around 1. The mean square of 64 values is outside 0.8 to 1.25 in one of six
+//! tests. For 1024 values, the mean square is outside this interval in one of 100,000 tests. The bounds are
+//! therefore those of χ² for the number of independent values (Wilson and Hilferty 1931). With these bounds,
+//! correct covariances pass for practically all seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -14,16 +14,17 @@ const BAR: std::ops::Range<f64> = 0.8..1.25;
 /// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
 /// within [`BAR`].
 const ENOUGH: f64 = 1000.0;
-/// Accepted fluctuation for fewer values, in standard deviations. One of 100,000 tests exceeds it.
+/// Accepted fluctuation for fewer values, in standard deviations. One of 100,000 tests exceeds this
+/// fluctuation.
 const CHANCE: f64 = 4.4;
 
-/// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …): the environment variable
-/// `SUNSTONE_REPEATS`, or `default`.
+/// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …). The number is the environment
+/// variable `SUNSTONE_REPEATS`, or `default` if the variable is not set.
 pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
 
-/// Sums of squared z-scores, by class of parameters.
+/// Sums of squared z-scores, by parameter class.
 #[derive(Default)]
 pub struct ZScores(BTreeMap<String, Class>);
 
@@ -35,7 +36,7 @@ struct Class {
 }
 
 impl ZScores {
-    /// Adds an error to a class. The error must be independent of all other errors of this class.
+    /// Adds an error to a class. The error must be independent of all other errors of the class.
     pub fn add(&mut self, class: &str, error: f64, sigma: f64) {
         assert!(sigma > 0.0 && error.is_finite(), "{class}: {error} ± {sigma}");
         let class = self.0.entry(class.to_owned()).or_default();
@@ -104,7 +105,7 @@ fn deviations_follow_chi_squared() {
     assert!(deviations(BAR.end, ENOUGH) > CHANCE && deviations(BAR.start, ENOUGH) < -CHANCE);
 }
 
-/// Standard errors that are wrong by 15 % (1024 values) or 40 % (64 values) are detected.
+/// The test detects standard errors that are wrong by 15 % (1024 values) or 40 % (64 values).
 #[test]
 fn wrong_errors_are_detected() {
     use rand_distr::{Distribution, StandardNormal};

@@ -1,4 +1,4 @@
-//! The `sunstone apply` command: runs the paper's applications from scene files.
+//! The `sunstone apply` command, which runs the paper's applications from scene files.
 
 use crate::progress::Progress;
 use crate::{Failure, bail, places, print};
@@ -121,11 +121,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
     places::outside_stores([&folder, &settings.renders])?;
     let progress = Progress::start();
-    // Open one variant first, so that a missing or invalid scene file leaves no empty folder behind.
+    // Open one variant first, so that a missing or invalid scene file does not leave an empty folder.
     Studio::open(&file, &settings.renders, &progress)?.variant(application.plan.train.first().copied())?;
     make_renders(&settings.renders)?;
     let done = applications::run(&application, &settings, &progress).map_err(|e| match (e, &a.capture) {
-        // Errors of the capture are errors in the chain file, so the message names that file.
+        // Errors of the capture are errors in the chain file, so the message names the chain file.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
             Failure::input(format!("{}: {e}", chain.display()))
         }

@@ -1,4 +1,4 @@
-//! The `sunstone calibrate` command: calibrates cameras, projectors and detectors.
+//! The `sunstone calibrate` command, which calibrates cameras, projectors and detectors.
 
 use crate::{Failure, bail, calibrate_detector, output, places, print, print_path};
 use clap::{Args, ValueEnum};
@@ -263,7 +263,7 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     message.collect()
 }
 
-/// Loads the images of one camera, which must have the same size and orientation.
+/// Loads the images of one camera. All images must have the same size and orientation.
 fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
     let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
     let loaded: Vec<(String, Loaded)> = paths.par_iter().map(load).collect::<Result<_, Failure>>()?;

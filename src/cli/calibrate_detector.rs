@@ -217,7 +217,7 @@ fn more(found: &Radiometry) -> String {
     text
 }
 
-/// Writes a calibration, and a detector table with a given name, into a calibration file.
+/// Writes a calibration and a detector table with a given name to a calibration file.
 fn write(
     path: &Path,
     part: Part,

@@ -1,4 +1,4 @@
-//! The `sunstone capture` command: simulates captures of known Mueller matrices.
+//! The `sunstone capture` command, which simulates captures of known Mueller matrices.
 
 use crate::matrices::{MatrixSource, image};
 use crate::{Failure, bail, places, print, print_paths};

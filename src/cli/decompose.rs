@@ -1,4 +1,4 @@
-//! The `sunstone decompose` command: Lu–Chipman decomposition.
+//! The `sunstone decompose` command, which computes the Lu–Chipman decomposition.
 
 use crate::matrices::MatrixSource;
 use crate::{Failure, bail, places, print_path};
@@ -111,7 +111,7 @@ fn arrays<T: Real>(
     (out, missing, count)
 }
 
-/// Reads the standard errors of an array's elements, which must have the shape of the matrices.
+/// Reads the standard errors of an array's elements. The shape must be that of the matrices.
 fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {

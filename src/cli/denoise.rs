@@ -1,4 +1,4 @@
-//! The `sunstone denoise` command: denoises the images of a store.
+//! The `sunstone denoise` command, which denoises the images of a store.
 
 use crate::{Failure, places, print, print_path};
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! The `sunstone export` command: OpenEXR images and Mitsuba 3 scenes.
+//! The `sunstone export` command, which writes OpenEXR images and Mitsuba 3 scenes.
 
 use crate::{Failure, bail, places, print, print_path, source};
 use std::path::PathBuf;

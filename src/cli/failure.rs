@@ -46,7 +46,7 @@ impl Failure {
         move |e| Self::failed(format_args!("cannot write {}: {e}", path.display()))
     }
 
-    /// Returns [`Failure::Failed`] if `is_of_system` is set, otherwise [`Failure::Input`].
+    /// Returns [`Failure::Failed`] if `is_of_system` is true, otherwise [`Failure::Input`].
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
         if is_of_system { Self::failed(e) } else { Self::input(e) }
     }
@@ -113,7 +113,7 @@ fn report_error(e: &InputError) {
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
         return;
     };
-    // A span of several lines (a whole table) is marked in its first line only.
+    // If a span has several lines, such as a whole table, only its first line is marked.
     let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
     let length = text.find('\n').unwrap_or(text.len());
     // Source lines with more than LONGEST characters in total are not printed.
@@ -123,7 +123,7 @@ fn report_error(e: &InputError) {
     if around > LONGEST {
         return;
     }
-    // The message was printed before: this prints only the location.
+    // The message is already printed, so only the location is printed.
     let here = AnnotationKind::Primary.span(start..start + length).label("here");
     let place = Snippet::source(&*e.text).annotation(here);
     let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();

@@ -1,4 +1,4 @@
-//! The `sunstone figure` command: draws slices of a store.
+//! The `sunstone figure` command, which draws slices of a store.
 
 use crate::figure_file::Extension;
 use crate::{Failure, bail, figure_file, places, print_path, source};
@@ -141,8 +141,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_path(&path)
 }
 
-/// Returns the default folder for a store's figures: next to the store, or the current folder for a store at
-/// an address.
+/// Returns the default folder for a store's figures. The folder is next to the store. For the URL of a store,
+/// the folder is the current folder.
 fn folder(store: &Path) -> PathBuf {
     let beside = store.with_extension("figures");
     match beside.file_name() {
@@ -174,7 +174,8 @@ pub fn picture(text: &str) -> Result<PathBuf, String> {
 }
 
 impl From<FigureError> for Failure {
-    /// Converts a figure error: errors of writing and encoding are failures, all others are invalid input.
+    /// Converts a figure error. Errors of writing and encoding are failures, and all other errors are invalid
+    /// input.
     fn from(e: FigureError) -> Self {
         match e {
             FigureError::Write { .. } | FigureError::Encode(_) => Self::failed(e),

@@ -85,7 +85,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
             _ => into(&folder, file),
         })
         .collect();
-    // Report all errors that can be found early before the first render.
+    // Before the first render, report all errors that can be found early.
     let mut sources = vec![];
     for (file, path) in files.iter().zip(&outputs) {
         Format::of(path)?;

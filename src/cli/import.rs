@@ -1,4 +1,4 @@
-//! The `sunstone import` command: Mitsuba scenes and camera calibrations.
+//! The `sunstone import` command, which converts Mitsuba scenes and camera calibrations.
 
 use crate::{Failure, bail, places, print, print_path};
 use clap::ValueEnum;

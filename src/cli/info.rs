@@ -1,4 +1,4 @@
-//! The `sunstone info` command: describes a store, or a scene before the scene is rendered.
+//! The `sunstone info` command, which describes a store, or a scene before the scene is rendered.
 
 use crate::{Failure, print};
 use serde_json::Value;
@@ -80,7 +80,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(text.trim_end())
 }
 
-/// Formats the target error of a render and the error that was reached; `None` for a render without a target.
+/// Formats the target error of a render and the error that was reached. Returns `None` for a render without a
+/// target.
 fn reached(target: &Value) -> Option<String> {
     let number = |key: &str| target.get(key)?.as_f64();
     let (mean, uniform) = (number("mean_samples_per_pixel")?, number("uniform_samples_per_pixel")?);
@@ -282,7 +283,7 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
         if k == ahead {
             ahead += slice.fetch_ahead(&[field], &chunks[k..]).map_err(Failure::input)?;
         }
-        // Only element M00 of each matrix is summed: skip chunks that do not contain M00.
+        // Only element M00 of each matrix is summed, so chunks that do not contain M00 are skipped.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
         let stokes: Vec<usize> = stokes.iter().filter_map(|k| layout.find(*k)).collect();
         if stokes.iter().any(|&i| start[i] > 0) {

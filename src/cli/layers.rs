@@ -1,4 +1,4 @@
-//! The `sunstone layers` command: ground truth of every camera pixel.
+//! The `sunstone layers` command, which writes the ground truth of every camera pixel.
 
 use crate::{Failure, bail, places, print};
 use serde_json::{Map, json};

@@ -1,4 +1,4 @@
-//! The `sunstone learn` command: optimizes capture schemes.
+//! The `sunstone learn` command, which optimizes capture schemes.
 
 use crate::pbrdf::data::MaterialSource;
 use crate::scheme::{SensorArgument, picture, save, table};
@@ -130,8 +130,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if several && a.angles.is_some() {
         bail!("--angles draws a single scheme; pass only one value of -k, --sensor and --estimator");
     }
-    // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
-    // needed.
+    // The noise of a full-rank least-squares estimate does not depend on the material, so the data might not
+    // be needed.
     let needed = a.figure.is_some()
         || a.save_prior.is_some()
         || a.angle_error > 0.0

@@ -1,5 +1,5 @@
-//! Implements the command line, with one module for each command. Only the program `sunstone` and
-//! the same command in the Python package use this crate.
+//! Implements the command line, with one module for each command. Only the program `sunstone` and the command
+//! `sunstone` of the Python package use this crate.
 // These docs are the text of --help, in which <name> is a placeholder and not an HTML tag.
 #![allow(rustdoc::invalid_html_tags)]
 
@@ -142,7 +142,7 @@ pub fn run() -> ExitCode {
     run_words(std::env::args_os()).into()
 }
 
-/// Does the same as [`run`] with the given arguments, of which the first is the program's name.
+/// Runs the command as [`run`] does, with the given arguments. The first argument is the program's name.
 /// Returns the exit code.
 pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(words) {

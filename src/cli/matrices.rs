@@ -1,4 +1,4 @@
-//! Reads the Mueller matrices that commands use: an array, or a slice of a store.
+//! Reads the Mueller matrices that commands use. The source is an array or a slice of a store.
 
 use crate::{Failure, bail, source};
 use std::path::PathBuf;

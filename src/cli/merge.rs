@@ -1,4 +1,4 @@
-//! The `sunstone merge` command: merges renders or joins parts.
+//! The `sunstone merge` command, which merges renders or joins parts.
 
 use crate::{Failure, places, print_path};
 use std::path::PathBuf;

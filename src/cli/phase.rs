@@ -1,4 +1,4 @@
-//! The `sunstone phase` command: scattering by participating media.
+//! The `sunstone phase` command, which prints the scattering of participating media.
 
 use crate::source::choose;
 use crate::{Failure, bail, places, print, print_path};

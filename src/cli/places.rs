@@ -1,5 +1,5 @@
-//! Checks the paths that a command reads and writes: no output is an input, no two outputs have the
-//! same path, and extensions match the formats.
+//! Checks the paths that a command reads and writes. No output may be an input, no two outputs may have the
+//! same path, and extensions must match the formats.
 
 use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use sunstone::base::whole_file::{is_same, real};
 use sunstone::store::place::is_address;
 use sunstone::store::zarr::around;
 
-/// Known file extensions. A folder or a store with such an extension is assumed to be a mistake.
+/// Known file extensions. A folder or a store with one of these extensions is assumed to be a mistake.
 const OF_FILES: [&str; 28] = [
     "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat",
     "nc", "npy", "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
@@ -47,7 +47,7 @@ pub fn folders<'a>(
     check(inputs, outputs)
 }
 
-/// Applies the checks of [`folders`] to a store, unless it is an address of an object store.
+/// Applies the checks of [`folders`] to a store, unless the store is the URL of an object store.
 pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a PathBuf) -> Result<(), Failure> {
     if !is_address(output) {
         return folders(inputs.into_iter().map(Some), [Some(output)]);
@@ -162,7 +162,7 @@ fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
 }
 
-/// Parses a number that satisfies a condition; otherwise returns an error message with `expected`.
+/// Parses a number. If the number does not satisfy the condition, returns an error message with `expected`.
 pub fn number(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|v| is_good(*v)).ok_or_else(|| expected.to_owned())
 }

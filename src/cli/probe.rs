@@ -1,4 +1,4 @@
-//! The `sunstone probe` command: queries a stored slice.
+//! The `sunstone probe` command, which queries a stored slice.
 
 use crate::source::{Source, slice};
 use crate::{Failure, bail, places, print, print_path};
@@ -136,7 +136,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     places::files(inputs, [Some(path), errors.as_ref()])
 }
 
-/// Reads a projector pattern as linear brightness, 0..1, as for masks in a scene.
+/// Reads a projector pattern as linear brightness from 0 to 1, as for masks in a scene.
 fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     let image = input::open(path)
         .map_err(image::ImageError::from)
@@ -179,7 +179,8 @@ fn csv(r: &ProbeResult) -> String {
     text
 }
 
-/// Formats a result: all values of a small result, the axes and the extreme values of a large result.
+/// Formats a result. The text contains all values of a small result, or the axes and the extreme values of a
+/// large result.
 fn summary(r: &ProbeResult) -> String {
     let mut text = String::new();
     let axes: Vec<String> =

@@ -9,10 +9,11 @@ use sunstone::render::{Summary, Watch};
 /// Whether the user pressed Ctrl-C.
 pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Installs the Ctrl-C handler: the first Ctrl-C sets [`INTERRUPTED`], the second exits
-/// immediately. `what` names, in the message, the work that is finished first.
+/// Installs the Ctrl-C handler. The first Ctrl-C sets [`INTERRUPTED`]. The second Ctrl-C exits immediately.
+/// `what` is the name, in the message, of the work that is finished before the exit.
 pub fn stop_on_interrupt(what: &'static str) {
-    // Python runs several commands in one process; the flag of an earlier one must not stop this one.
+    // Python runs several commands in one process. The flag of an earlier command must not stop a later
+    // command.
     INTERRUPTED.store(false, Ordering::Relaxed);
     let _ = ctrlc::set_handler(move || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {

@@ -1,4 +1,4 @@
-//! The `sunstone project` command: projects points of a scene onto the devices' pixels.
+//! The `sunstone project` command, which projects points of a scene onto the devices' pixels.
 
 use crate::{Failure, bail, print};
 use std::fmt::Write;

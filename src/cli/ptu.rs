@@ -1,4 +1,4 @@
-//! The `sunstone ptu` command: files of time-tagged photons from PicoQuant's counters.
+//! The `sunstone ptu` command, which reads and writes files of time-tagged photons from PicoQuant's counters.
 
 mod events;
 
@@ -187,8 +187,8 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     print_path(&a.output)
 }
 
-/// Returns the number of bins of one laser period, or up to the last photon if that photon is later (T3
-/// mode).
+/// Returns the number of bins that cover one laser period. In T3 mode, the bins also cover the last photon if
+/// it is later.
 fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &[u8]) -> usize {
     let period = Plan::period_bins(reader, bin);
     let last = channels.iter().filter_map(|c| {

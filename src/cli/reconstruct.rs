@@ -1,4 +1,4 @@
-//! The `sunstone reconstruct` command: computes Mueller matrices from intensities.
+//! The `sunstone reconstruct` command, which computes Mueller matrices from intensities.
 
 mod arguments;
 mod of_run;
@@ -69,7 +69,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Returns the shape of the pixels: the lengths of the axes after captures and channels.
+/// Returns the shape of the pixels, which consists of the lengths of the axes after captures and channels.
 fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>, Failure> {
     let (k, channels) = (scheme.captures(), scheme.sensor.channels());
     let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
@@ -140,7 +140,8 @@ fn go<T: PixelNumber + NumpyNumber>(
     let along_axis = rays.len() == lanes;
     let work = Work::<T> {
         scheme,
-        // A scheme or prior that does not allow a reconstruction fails here, before anything is written.
+        // A scheme or prior that does not allow a reconstruction causes an error at this point, before
+        // anything is written.
         estimates: Reconstruction::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?,
         options,
         // All time bins of a pixel share the pixel's ray.
@@ -176,7 +177,7 @@ fn go<T: PixelNumber + NumpyNumber>(
                 },
                 files.len() > 1,
             )?;
-            // If no pixel is determined, fail, so that no file is created.
+            // If no pixel is determined, return an error, so that no file is created.
             if done.tally.lost == done.tally.pixels {
                 return Err(nothing_left(&a.source, done.tally.pixels));
             }

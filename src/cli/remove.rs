@@ -1,4 +1,4 @@
-//! The `sunstone remove` command: deletes stores.
+//! The `sunstone remove` command, which deletes stores.
 
 use crate::{Failure, print};
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! The `sunstone render` command: renders a scene file into a store.
+//! The `sunstone render` command, which renders a scene file into a store.
 
 mod arguments;
 mod progress;

@@ -1,4 +1,4 @@
-//! The `sunstone rig` command: executes plans with real or simulated instruments.
+//! The `sunstone rig` command, which executes plans with real or simulated instruments.
 
 mod calibrate;
 mod check;

@@ -1,4 +1,4 @@
-//! The `sunstone scheme` command: makes, prints and checks capture schemes.
+//! The `sunstone scheme` command, which makes, prints and checks capture schemes.
 
 use crate::{Failure, bail, figure, output, places, print, print_path};
 use clap::ValueEnum;
@@ -118,7 +118,7 @@ fn show(a: &Show) -> Result<(), Failure> {
     print(table(&schemes, &rays).trim_end())
 }
 
-/// Maximum number of captures of a scheme: approximately the number that a rig can take in one day.
+/// Maximum number of captures of a scheme, which is approximately the number that a rig can take in one day.
 const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
@@ -138,7 +138,7 @@ pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     output::write(path, text.as_bytes())
 }
 
-/// Formats a table with a row for each scheme and wavelength.
+/// Formats a table that has a row for each scheme and wavelength.
 pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
     let mut out = String::from(
         "scheme                captures  nm    rank  condition  error variance     bound  over bound\n",

@@ -1,4 +1,4 @@
-//! The `sunstone shard` command: copies a store into shards.
+//! The `sunstone shard` command, which copies a store into shards.
 
 use crate::{Failure, places, print_path};
 use std::path::PathBuf;

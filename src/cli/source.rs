@@ -1,4 +1,4 @@
-//! Opens the inputs of commands: a slice of a store, or an item of a file.
+//! Opens the inputs of commands. An input is a slice of a store, or an item of a file.
 
 use crate::{Failure, bail};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub struct Source {
     pub partial: bool,
 }
 
-/// Opens a store for reading; an unfinished store is an error unless `partial` is set.
+/// Opens a store for reading. An unfinished store is an error unless `partial` is true.
 pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
     let open = if partial { TensorStore::open_partial } else { TensorStore::open };
     open(path).map_err(Failure::input)
@@ -38,7 +38,7 @@ pub fn choose(file: &Path, kind: [&str; 2], names: &[String], name: Option<&str>
     }
 }
 
-/// Opens a store and a slice of it.
+/// Opens a store and a slice of the store.
 pub fn slice(path: &Path, name: &str, partial: bool) -> Result<(TensorStore, StoredSlice), Failure> {
     let store = store(path, partial)?;
     let slice = store.slice(name).map_err(Failure::input)?;

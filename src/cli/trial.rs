@@ -1,4 +1,4 @@
-//! The `sunstone trial` command: compares capture schemes on known matrices.
+//! The `sunstone trial` command, which compares capture schemes on known matrices.
 
 use crate::capture::NoiseArguments;
 use crate::matrices::{MatrixSource, image};

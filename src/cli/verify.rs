@@ -1,4 +1,4 @@
-//! The `sunstone verify` command: checks a store.
+//! The `sunstone verify` command, which checks a store.
 
 use crate::{Failure, print};
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! An analog output card, which outputs voltages at a sample clock of the card, for example to galvo mirrors.
+//! An analog output card. The card outputs voltages at its sample clock, for example to galvo mirrors.
 //!
 //! Writing a buffer, starting it and waiting for its end are separate calls. At the end of a
 //! buffer, the card holds the voltage of the last sample.
@@ -28,7 +28,7 @@ impl AnalogLimits {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// Returns the output voltage for a requested voltage (volts): the nearest that the card can output.
+    /// Returns the voltage that the card can output and that is nearest to a requested voltage, in volts.
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
         let code = ((volts - self.volts[0]) / self.step()).round();
@@ -38,7 +38,7 @@ impl AnalogLimits {
     /// Checks that the card supports the settings.
     ///
     /// # Errors
-    /// Returns a message if a setting is not supported; the message names this setting.
+    /// Returns a message that names the setting, if a setting is not supported.
     pub fn check(&self, settings: &AnalogSettings) -> Result<(), String> {
         let known = settings.channels.iter().all(|c| *c < self.channels);
         let once =
@@ -60,8 +60,8 @@ impl AnalogLimits {
         Ok(())
     }
 
-    /// Checks that the card can output a buffer, which has one list of voltages (volts) per channel, all of
-    /// equal length.
+    /// Checks that the card can output a buffer. A buffer has one list of voltages (volts) per channel, and
+    /// all lists have equal length.
     ///
     /// # Errors
     /// Returns a message with the cause if the card cannot output the buffer.
@@ -99,19 +99,23 @@ pub struct AnalogSettings {
 pub trait AnalogOutput: Instrument {
     fn limits(&self) -> AnalogLimits;
 
-    /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
+    /// Sets channels and rate for all subsequent buffers. Discards a buffer that was written earlier.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (invalid settings), refused (a buffer is playing), timeout or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: settings are invalid
+    /// - refused: a buffer is playing
+    /// - timeout or disconnected
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Loads a buffer into the card's memory: one list of voltages (volts) per driven channel, all of equal
-    /// length.
+    /// Loads a buffer into the card's memory. A buffer has one list of voltages (volts) per driven channel,
+    /// and all lists have equal length.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit ([`AnalogLimits::check_buffer`]), refused (not configured, or a
-    /// buffer is playing) or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: the card cannot output the buffer ([`AnalogLimits::check_buffer`])
+    /// - refused: the card is not configured, or a buffer is playing
+    /// - disconnected
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.
@@ -123,8 +127,11 @@ pub trait AnalogOutput: Instrument {
     /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind timeout (still playing), stalled (stopped early), refused (not
-    /// started) or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - timeout: the buffer is still playing
+    /// - stalled: the output stopped early
+    /// - refused: the output was not started
+    /// - disconnected
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Stops the output immediately at the current voltage. Has no effect if no buffer was started.

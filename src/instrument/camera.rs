@@ -1,10 +1,10 @@
-//! An area camera: regions of interest, pixel formats, triggers, and frames of raw digital numbers.
+//! An area camera with regions of interest, pixel formats, triggers, and frames of raw digital numbers.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Encoding of a frame's digital numbers, with the names of GenICam (PFNC 2.4).
+/// Encoding of a frame's digital numbers. The names are those of GenICam (PFNC 2.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
     /// 8 bits per pixel.
@@ -30,7 +30,7 @@ impl PixelFormat {
         }
     }
 
-    /// Returns GenICam's name of the format.
+    /// Returns the name of the format in GenICam.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mono8 => "Mono8",
@@ -40,13 +40,13 @@ impl PixelFormat {
         }
     }
 
-    /// Returns the number of bytes of `pixels` pixels; packed formats are padded to a full byte.
+    /// Returns the number of bytes of `pixels` pixels. Packed formats are padded to a full byte.
     pub fn bytes(self, pixels: usize) -> usize {
         (pixels * self.bits() as usize).div_ceil(8)
     }
 }
 
-/// Region of the sensor that is read: first column, first row, and numbers of columns and rows.
+/// Region of the sensor that the camera reads: first column, first row, and numbers of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     pub x: u32,
@@ -140,9 +140,9 @@ pub struct RawFrame {
     pub region: Region,
     /// Encoding of `bytes`.
     pub format: PixelFormat,
-    /// Pixel data, rows from the top without padding; its length is [`PixelFormat::bytes`] of all pixels.
+    /// Pixel data, rows from the top without padding. The length is [`PixelFormat::bytes`] of all pixels.
     pub bytes: Vec<u8>,
-    /// Number of the frame, counted by the camera since power-on. A gap indicates a lost frame.
+    /// Number of the frame. The camera counts frames since power-on. A gap indicates a lost frame.
     pub number: u64,
     /// Camera clock at the start of the exposure, in nanoseconds.
     pub timestamp_ns: u64,
@@ -154,19 +154,24 @@ pub trait AreaCamera: Instrument {
     /// Applies the settings to all subsequent exposures.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (names the setting that is out of range), timeout or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: a setting is out of range, and the message names the setting
+    /// - timeout or disconnected
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts one exposure and returns immediately.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind refused (not configured, or an exposure is in progress) or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - refused: the camera is not configured, or an exposure is in progress
+    /// - disconnected
     fn expose(&mut self) -> Result<(), Failure>;
 
     /// Waits for the frame of the exposure in progress.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind timeout (the frame was lost; another exposure may start) or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - timeout: the frame was lost, and another exposure can be started
+    /// - disconnected
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure>;
 }

@@ -1,4 +1,4 @@
-//! Failures of instruments. The [`Fault`] of a failure determines how a session reacts.
+//! Failures of instruments. The [`Fault`] of a failure determines how a session reacts to it.
 
 use thiserror::Error;
 
@@ -14,7 +14,7 @@ pub enum Fault {
     Stalled,
     /// The connection was lost or replies were invalid. The session reconnects, then retries the request.
     Disconnected,
-    /// The sensor or counter saturated. A plan can specify that the session then suspends.
+    /// The sensor or counter saturated. A plan can specify that the session suspends after this failure.
     Saturated,
     /// The instrument refused the request (busy, interlock, wrong state). The session reports the refusal.
     Refused,
@@ -42,14 +42,14 @@ impl Fault {
     }
 }
 
-/// A failure: its kind, the instrument, and a message with the cause and the fix.
+/// A failure, given by its kind, the instrument, and a message with the cause and the fix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{instrument}: {}: {what}", fault.name())]
 pub struct Failure {
     pub fault: Fault,
     /// Name of the instrument in the rig file.
     pub instrument: String,
-    /// Message: what happened and how to fix it.
+    /// Message that states what happened and how to fix it.
     pub what: String,
 }
 

@@ -30,10 +30,12 @@ impl GalvoLimits {
 pub trait GalvoScanner: Instrument {
     fn limits(&self) -> GalvoLimits;
 
-    /// Points the beam to optical angles from the axis (x and y, in degrees), waits until it has settled, and
-    /// returns the angles that the mirrors' sensors report.
+    /// Points the beam to optical angles from the axis (x and y, in degrees), and waits until the beam has
+    /// settled. Returns the angles that the mirrors' sensors report.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (an angle is out of range), timeout, stalled or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: an angle is out of range
+    /// - timeout, stalled or disconnected
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure>;
 }

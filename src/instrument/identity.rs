@@ -14,7 +14,7 @@ pub struct Identity {
 
 /// An instrument. Only one thread uses an instrument at a time. An instrument can be moved to another thread.
 pub trait Instrument: Send {
-    /// Returns the instrument's name in the rig file. Messages contain this name.
+    /// Returns the instrument's name in the rig file. Messages contain the instrument's name.
     fn name(&self) -> &str;
 
     /// Queries the identity of the instrument. A reply also proves that the connection works.
@@ -48,7 +48,7 @@ pub trait Instrument: Send {
         Err(self.failure(fault, what))
     }
 
-    /// Returns the temperature in degrees Celsius, if the instrument measures it.
+    /// Returns the temperature in degrees Celsius, if the instrument measures the temperature.
     fn temperature_c(&mut self) -> Option<f64> {
         None
     }

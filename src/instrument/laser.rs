@@ -28,7 +28,7 @@ impl LaserLimits {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserState {
-    /// Whether light is emitted.
+    /// Whether the laser emits light.
     pub emitting: bool,
     /// Pulses per second.
     pub rate_hz: f64,
@@ -39,10 +39,13 @@ pub struct LaserState {
 pub trait PulsedLaser: Instrument {
     fn limits(&self) -> LaserLimits;
 
-    /// Switches the emission on with a pulse rate in hertz, or switches the emission off.
+    /// Switches the emission on with a pulse rate in hertz, or off.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (rate out of range), refused (interlock), timeout or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: the rate is out of range
+    /// - refused: an interlock prevents the emission
+    /// - timeout or disconnected
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
     /// Queries the emission state, pulse rate and power.

@@ -1,8 +1,8 @@
-//! Interfaces of instruments: one trait for each kind of instrument, and one small set of failures.
+//! Interfaces of instruments: one trait for each kind of instrument, and one type of failure.
 //!
-//! Every call has a deadline (`within`): it succeeds or returns a [`Failure`] before the deadline. A session
-//! uses instruments only through these traits, so simulated, real and third-party instruments are
-//! interchangeable. `rig::conformance` checks that an instrument follows this specification.
+//! Every call has a deadline (`within`) and succeeds or returns a [`Failure`] before the deadline. A session
+//! uses instruments only through the traits of this crate, so simulated, real and third-party instruments are
+//! interchangeable. `rig::conformance` checks that an instrument follows the specification of its trait.
 
 pub mod analog_output;
 pub mod camera;

@@ -1,10 +1,12 @@
-//! A projector that displays patterns from its memory: a DMD, or a light source that is on or off.
+//! A projector that displays patterns from its memory. The projector is a DMD, or a light source that is on
+//! or off.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// A pattern of `width` × `height` pixels: one byte per pixel, rows from the top, 255 for full intensity.
+/// A pattern of `width` × `height` pixels. Each pixel is one byte, rows from the top, and 255 is full
+/// intensity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     pub width: u32,
@@ -19,7 +21,7 @@ pub struct ProjectorLimits {
     pub size: [u32; 2],
     /// Maximum number of patterns in memory.
     pub patterns: usize,
-    /// Bits per pixel; 1 for a binary projector.
+    /// Bits per pixel, 1 for a binary projector.
     pub bits: u8,
     /// Shortest display time of a pattern.
     pub shortest: Duration,
@@ -41,7 +43,7 @@ impl ProjectorLimits {
 /// Returns entry number `pattern`, from 0, of a projector's list of loaded patterns.
 ///
 /// # Errors
-/// Returns a message if the list has no such entry.
+/// Returns a message if the list has no entry with this number.
 pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
     let found = loaded.get(pattern).cloned();
     found.ok_or_else(|| {
@@ -52,17 +54,21 @@ pub fn loaded<T: Clone>(loaded: &[T], pattern: usize) -> Result<T, String> {
 pub trait PatternProjector: Instrument {
     fn limits(&self) -> ProjectorLimits;
 
-    /// Loads patterns, numbered from 0, which replace all earlier patterns.
+    /// Loads patterns, numbered from 0. The loaded patterns replace all earlier patterns.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (number, size, or gray levels on a binary projector), timeout or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: the number or the size of the patterns is out of range, or a pattern for a binary projector
+    ///   has grey levels
+    /// - timeout or disconnected
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
     /// Displays a loaded pattern until the next call, and returns when the light is stable.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (no such pattern), timeout, disconnected or refused.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: no pattern with this number is loaded
+    /// - timeout, disconnected or refused
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
     /// Turns off the light of the projector.

@@ -9,7 +9,7 @@ use std::time::Duration;
 pub struct CounterLimits {
     /// Maximum number of bins in a histogram.
     pub bins: usize,
-    /// Width of the finest bin, in picoseconds. Other widths are this width times powers of two.
+    /// Width of the finest bin, in picoseconds. Every other width is the finest width times a power of two.
     pub finest_ps: f64,
     /// Longest acquisition time.
     pub longest: Duration,
@@ -29,24 +29,24 @@ pub struct CounterSettings {
     pub dwell: Duration,
     /// Offset added to the sync time, in picoseconds.
     pub offset_ps: f64,
-    /// Whether the counter returns time tags (every photon with its pulse and its bin) instead of a
-    /// histogram.
+    /// Whether the counter returns time tags instead of a histogram. A time tag holds the pulse and the bin
+    /// of a photon.
     pub tags: bool,
 }
 
 /// Result of one acquisition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histogram {
-    /// Counts by bin; empty in time-tag mode.
+    /// Counts by bin. The list is empty in time-tag mode.
     pub counts: Vec<u32>,
-    /// Raw time-tag records of the type in [`CounterLimits::tags`]. Syncs are counted from the start; a unit
-    /// of `dtime` is one bin.
+    /// Raw time-tag records of the type in [`CounterLimits::tags`]. Syncs are counted from the start of the
+    /// acquisition. A unit of `dtime` is one bin.
     pub records: Vec<u32>,
     /// Number of laser pulses during the acquisition.
     pub pulses: u64,
-    /// Number of the acquisition, counted by the photon counter.
+    /// Number of the acquisition. The photon counter counts its acquisitions.
     pub number: u64,
-    /// Time of the counter's clock at the start of the acquisition, in nanoseconds.
+    /// Clock of the counter at the start of the acquisition, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
@@ -56,19 +56,24 @@ pub trait PhotonCounter: Instrument {
     /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (unsupported settings), timeout or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: a setting is not supported
+    /// - timeout or disconnected
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind refused (not configured, or an acquisition is in progress) or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - refused: the counter is not configured, or an acquisition is in progress
+    /// - disconnected
     fn begin(&mut self) -> Result<(), Failure>;
 
     /// Waits for the end of the acquisition and returns its result.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind timeout, saturated (a bin is full) or disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - saturated: a bin is full
+    /// - timeout or disconnected
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure>;
 }

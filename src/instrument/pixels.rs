@@ -1,8 +1,8 @@
-//! Packing and unpacking of digital numbers (PFNC 2.4: packed formats start with the least significant bit).
+//! Packs and unpacks digital numbers. Packed formats start with the least significant bit (PFNC 2.4).
 
 use super::camera::{PixelFormat, RawFrame};
 
-/// Packs numbers into a format; larger numbers are clamped to the format's maximum.
+/// Packs numbers into a format. Numbers above the format's maximum are clamped to the maximum.
 pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     let bits = format.bits();
     let most = (1_u32 << bits) - 1;
@@ -23,7 +23,8 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     bytes
 }
 
-/// Unpacks a frame's numbers, rows from the top; `None` if the length does not match region and format.
+/// Unpacks a frame's numbers, rows from the top. Returns `None` if the length does not match region and
+/// format.
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
     let bits = frame.format.bits();
     let pixels = u128::from(frame.region.width) * u128::from(frame.region.height);

@@ -4,11 +4,11 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Limits of a rotation stage. Angles are those of the stage's scale, in degrees. The calibration maps
-/// these angles to the axis of the optical element.
+/// Limits of a rotation stage. Angles are those of the stage's scale, in degrees. The calibration maps the
+/// stage's angles to the axis of the optical element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageLimits {
-    /// Minimum and maximum angle, in degrees; infinite for unlimited rotation.
+    /// Minimum and maximum angle, in degrees. The values are infinite for unlimited rotation.
     pub range_deg: [f64; 2],
     /// Maximum speed, in degrees per second.
     pub velocity: f64,
@@ -55,7 +55,7 @@ pub struct StageReading {
 pub trait RotationStage: Instrument {
     fn limits(&self) -> StageLimits;
 
-    /// Homes the stage, and waits until the stage is homed.
+    /// Homes the stage, and waits until homing has ended.
     ///
     /// # Errors
     /// Returns a [`Failure`] of kind timeout, stalled or disconnected.
@@ -65,15 +65,19 @@ pub trait RotationStage: Instrument {
     /// replaces a move in progress.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit (outside [`StageLimits::range_deg`]), refused (not homed) or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: the angle is outside [`StageLimits::range_deg`]
+    /// - refused: the stage is not homed
+    /// - disconnected
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
     /// Waits for the end of the move and returns the encoder's reading.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind timeout (still moving), stalled (stopped short of the goal) or
-    /// disconnected.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - timeout: the stage is still moving
+    /// - stalled: the stage stopped short of the goal
+    /// - disconnected
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
     /// Reads the position and the state of the stage.

@@ -20,12 +20,12 @@ impl PtuError {
         Self { file: file.to_owned(), offset: Some(offset), what: what.into(), fix: fix.into() }
     }
 
-    /// Creates an error of a request that concerns the whole file.
+    /// Creates the error for a request that concerns the whole file.
     pub(super) fn of_request(file: &Path, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { offset: None, ..Self::new(file, 0, what, fix) }
     }
 
-    /// Creates an error of a failed read.
+    /// Creates the error for a failed read.
     pub(super) fn io(file: &Path, offset: u64, cause: &std::io::Error) -> Self {
         Self::new(file, offset, cause.to_string(), "pass a readable .ptu file")
     }

@@ -1,4 +1,4 @@
-//! The header of a `.ptu` file: magic, version, and tags up to `Header_End`.
+//! The header of a `.ptu` file, which consists of magic, version, and tags up to `Header_End`.
 
 use super::error::PtuError;
 use super::record::{Mode, RecordType};
@@ -22,7 +22,7 @@ pub struct Header {
     pub tags: Vec<Tag>,
 }
 
-/// A source of known length with the current read position.
+/// A source of known length, and the current read position.
 struct Bytes<'a, R> {
     source: R,
     file: &'a Path,
@@ -48,7 +48,7 @@ impl<R: Read> Bytes<'_, R> {
 /// Reads a header from the start of a file of `length` bytes. Returns the header and the offset of
 /// the first record in bytes.
 ///
-/// No memory is allocated for sizes that the file cannot contain.
+/// Sizes that the file cannot contain do not cause memory allocations.
 ///
 /// # Errors
 /// Returns [`PtuError`] with the offset of the invalid tag.
@@ -103,7 +103,7 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
     }
 }
 
-/// Decodes ASCII up to the first zero byte. Other bytes are replaced.
+/// Decodes ASCII up to the first zero byte. Non-ASCII bytes are replaced.
 fn ascii(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
@@ -158,8 +158,8 @@ impl Header {
         self.number(name).filter(|s| s.is_finite() && *s > 0.0)
     }
 
-    /// Returns the duration of a count of the time tag in seconds, if positive; in T3, a count is
-    /// one laser period.
+    /// Returns the duration of a count of the time tag in seconds, if positive. In T3, a count is one laser
+    /// period.
     pub fn global_resolution_s(&self) -> Option<f64> {
         self.resolution_s(Mode::T2)
     }
@@ -167,8 +167,10 @@ impl Header {
     /// Returns the record type.
     ///
     /// # Errors
-    /// Returns [`PtuError`] if the header states no type, an unknown type, a type that contradicts
-    /// `Measurement_Mode`, or records that are not 32 bits long.
+    /// Returns [`PtuError`] in these cases:
+    /// - the header states no type or an unknown type;
+    /// - the type contradicts `Measurement_Mode`;
+    /// - the records are not 32 bits long.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
         let Some(code) = self.int("TTResultFormat_TTTRRecType") else {
@@ -206,8 +208,8 @@ impl Header {
     /// Encodes the header, including `Header_End`.
     ///
     /// # Errors
-    /// Returns a message if a name is too long, a text does not fit its type, or `Header_End` is among the
-    /// tags.
+    /// Returns a message if a name is too long, if a text does not fit its type, or if `Header_End` is among
+    /// the tags.
     pub fn write(&self) -> Result<Vec<u8>, String> {
         let mut out = MAGIC.to_vec();
         let mut version = [0; 8];

@@ -1,7 +1,8 @@
 //! Time histograms of a file, by channel and by pixel of a scan, in one pass over its records.
 //!
 //! Each photon requires two table look-ups (the channel's first bin and the bin of the photon's time), one
-//! comparison and one addition. Photons outside the histogram are counted by reason ([`LeftOut`]).
+//! comparison and one addition. Photons outside the histogram are counted by the reason for their exclusion
+//! ([`LeftOut`]).
 
 use super::error::PtuError;
 use super::reader::Reader;
@@ -9,7 +10,7 @@ use super::record::{Layout, Mode, Parts, RecordType, with_layout};
 use super::scan::{Beam, Scan};
 use std::io::Read;
 
-/// Maximum number of elements of a histogram: 2 GiB.
+/// Maximum number of elements of a histogram, equal to 2 GiB.
 pub const MOST: usize = 1 << 29;
 
 /// A bin index beyond every histogram.
@@ -48,7 +49,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Returns the reason why the plan is invalid and the fix, or `None` if the plan is valid.
+    /// Returns the reason why the plan is invalid, and the fix. Returns `None` if the plan is valid.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements.zip(self.pixels()).and_then(|(row, pixels)| row.checked_mul(pixels));
@@ -85,17 +86,19 @@ pub struct LeftOut {
     pub later: u64,
     /// The latest time of the photons counted in [`Self::later`], in time counts since the sync pulse.
     pub latest: u64,
-    /// Photons of a first frame with missing first lines or pixels, so that the photons' pixels are unknown.
+    /// Photons of a first frame whose first lines or pixels are missing. The pixels of these photons are
+    /// unknown.
     pub torn_frame: u64,
 }
 
 impl LeftOut {
-    /// Returns the total number of photons left out.
+    /// Returns the total number of excluded photons.
     pub fn photons(&self) -> u64 {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }
 
-    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a count.
+    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a time count in
+    /// seconds.
     pub fn describe(&self, resolution_s: Option<f64>) -> String {
         let latest = match resolution_s {
             Some(s) => format!("{:.3} ns", self.latest as f64 * s * 1e9),
@@ -119,7 +122,7 @@ impl LeftOut {
 pub struct Histograms {
     /// Rows, columns, channels and bins. Without a scan there is one row and one column.
     pub shape: [usize; 4],
-    /// Counts; the last axis varies fastest.
+    /// Counts. The last axis varies fastest.
     pub counts: Vec<u32>,
     pub photons: u64,
     pub left_out: LeftOut,
@@ -165,7 +168,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     };
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
-    // Index of the first element and number of elements of the current pixel. The number is zero if the
+    // Index of the first element and number of elements of the current pixel. The number is zero while the
     // beam is outside all pixels.
     let place = |beam: &Beam| beam.pixel.map_or((0, 0), |p| (p * row as usize, row));
     let (mut base, mut room) = place(&beam);
@@ -245,7 +248,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
 /// Returns [`PtuError`] in these cases:
 /// - the plan does not fit the file or exceeds [`MOST`];
 /// - a bin has 2³² − 1 counts or more;
-/// - no photon is in any bin (with the reason: no markers or sync pulses, other channels, later bins);
+/// - no photon is in any bin (the error states the reason);
 /// - the system cannot read the file.
 pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histograms, PtuError> {
     let (found, nothing) = possibly_empty_histogram(reader, plan)?;
@@ -253,7 +256,7 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
 }
 
 /// Computes a histogram as [`histogram`] does, but accepts a histogram without photons, such as that of a
-/// dark pixel. The second value is then the reason why there are no photons.
+/// dark pixel. If there are no photons, the second value is the reason.
 ///
 /// # Errors
 /// Returns the same errors as [`histogram`], except for an empty histogram.
@@ -334,7 +337,7 @@ pub fn possibly_empty_histogram<R: Read>(
     Ok((found, empty))
 }
 
-/// Returns the reason why no photon is in a bin, and the fix.
+/// Returns the reason why no photon is in any bin, and the fix.
 fn nothing(plan: &Plan, state: &State, record: RecordType, resolution_s: Option<f64>) -> (String, String) {
     if state.photons == 0 {
         let what = format!("the file contains no photons ({} records of unknown type)", state.unknown);

@@ -1,4 +1,4 @@
-//! Tests of images: the assignment of photons to pixels, and the counts of photons outside all pixels.
+//! Tests the assignment of photons to the pixels of images, and the counts of photons outside all pixels.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};
@@ -8,13 +8,14 @@ use super::scan::{Clock, Scan};
 use super::tag::{Tag, Value};
 use super::tests::{bytes_of, counted, even, open};
 
-/// Tests that photons of a scan belong to the pixel whose markers enclose the photons, and that photons
-/// between pixels belong to no pixel.
+/// Tests that photons between the markers of a pixel belong to that pixel, and that photons between pixels
+/// belong to no pixel.
 #[test]
 fn markers_assign_photons_to_pixels() {
     let plan = |clock| plan(8, Some(Scan { width: 2, height: 2, bidirectional: false, clock }));
-    // The events are a frame, a photon before the first pixel, pixels 0 and 1, a photon between pixels, a
-    // second frame, pixels 0 to 3 and an excess pixel.
+    // The events are:
+    // - a frame, a photon before the first pixel, pixels 0 and 1, and a photon between pixels
+    // - a second frame, pixels 0 to 3 and an excess pixel
     let events = [
         marker(0, 4),
         photon(1, 0),
@@ -101,8 +102,8 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
     Plan { bin: 1, bins, channels: vec![0], scan }
 }
 
-/// Tests that backward rows are reversed in scans by line markers and by pixel markers. The tag may be a
-/// boolean or a number.
+/// Tests that backward rows are reversed in scans by line markers and by pixel markers. The value of the tag
+/// can be a boolean or a number.
 #[test]
 fn backward_rows_are_reversed() {
     for (tag, back) in [
@@ -114,8 +115,8 @@ fn backward_rows_are_reversed() {
     ] {
         let scan = Scan::of_header(&image_header(&[("ImgHdr_BiDirect", tag)])).expect("a scan");
         assert_eq!((scan.width, scan.height, scan.bidirectional), (3, 4, back));
-        // Row y has y + 1 photons in the last pixel of its sweep: column 2 of rows 0 and 2, column 0 of rows
-        // 1 and 3.
+        // Row y has y + 1 photons in the last pixel of its sweep. This pixel is in column 2 of rows 0 and 2,
+        // and in column 0 of rows 1 and 3.
         let (mut lines, mut pixels) = (vec![], vec![]);
         for y in 0..4 {
             let begin = 1000 * (y + 1);
@@ -232,8 +233,8 @@ fn empty_histograms_are_refused() {
     }
 }
 
-/// Tests that lines before the first frame marker are excluded if they are too few for a frame, and that an
-/// incomplete last frame is kept.
+/// Tests that lines before the first frame marker are excluded if they are too few for a frame. An incomplete
+/// last frame is kept.
 #[test]
 fn incomplete_frames_are_skipped_only_at_the_beginning() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");

@@ -1,8 +1,8 @@
 //! Reads and writes PicoQuant's `.ptu` files of time-tagged photons as streams, and computes histograms.
 //!
-//! A file is a header of tags ([`tag`], [`header`]) followed by records of 4 bytes each ([`record`]). The
+//! A file consists of a header of tags ([`tag`], [`header`]) and of records of 4 bytes each ([`record`]). The
 //! reader keeps only one block of records in memory ([`reader`]). The layouts follow PicoQuant's published
-//! file format descriptions and are checked against the Python package `ptufile`.
+//! descriptions of the file format. The layouts are checked against the Python package `ptufile`.
 
 pub mod error;
 pub mod header;

@@ -1,11 +1,11 @@
-//! Detects header tags that change the meaning of the records but are not used.
+//! Detects header tags that change the meaning of the records but that the reader does not use.
 
 use super::header::Header;
 use super::record::Mode;
 use super::scan::{Scan, is_bidirectional};
 
-/// Name prefixes of tags that describe the file, the program, the hardware or results. These tags are not
-/// known to affect a photon's channel, time or pixel.
+/// Name prefixes of tags that describe the file, the program, the hardware or results. No tag with one of
+/// these prefixes is known to affect a photon's channel, time or pixel.
 const DESCRIPTIVE: [&str; 22] = [
     "$",
     "CreatorSW_",
@@ -31,8 +31,8 @@ const DESCRIPTIVE: [&str; 22] = [
     "View",
 ];
 
-/// Image tags that [`Scan::of_header`] reads, and image tags that state the image's position and the
-/// planned number of frames.
+/// Image tags that [`Scan::of_header`] reads, and tags that state the position of the image and the planned
+/// number of frames.
 const IMAGE: [&str; 18] = [
     "ImgHdr_BiDirect",
     "ImgHdr_Dimensions",
@@ -54,8 +54,8 @@ const IMAGE: [&str; 18] = [
     "ReqHdr_ScanningPattern",
 ];
 
-/// Returns a note for each header tag that may change the meaning of the records and that a histogram ignores
-/// or interprets ambiguously.
+/// Returns notes on header tags that may change the meaning of the records. There is one note for each tag
+/// that a histogram ignores or interprets ambiguously.
 pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let mut notes = vec![];
     let is = |name: &str| header.number(name).unwrap_or(0.0);

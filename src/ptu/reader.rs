@@ -51,8 +51,8 @@ impl Reader<BufReader<File>> {
     /// Opens a regular file and reads its header.
     ///
     /// # Errors
-    /// Returns [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown
-    /// type.
+    /// Returns [`PtuError`] if the file is missing, is not a `.ptu` file, is damaged, or has records of an
+    /// unknown type.
     pub fn open(path: &Path) -> Result<Self, PtuError> {
         let failed = |e| PtuError::io(path, 0, &e);
         let file = base::input::open(path).map_err(failed)?;
@@ -104,7 +104,8 @@ impl<R: Read> Reader<R> {
         self.records
     }
 
-    /// Returns the mismatch between header and file length, if any, for a warning to the user.
+    /// Returns the mismatch between header and file length, or `None` if the lengths agree. The mismatch is
+    /// intended for a warning to the user.
     pub fn mismatch(&self) -> Option<Mismatch> {
         self.mismatch
     }

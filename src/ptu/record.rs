@@ -1,4 +1,4 @@
-//! Records of 32 bits: a photon, a marker, a sync pulse, or a clock overflow.
+//! Records of 32 bits. A record represents a photon, a marker, a sync pulse, or a clock overflow.
 //!
 //! | | from the least significant bit | special | overflow | markers |
 //! |---|---|---|---|---|
@@ -10,7 +10,7 @@
 //! In the first version of the HydraHarp, each overflow record represents one overflow (of 33552000 counts
 //! in T2). In later versions, a count of 0 also represents one overflow.
 
-/// Timing mode of photons: T2 or T3.
+/// Timing mode of photons, T2 or T3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Photons are timed by one clock. Sync pulses are separate events.
@@ -46,7 +46,7 @@ pub enum RecordType {
     GenericT3,
 }
 
-/// Code in headers, name and bit layout of every type, in the order of the variants.
+/// Header code, name and bit layout of every record type, in the order of the variants.
 const TYPES: [(RecordType, u32, &str, Family); 12] = [
     (RecordType::PicoHarpT2, 0x0001_0203, "PicoHarp 300 T2", Family::PicoT2),
     (RecordType::PicoHarpT3, 0x0001_0303, "PicoHarp 300 T3", Family::PicoT3),
@@ -95,8 +95,8 @@ impl RecordType {
         }
     }
 
-    /// Returns the number of the last channel plus 1. Channels count from 0, except those of the PicoHarp in
-    /// T2, which count from 1.
+    /// Returns the number of the last channel plus 1. Channels are numbered from 0, except those of the
+    /// PicoHarp in T2, which are numbered from 1.
     pub fn channels(self) -> u8 {
         match self.family() {
             Family::PicoT2 => 5,
@@ -240,13 +240,13 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// A decoded record. Times since the start, including overflows, are in sync pulses (T3) or clock
-/// counts (T2).
+/// A decoded record. Times are measured from the start and include overflows. The unit is the sync pulse in
+/// T3 and the clock count in T2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     Photon {
         time: u64,
-        /// Time since the sync pulse in counts of `dtime` (T3; 0 in T2).
+        /// Time since the sync pulse in counts of `dtime` (T3), or 0 in T2.
         dtime: u16,
         /// Detector channel, from 0.
         channel: u8,
@@ -256,7 +256,7 @@ pub enum Event {
     /// A signal at one or more of the four marker inputs.
     Marker {
         time: u64,
-        /// Marker inputs; bit 0 is the first.
+        /// Marker inputs. Bit 0 is the first input.
         bits: u8,
     },
     /// The clock overflowed.

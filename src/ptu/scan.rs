@@ -5,9 +5,11 @@ use super::header::Header;
 /// Motion of the beam along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); the mean with [`Self::sine`].
+    /// Duration of a pixel in counts of the time tag (in T3: sync pulses). With [`Self::sine`], this is the
+    /// mean duration.
     pub pixel_time: u64,
-    /// Fraction of a sine's amplitude that a line covers, in (0, 1], or `None` for equal durations.
+    /// Fraction of the amplitude of a sinusoidal sweep that a line covers, in (0, 1], or `None` for pixels of
+    /// equal duration.
     ///
     /// The position follows `sinusoidal_correction` of `ptufile` (`ImgHdr_SinCorrection`: amplitude in
     /// percent).
@@ -27,7 +29,8 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the start of the line, and its time range; `None` after the line.
+    /// Returns the column at a time since the start of the line, and the time range of the column. Returns
+    /// `None` after the end of the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {
@@ -51,12 +54,14 @@ impl Sweep {
     }
 }
 
-/// Meaning of the markers. A marker is a bit: 1 for the first input, 8 for the fourth, 0 for none.
+/// Meaning of the markers. A marker is a bit mask: 1 for the first input, 8 for the fourth input, 0 for no
+/// marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     /// Marker that begins the next line or, without a sweep, the next pixel.
     pub begin: u8,
-    /// Marker that ends the line or the pixel. If 0, the line's last pixel or the next begin marker ends it.
+    /// Marker that ends the line or the pixel. If 0, the last pixel of the line or the next begin marker ends
+    /// the line or the pixel.
     pub end: u8,
     /// Marker that restarts the scan at the first line or pixel.
     pub frame: u8,
@@ -70,7 +75,7 @@ pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }
 
-/// A scan by rows, from the upper left pixel.
+/// A scan by rows that starts at the upper left pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scan {
     /// Number of pixels per row.
@@ -157,7 +162,7 @@ impl Scan {
         self.bidirectional && row % 2 == 1
     }
 
-    /// Returns the pixel at step `n` of a frame, by pixel markers.
+    /// Returns the pixel at step `n` of a frame, for scans by pixel markers.
     fn pixel(&self, n: usize) -> usize {
         let (x, y) = (n % self.width, n / self.width);
         y * self.width + if self.is_backwards(y) { self.width - 1 - x } else { x }
@@ -183,7 +188,7 @@ pub(super) struct Beam {
     line: Option<(u64, usize)>,
     /// Number of pixels or lines that have begun in the file.
     pub begins: u64,
-    /// Number of pixels or lines that began after the last one of a frame.
+    /// Number of pixels or lines that began after the last pixel or line of a frame.
     pub beyond: u64,
     /// Number of frame markers.
     pub frames: u64,
@@ -217,7 +222,7 @@ impl Beam {
         self.scan.is_some_and(|s| s.clock.sweep.is_some())
     }
 
-    /// Updates the state for a marker. Simultaneous markers are processed in the order end, frame, begin.
+    /// Updates the state for a marker. Simultaneous markers are processed in this order: end, frame, begin.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
         let Clock { begin, end, frame, .. } = scan.clock;
@@ -260,8 +265,8 @@ impl Beam {
         let Some(since) = time.checked_sub(begin).filter(|since| *since < duration) else {
             return;
         };
-        // As in `ptufile`, a backward line is a forward line in reversed time, so a count across an edge of
-        // a sinusoidal sweep belongs to the same pixel.
+        // As in `ptufile`, a backward line is a forward line in reversed time. A count that crosses an edge
+        // of a sinusoidal sweep therefore belongs to the same pixel in both directions.
         let back = scan.is_backwards(line);
         let along = if back { duration - 1 - since } else { since };
         if let Some((x, [from, to])) = sweep.column(along, width) {
@@ -276,8 +281,8 @@ impl Beam {
 mod tests {
     use super::*;
 
-    /// Tests that column edges of a sinusoidal sweep are the arcsines of their positions (closed form), for
-    /// every fraction of the amplitude.
+    /// Tests that the column edges of a sinusoidal sweep are the arcsines of their positions (closed form).
+    /// The test covers every fraction of the amplitude.
     #[test]
     fn column_edges_of_a_sine_sweep_are_arcsines() {
         for (percent, width, pixel_time) in [(80.0, 8, 100), (100.0, 5, 37), (1.0, 16, 3), (50.0, 2, 1000)] {
@@ -289,7 +294,7 @@ mod tests {
                 let place = 0.5 * width as f64 * (1.0 + phase.sin() / amplitude);
                 let (x, [from, to]) = sweep.column(since, width).expect("a column");
                 assert!((from..to).contains(&since));
-                // Rounding may put a position on an edge on either side.
+                // Because of rounding, a position on an edge can be on either side.
                 assert!((x as f64 - 1e-5..=x as f64 + 1.0 + 1e-5).contains(&place), "{since}: {x} {place}");
             }
             assert_eq!(sweep.column(line, width), None);

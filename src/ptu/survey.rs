@@ -9,7 +9,7 @@ use std::io::Read;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Survey {
     pub photons: [u64; 64],
-    /// Number of markers by input. A record of two markers counts for both inputs.
+    /// Number of markers by input. A record with two markers counts for both inputs.
     pub markers: [u64; 4],
     /// Number of sync pulses (T2).
     pub syncs: u64,

@@ -5,12 +5,13 @@
 //! random assignment of the counts of a simulated diode therefore has exactly the same distribution as a
 //! simulation of each pulse. The cost is proportional to the number of detections.
 //!
-//! The dead time of a free-running diode correlates neighboring detections. The counts of such a diode are
-//! assigned to pulses independently. This assignment preserves histograms but not the correlation.
+//! The dead time of a free-running diode correlates neighbouring detections. The counts of a free-running
+//! diode are assigned to pulses independently. The independent assignment preserves histograms but not the
+//! correlation.
 
 use optics::sampling::stream::Stream;
 
-/// A detection: its pulse and its bin.
+/// A detection, given by its pulse and its bin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stamp {
     /// Number of the pulse, from 0.
@@ -54,7 +55,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
     stamps
 }
 
-/// Returns `n` ≤ `below` distinct numbers below `below` in ascending order. All sets are equally likely.
+/// Returns `n` ≤ `below` distinct integers in [0, `below`) in ascending order. All sets are equally likely.
 fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     if n.saturating_mul(2) > below {
         // Selection sampling (Knuth, algorithm S).

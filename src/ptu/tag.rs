@@ -1,7 +1,8 @@
-//! One tag of a header: a name, an index in a list, and a value of one of eleven types.
+//! One tag of a header. A tag has a name, an index in a list, and a value of one of eleven types.
 //!
-//! A tag has 48 bytes: name (32, padded with zeros), index (i32, −1: no list), type (u32), value (8). For
-//! types whose code ends in `FFFF`, these 8 bytes contain the length of the value, which follows the tag.
+//! A tag has 48 bytes: name (32 bytes, padded with zeros), index (i32, −1 without a list), type (u32), and
+//! value (8 bytes). For types whose code ends in `FFFF`, the last 8 bytes contain the length of the value,
+//! and the value follows the tag.
 
 /// Size of a tag in bytes, without the value that follows it.
 pub const SIZE: usize = 48;
@@ -50,7 +51,8 @@ pub(super) fn is_long(kind: u32) -> bool {
     matches!(kind, code::FLOATS | code::TEXT | code::WIDE | code::BLOB)
 }
 
-/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the code points of equal value.
+/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the code points with the same
+/// values.
 const ANSI: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}',
     '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
@@ -64,7 +66,7 @@ fn from_ansi(bytes: &[u8]) -> String {
     bytes.iter().map(character).collect()
 }
 
-/// Encodes a text in Windows-1252, or returns `None` if a character is missing from that code page.
+/// Encodes a text in Windows-1252, or returns `None` if a character is missing from this code page.
 fn to_ansi(text: &str) -> Option<Vec<u8>> {
     let byte = |c: char| match ANSI.iter().position(|a| *a == c) {
         Some(i) => Some(0x80 + i as u8),
@@ -74,7 +76,7 @@ fn to_ansi(text: &str) -> Option<Vec<u8>> {
 }
 
 impl Value {
-    /// Returns a text as Windows-1252 if possible, otherwise as UTF-16.
+    /// Creates a text value in Windows-1252 if possible, otherwise in UTF-16.
     pub fn text(text: &str) -> Self {
         match to_ansi(text) {
             Some(_) => Self::Text(text.to_owned()),
@@ -121,7 +123,8 @@ impl Value {
         })
     }
 
-    /// Returns the type, the 8 bytes and the bytes after the tag, or a message if encoding is not possible.
+    /// Returns the type, the 8 bytes and the bytes after the tag. Returns a message if the value cannot be
+    /// encoded.
     fn write(&self) -> Result<(u32, [u8; 8], Vec<u8>), String> {
         // Texts end with a zero byte. All values are padded to multiples of 8 bytes.
         let long = |kind, mut bytes: Vec<u8>| {
@@ -156,7 +159,7 @@ impl Value {
 pub struct Tag {
     /// Name, at most 32 bytes of ASCII.
     pub name: String,
-    /// Index in a list of tags of one name, or −1 without a list.
+    /// Index in a list of tags with the same name, or −1 without a list.
     pub index: i32,
     pub value: Value,
 }

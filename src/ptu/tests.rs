@@ -1,4 +1,4 @@
-//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps.
+//! Tests `.ptu` files with round trips, record layouts, damaged files, scans and time stamps.
 
 use super::error::PtuError;
 use super::header::{Header, MAGIC};
@@ -48,7 +48,7 @@ pub(super) fn even(pixel_time: u64) -> Option<Sweep> {
     Some(Sweep { pixel_time, sine: None })
 }
 
-/// Returns a scan whose pixels begin at the first marker.
+/// Returns a scan by pixel markers, whose pixels begin at the first marker.
 fn by_pixels(width: usize, height: usize) -> Scan {
     let clock = Clock { begin: 1, end: 0, frame: 0, sweep: None };
     Scan { width, height, bidirectional: false, clock }
@@ -139,7 +139,7 @@ proptest! {
     }
 }
 
-/// Tests that single records are decoded as PicoQuant's format description states.
+/// Tests that single records are decoded according to PicoQuant's format description.
 #[test]
 fn records_decode_as_published() {
     let decode = |record, words: &[u32]| {
@@ -304,8 +304,8 @@ fn writers_refuse_values_out_of_range() {
     assert_eq!((n, Reader::open(&path).expect("opens").records()), (2, 2));
 }
 
-/// Tests that 10,000 damaged, truncated or random files are quickly read to the end or refused with a
-/// message.
+/// Tests that the reader reads 10,000 damaged, truncated or random files quickly, either to the end or until
+/// an error message.
 #[test]
 fn damaged_files_are_read_or_refused() {
     let mut state = 7;
@@ -380,8 +380,8 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     (sum - used.len() as f64) / (2.0 * used.len() as f64).sqrt()
 }
 
-/// Tests that histograms of a simulated diode match the theory of first detections and that no pulse has
-/// two detections.
+/// Tests that histograms of a simulated diode match the theory of first detections, and that no pulse has two
+/// detections.
 #[test]
 fn time_stamps_match_a_simulated_diode() {
     let spad = Spad { bins: 100, bin_ps: 25.0, period_ps: 2500.0, pulses: 200_000, ..Spad::default() };
@@ -436,7 +436,7 @@ fn time_stamps_match_a_simulated_diode() {
         assert!(dealt.len() == 7 && dealt.windows(2).all(|w| w[0].sync < w[1].sync));
         first += u32::from(dealt[0].sync == 0 && dealt[0].bin == 0);
     }
-    // The expected count is 2000 · 0.7 · 3/7 = 600, and five standard deviations are 5 √(2000 · 0.3 · 0.7)
-    // = 5 · 20.5.
+    // The expected count is 2000 · 0.7 · 3/7 = 600. Five standard deviations are 5 √(2000 · 0.3 · 0.7) = 5 ·
+    // 20.5.
     assert!(first.abs_diff(600) < 103, "{first}");
 }

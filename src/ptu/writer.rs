@@ -1,4 +1,4 @@
-//! Writes a `.ptu` file: the header, the records in order of time, and finally the number of records.
+//! Writes a `.ptu` file. Writes the header, the records in order of time, and finally the number of records.
 
 use super::header::Header;
 use super::record::{Family, Layout, Mode, RecordType, with_layout};
@@ -18,7 +18,8 @@ pub struct Description {
     pub record: RecordType,
     /// Duration of a count of `dtime` in seconds (T3).
     pub resolution_s: f64,
-    /// Duration of a count of the time tag in seconds: the laser's period in T3, the clock's period in T2.
+    /// Duration of a count of the time tag in seconds. This is the laser's period in T3, and the clock's
+    /// period in T2.
     pub global_resolution_s: f64,
     pub sync_rate: i64,
     /// Additional tags. The additional tags follow the standard tags.
@@ -113,7 +114,8 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&record.to_le_bytes())
     }
 
-    /// Writes the overflow records before a time and returns the remaining time count for the event's record.
+    /// Writes the overflow records that precede a time. Returns the remaining time count for the event's
+    /// record.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!(
@@ -139,7 +141,7 @@ impl<W: Write + Seek> Writer<W> {
             let n = periods.min(most);
             self.put(match self.record.family() {
                 Family::PicoT2 | Family::PicoT3 => 0xf000_0000,
-                // Records of the HydraHarp's first version contain no overflow count.
+                // Records of the first version of the HydraHarp contain no overflow count.
                 _ if most == 1 => 0xfe00_0000,
                 _ => 0xfe00_0000 | n as u32,
             })?;
@@ -152,8 +154,8 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a photon. `dtime` is for T3 only.
     ///
     /// # Errors
-    /// Returns errors of the operating system, and `InvalidInput` for an invalid channel or `dtime`, and
-    /// for decreasing times.
+    /// Returns errors of the operating system. Returns `InvalidInput` for an invalid channel, an invalid
+    /// `dtime` or a decreasing time.
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         let family = self.record.family();
         let first = u8::from(family == Family::PicoT2);
@@ -195,12 +197,12 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites
-    /// the last four bits of the time with the marker bits.
+    /// Writes one or more simultaneous markers. Bit 0 is the first input. PicoHarp's T2 overwrites the last
+    /// four bits of the time with the marker bits.
     ///
     /// # Errors
-    /// Returns the same errors as [`Self::photon`], and an error if no marker, or one beyond the fourth, is
-    /// set.
+    /// Returns the same errors as [`Self::photon`]. Also returns an error if no marker or a marker beyond the
+    /// fourth is set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!(

@@ -1,4 +1,5 @@
-//! Clocks of a rig: the machine's clock, or a simulated clock that advances only while an instrument waits.
+//! Clocks of a rig. A clock is the machine's clock, or a simulated clock that advances only while an
+//! instrument waits.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -6,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A clock, which all instruments of a rig share.
 #[derive(Clone, Debug)]
 pub enum Clock {
-    /// The machine's clock, with the instant of its creation.
+    /// The machine's clock, with the instant at which the rig's clock was created.
     Real(Instant),
     /// A clock that advances only by [`Clock::sleep`].
     Simulated(Arc<Mutex<Simulated>>),
@@ -16,11 +17,11 @@ pub enum Clock {
 #[derive(Clone, Copy, Debug)]
 pub struct Simulated {
     now: Duration,
-    /// Wall time minus run time, in seconds. [`Clock::jump`] changes it.
+    /// Wall time minus run time, in seconds. [`Clock::jump`] changes the offset.
     wall_offset_s: f64,
 }
 
-/// Wall time at which a simulated clock starts: 2026-01-01 00:00 UTC, in seconds since 1970.
+/// Wall time at which a simulated clock starts, in seconds since 1970. The time is 2026-01-01 00:00 UTC.
 const SIMULATED_EPOCH_S: f64 = 1_767_225_600.0;
 
 impl Clock {
@@ -37,7 +38,7 @@ impl Clock {
         })))
     }
 
-    /// Returns the time since the clock was created, which is monotonic.
+    /// Returns the time since the creation of the clock. This time never decreases.
     pub fn now(&self) -> Duration {
         match self {
             Self::Real(begun) => begun.elapsed(),

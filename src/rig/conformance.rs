@@ -1,4 +1,5 @@
-//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its trait.
+//! Conformance suite. Every instrument, simulated or real, must pass the checks of this suite to satisfy its
+//! trait.
 //!
 //! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run the suite on an
 //! emulator. Instruments move and emit light during the checks.
@@ -15,16 +16,16 @@ use std::time::Duration;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// Required behavior.
+    /// Required behaviour.
     pub name: &'static str,
-    /// Observed deviation from the required behavior, if the check failed.
+    /// Observed deviation from the required behaviour, if the check failed.
     pub fault: Option<String>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report(pub Vec<Check>);
 
-/// An observed deviation from the required behavior.
+/// An observed deviation from the required behaviour.
 struct Deviation(String);
 
 impl From<Failure> for Deviation {

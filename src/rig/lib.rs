@@ -1,4 +1,4 @@
-//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and calibration.
+//! Laboratory automation with instrument traits, drivers, simulated instruments, sessions and calibration.
 //!
 //! The sensors of simulated instruments read rendered tensors. Sessions resume after a crash. This crate
 //! depends on the tensor and polarimetry crates, but not on the renderer.

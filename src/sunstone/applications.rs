@@ -1,8 +1,8 @@
-//! Runs applications from scene files: renders their variants and seeds into a folder and passes them to the
-//! methods of [`apply`].
+//! Runs applications on scene files. Renders the variants and seeds of an application into a folder, and
+//! passes the renders to the methods of [`apply`].
 //!
-//! The name of a render contains its variant, seed, image size, samples per pixel and scene hash. A
-//! finished render is not repeated; an unfinished one is resumed. Delete the folder to repeat all renders.
+//! The name of a render contains its variant, seed, image size, samples per pixel and scene hash. A finished
+//! render is not repeated, and an unfinished render is resumed. Delete the folder to repeat all renders.
 
 pub mod chain;
 pub mod curves;
@@ -37,7 +37,7 @@ pub struct Settings {
     pub renders: PathBuf,
     /// Whether to render at the plan's preview size instead of its full size.
     pub preview: bool,
-    /// Number of seeds; the seeds are 1, 2, ….
+    /// Number of seeds. The seeds are 1, 2, ….
     pub seeds: u64,
     /// Capture chains. Each chain adds a table to the report, after the table of the rendered slices.
     pub links: Links,
@@ -68,7 +68,7 @@ pub enum ApplicationError {
 /// The results of a run of an application.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// Rows of the table, grouped by metric; within a metric, methods are in the application's order.
+    /// Rows of the table, grouped by metric. Within a metric, methods are in the application's order.
     pub rows: Vec<Row>,
     /// All scores, each with the seed of its render.
     pub scores: Vec<(u64, Score)>,
@@ -78,14 +78,14 @@ pub struct Report {
     pub seeds: u64,
     /// Results of the methods on captured slices.
     pub through: Vec<Through>,
-    /// Number of new renders that this run made, excluding reused finished renders.
+    /// Number of renders that this run made, excluding reused finished renders.
     pub rendered: usize,
 }
 
 /// Renders the data of an application, and runs the application once for each seed.
 ///
 /// # Errors
-/// [`ApplicationError`] if a render or a method fails.
+/// Returns [`ApplicationError`] if a render or a method fails.
 pub fn run(
     application: &Application,
     settings: &Settings,
@@ -106,8 +106,8 @@ impl<'a> Run<'a> {
     /// Prepares a run without rendering.
     ///
     /// # Errors
-    /// [`ApplicationError::Seeds`] if the number of seeds is out of range; [`ApplicationError::Studio`] if
-    /// the scene file cannot be read.
+    /// Returns [`ApplicationError::Seeds`] if the number of seeds is out of range. Returns
+    /// [`ApplicationError::Studio`] if the scene file cannot be read.
     pub fn new(
         application: &'a Application,
         settings: &'a Settings,
@@ -134,11 +134,11 @@ impl<'a> Run<'a> {
     }
 
     /// Renders missing data. Returns a text that identifies the input of all methods, except the capture
-    /// configurations. The text changes whenever a scene, a render or the image size changes. The program's
-    /// version identifies the methods themselves.
+    /// configurations. The text changes whenever a scene, a render or the image size changes. The text does
+    /// not identify the methods, because the program's version identifies them.
     ///
     /// # Errors
-    /// [`ApplicationError`] if a render fails.
+    /// Returns [`ApplicationError`] if a render fails.
     pub fn inputs(&mut self) -> Result<String, ApplicationError> {
         let Self { application, settings, observer, .. } = self;
         let Size { pixels, spp } = observer.size;
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
     /// Renders missing data, and runs the application once for each seed.
     ///
     /// # Errors
-    /// [`ApplicationError`] if a render or a method fails.
+    /// Returns [`ApplicationError`] if a render or a method fails.
     pub fn report(self) -> Result<Report, ApplicationError> {
         let Self { application, settings, watch, mut observer } = self;
         let (train, test) = (observer.plan.train.clone(), observer.plan.test.clone());
@@ -201,13 +201,13 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Returns the number of new renders that this run made, excluding reused finished renders.
+    /// Returns the number of renders that this run made, excluding reused finished renders.
     pub fn rendered(&self) -> usize {
         self.observer.studio.rendered()
     }
 }
 
-/// Ground truth of a variant, which methods may use for training and scoring only.
+/// Ground truth of a variant. Methods may use ground truth for training and scoring only.
 #[derive(Clone, Default)]
 struct Known {
     rig: Option<Rig>,
@@ -305,7 +305,7 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// Identifies the render of a variant from which the methods get their input.
+    /// Identifies the render of a variant that is the input of the methods.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
         Wanted { variant, seed, spp: self.size.spp, slices: self.plan.slices.clone() }
     }
@@ -350,8 +350,8 @@ fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
     Ok(Slice { mean: stored.read_all(Field::Mean)?, error: stored.read_all(Field::StdError)? })
 }
 
-/// Finds the folder `scenes` with the file `scene`, in `from` or in the nearest parent folder of `from` that
-/// contains such a folder.
+/// Finds the folder `scenes` that contains the file `scene`. Searches `from` first, then the parent folders
+/// of `from`, the nearest first.
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
 }

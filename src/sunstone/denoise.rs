@@ -1,9 +1,9 @@
 //! Denoises stores for figures. The resulting store is marked as denoised ([`store::denoised`]).
 //!
-//! A slice is read in bands of rows, with [`HALO`] additional rows on both sides. Along axes other than
-//! rows, columns and Stokes elements, the slice is read chunk by chunk. Memory is thus limited to
-//! about [`BAND`] values. The result does not depend on the bands, bit for bit. Rows and columns
-//! that are not adjacent in the camera (`rows = [10, 150]`) are denoised as separate images.
+//! A slice is read in bands of rows, with [`HALO`] additional rows on both sides. Along axes other than rows,
+//! columns and Stokes elements, the slice is read chunk by chunk. Memory use is thus limited to about
+//! [`BAND`] values. The result is bit-identical for all bands. Rows and columns that are not adjacent in the
+//! camera (`rows = [10, 150]`) are denoised as separate images.
 
 use polarimetry::denoise::average::average;
 use polarimetry::denoise::guide::{Guide, GuideBuilder};
@@ -20,13 +20,14 @@ use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// Approximate maximum number of values of one array in memory; this number determines the height of bands.
+/// Approximate maximum number of values of one array in memory. This number determines the height of bands.
 pub const BAND: usize = 1 << 23;
 
 /// Minimum number of rows of a band.
 const LEAST_ROWS: usize = 16;
 
-/// Number of values per pixel that are always in memory: the weights of the pixel's neighbours.
+/// Number of values per pixel that are always in memory. The values are the weights of the pixel's
+/// neighbours.
 const LEAST_NUMBERS: usize = 128;
 
 /// The reason why nothing was denoised.
@@ -51,7 +52,7 @@ pub enum DenoiseError {
 }
 
 impl DenoiseError {
-    /// Returns whether a system error is the cause, rather than the input.
+    /// Returns whether the cause is a system error rather than the input.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Inputs(e) => e.is_of_system(),
@@ -67,7 +68,7 @@ impl DenoiseError {
 pub struct Outcome {
     pub slice: String,
     /// Estimated RMS error of all means, divided by the RMS error of the pooled input renders. `None` if the
-    /// slice was copied because it is not an image or has no standard errors.
+    /// slice is not an image or has no standard errors, and was therefore copied.
     pub error: Option<f64>,
 }
 
@@ -75,15 +76,15 @@ pub struct Outcome {
 /// camera rows and columns are copied from the first store.
 ///
 /// # Errors
-/// [`DenoiseError`] if an input is invalid or the output cannot be written.
+/// Returns [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outcome>, DenoiseError> {
     denoise_in_bands(inputs, out, replace, BAND)
 }
 
-/// Does the same as [`denoise`] with bands of about `band` values.
+/// Works as [`denoise`], with bands of about `band` values.
 ///
 /// # Errors
-/// [`DenoiseError`] if an input is invalid or the output cannot be written.
+/// Returns [`DenoiseError`] if an input is invalid or the output cannot be written.
 pub fn denoise_in_bands(
     inputs: &[PathBuf],
     out: &Path,
@@ -214,7 +215,7 @@ fn image(
     Ok(ratio.is_finite().then_some(ratio))
 }
 
-/// A band of a slice: the rows to write, the rows to read, and the range of columns.
+/// A band of a slice, given by the rows to write, the rows to read, and the range of columns.
 struct Part {
     rows: Range<usize>,
     read: Range<usize>,

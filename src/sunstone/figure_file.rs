@@ -34,7 +34,7 @@ use stage::Stage;
 #[derive(Clone, Debug)]
 pub struct Made {
     pub drawing: Drawing,
-    /// Number of new renders, excluding cached ones.
+    /// Number of new renders, excluding cached renders.
     pub rendered: usize,
 }
 
@@ -45,11 +45,11 @@ pub struct Prepared<'a> {
     applications: Applications<'a>,
 }
 
-/// Checks a figure file against its scenes and applications; renders nothing.
+/// Checks a figure file against its scenes and applications, and renders nothing.
 ///
 /// # Errors
-/// [`FigureFileError::Input`] at the location of a name that does not exist in the scenes and
-/// applications; [`FigureFileError::Studio`] if a scene itself is invalid.
+/// Returns [`FigureFileError::Input`] at the location of a name that does not exist in the scenes and
+/// applications. Returns [`FigureFileError::Studio`] if a scene itself is invalid.
 pub fn prepare<'a>(
     source: &'a Source,
     settings: &'a Settings,
@@ -112,15 +112,15 @@ fn size(of: &SizeFile) -> Size {
 }
 
 impl Prepared<'_> {
-    /// Renders what is not cached, and draws the figure.
+    /// Renders what is not in the cache, and draws the figure.
     ///
     /// # Errors
-    /// [`FigureFileError`] if a render, an application or the drawing fails.
+    /// Returns [`FigureFileError`] if a render, an application or the drawing fails.
     pub fn draw(mut self) -> Result<Made, FigureFileError> {
         let source = self.source;
         for stage in self.stages.values_mut() {
             let names: Vec<&str> = stage.slices.iter().map(String::as_str).collect();
-            // Layers need no render.
+            // Layers do not need a render.
             if !names.is_empty() {
                 let store =
                     stage.studio.render(stage.number, &stage.variant, stage.seed, stage.size, &names)?;

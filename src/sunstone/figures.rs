@@ -1,4 +1,4 @@
-//! Draws figures of a store: the figures that its scene lists, or any view of its slices.
+//! Draws figures of a store. The figures are those that its scene lists, or any view of its slices.
 
 use std::path::Path;
 
@@ -26,11 +26,11 @@ pub enum FiguresError {
     },
 }
 
-/// Returns the figures that the scene of a store lists, in the order of the scene: all figures, or the
-/// figures in `names`.
+/// Returns the figures that the scene of a store lists, in the order of the scene. Returns all figures, or
+/// the figures in `names`.
 ///
 /// # Errors
-/// [`FiguresError::Unknown`] for the first name that is not listed.
+/// Returns [`FiguresError::Unknown`] for the first name that is not listed.
 pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, FiguresError> {
     let listed = store.attributes().get("figures").cloned().unwrap_or_default();
     let mut figures: Vec<Figure> = serde_json::from_value(listed).unwrap_or_default();
@@ -42,20 +42,20 @@ pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, Figu
     Ok(figures)
 }
 
-/// Draws a figure of a store's slice; the figure's name is the title.
+/// Draws a figure of a store's slice. The title is the figure's name.
 ///
 /// # Errors
-/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read,
+/// Returns [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read. Returns
 /// [`FiguresError::Figure`] if the slice cannot be drawn with this view.
 pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresError> {
     with_panel(store, figure, |title, panel| figure::draw(&figure.view, title, panel))
 }
 
-/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or
-/// `.pdf`. Light in flight can also be `.gif` or `.apng`. Creates missing folders.
+/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or `.pdf`. A
+/// view of light in flight can also be a `.gif` or `.apng` file. Creates missing folders.
 ///
 /// # Errors
-/// The same errors as [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or
+/// Returns the same errors as [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or
 /// [`FigureError::Write`] if the file cannot be written.
 pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), FiguresError> {
     if let View::Flight(view) = &figure.view
@@ -64,7 +64,7 @@ pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), 
         let frames = with_panel(store, figure, |title, panel| figure::animate(view, title, panel))?;
         return Ok(figure::save_animation(&frames, path)?);
     }
-    // Checks the extension before anything is read and drawn.
+    // Check the extension before reading and drawing.
     figure::Format::of(path)?;
     Ok(figure::save(&draw(store, figure)?, path)?)
 }
@@ -83,7 +83,7 @@ fn with_panel<T>(
     read(store, figure.view.slice(), is_profile, |panel| Ok(draw(&title, panel)?))
 }
 
-/// Reads the data of a slice. Only profiles draw errors and overflow; other slices may be large.
+/// Reads the data of a slice. Only profiles draw errors and overflow. Slices for other views can be large.
 pub(crate) fn read<T, E: From<OpenError> + From<AccessError>>(
     store: &TensorStore,
     slice: &str,

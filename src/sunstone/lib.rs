@@ -1,11 +1,15 @@
-//! Sunstone computes polarized, time-resolved light transport: the 7D tensor T(s, s', p, p', t) of
-//! Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
+//! Sunstone computes polarized, time-resolved light transport. The transport is the 7D tensor T(s, s', p, p',
+//! t) of Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
 //!
-//! This crate is the public API. The crate exports the types that most programs need: a [`Scene`] from a file
-//! ([`scene::load`]) or from code, a [`Render`] of the scene into a [`Store`], [`Arrays`] or any other
-//! [`Sink`], and a [`Probe`] of a store. The crate re-exports the following crates. Each crate uses only
-//! crates before it in this list: [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`],
-//! [`polarimetry`], [`rig`], [`pbrdf`], [`figure`], [`apply`].
+//! This crate is the public API. The crate exports the types that most programs need:
+//!
+//! - a [`Scene`] from a file ([`scene::load`]) or from code
+//! - a [`Render`] of the scene into a [`Store`], [`Arrays`] or any other [`Sink`]
+//! - a [`Probe`] of a store
+//!
+//! The crate re-exports the following crates. Each crate uses only crates that precede it in this list:
+//! [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`],
+//! [`pbrdf`], [`figure`], [`apply`].
 //!
 //! `CONVENTIONS.md` defines units, frames and signs. Lengths are in metres, times in picoseconds, wavelengths
 //! in nanometres. Mueller matrices map Stokes vectors in the projector's frame to Stokes vectors in the
@@ -21,7 +25,7 @@ pub mod rigs;
 pub mod rounds;
 pub mod studio;
 
-/// Clients of object stores. Programs that read or write object stores call `objects::install()` once.
+/// Clients of object stores. Programs that read or write object stores must call `objects::install()` once.
 #[cfg(feature = "object-stores")]
 pub use objects;
 pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};

@@ -32,13 +32,13 @@ pub enum MatricesError {
 /// Mueller matrices with their leading shape.
 #[derive(Clone, Debug)]
 pub struct Matrices {
-    /// Lengths of the axes before the two Stokes axes. For a slice, wavelength is the last of these axes.
+    /// Lengths of the axes before the two Stokes axes. For a slice, the last of these axes is the wavelength.
     pub shape: Vec<usize>,
     /// Elements of the matrices, 16 per matrix, row-major.
     pub values: Values,
-    /// Standard errors of the elements; only for a slice.
+    /// Standard errors of the elements. Available only for a slice.
     pub errors: Option<Values>,
-    /// Axes, wavelengths and bin width; only for a slice.
+    /// Axes, wavelengths and bin width. Available only for a slice.
     pub facts: Option<SliceFacts>,
 }
 
@@ -47,7 +47,7 @@ pub struct Matrices {
 pub struct SliceFacts {
     /// Axes of the leading shape.
     pub axes: Vec<Axis>,
-    /// Wavelengths in nanometres: those of the wavelength axis, or the selected wavelength.
+    /// All wavelengths of the wavelength axis, or the selected wavelength, in nanometres.
     pub nm: Vec<f64>,
     /// Width of the time bins in picoseconds.
     pub bin_ps: Option<f64>,
@@ -57,8 +57,8 @@ impl Matrices {
     /// Reads an array (.npy) of shape (..., 4, 4).
     ///
     /// # Errors
-    /// [`MatricesError::Read`] if the file cannot be read, [`MatricesError::Shape`] if the array has another
-    /// shape.
+    /// Returns [`MatricesError::Read`] if the file cannot be read. Returns [`MatricesError::Shape`] if the
+    /// array has another shape.
     pub fn of_array(path: &Path) -> Result<Self, MatricesError> {
         let NumpyArray { mut shape, values } = NumpyArray::read(path)?;
         if !shape.ends_with(&[4, 4]) {
@@ -72,8 +72,8 @@ impl Matrices {
     /// Reads the matrices of a part of a stored slice, row-major over all axes except the Stokes axes.
     ///
     /// # Errors
-    /// [`MatricesError::Probe`] if the slice cannot be read, [`MatricesError::NotMueller`] if it does not
-    /// contain Mueller matrices.
+    /// Returns [`MatricesError::Probe`] if the slice cannot be read. Returns [`MatricesError::NotMueller`] if
+    /// the slice does not contain Mueller matrices.
     pub fn of_slice(slice: &StoredSlice, select: &[Selection]) -> Result<Self, MatricesError> {
         let probe = Probe { select: select.to_vec(), ..Probe::default() };
         let result = probe.run(slice)?;
@@ -97,11 +97,11 @@ impl Matrices {
     }
 
     /// Converts the matrices to the input of a rig. `wavelengths_nm` contains the wavelengths of an array's
-    /// last axis; if empty, the array has no wavelength axis. For a slice it must be empty, because a slice
-    /// has its own wavelengths.
+    /// last axis. If `wavelengths_nm` is empty, the array has no wavelength axis. For a slice,
+    /// `wavelengths_nm` must be empty, because a slice has its own wavelengths.
     ///
     /// # Errors
-    /// The errors of [`MuellerImage::of_array`] and [`MuellerImage::of_slice`].
+    /// Returns the errors of [`MuellerImage::of_array`] and [`MuellerImage::of_slice`].
     pub fn image(self, wavelengths_nm: &[f64]) -> Result<MuellerImage, ImageError> {
         let elements = match self.values {
             Values::Single(v) => v.into_iter().map(f64::from).collect(),

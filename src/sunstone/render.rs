@@ -71,25 +71,25 @@ impl<'a> Render<'a> {
         self
     }
 
-    /// Renders only a part of the tiles. These tiles are bit-identical to those of the whole render; all
+    /// Renders only a part of the tiles. These tiles are bit-identical to those of the whole render, and all
     /// other tiles stay zero. The store records the part and cannot be opened as a finished render.
-    /// [`store::merge::merge`] joins all parts; the result equals the whole render byte for byte.
+    /// [`store::merge::merge`] joins all parts. The merged store equals the whole render byte for byte.
     pub fn part(mut self, part: Part) -> Self {
         self.share.part = Some(part);
         self
     }
 
-    /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A
-    /// tile is bit-identical to the same tile of a render in which all tiles have this tile's number.
-    /// Tiles with 0 samples stay zero. The settings stored with the scene contain the largest number.
+    /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A tile with
+    /// N samples is bit-identical to the same tile of a render in which all tiles have N samples. Tiles with
+    /// 0 samples stay zero. The settings stored with the scene contain the largest number.
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
     }
 
     /// Shares the light paths between all parts K of N, through files in a folder that all machines can
-    /// access. Without this option, each part traces all light paths. Parts never block on one another; the
-    /// output is bit-identical.
+    /// access. Without this option, each part traces all light paths. Parts never block on one another, and
+    /// the output is bit-identical.
     pub fn shared_light(mut self, folder: &'a Path) -> Self {
         self.share.light = Some(folder);
         self
@@ -104,8 +104,8 @@ impl<'a> Render<'a> {
     /// Renders into a sink.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene has no slices or no such part, threads cannot be started, or the
-    /// sink fails.
+    /// Returns [`schedule::RenderError`] if the scene has no slices or does not have the part, if threads
+    /// cannot be started, or if the sink fails.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
         let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
@@ -121,18 +121,18 @@ impl<'a> Render<'a> {
     /// Renders all fields of all slices into arrays in memory.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene has no slices, or threads cannot be started.
+    /// Returns [`schedule::RenderError`] if the scene has no slices, or if threads cannot be started.
     pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
         let mut arrays = Arrays::default();
         self.into_sink(&mut arrays)?;
         Ok(arrays)
     }
 
-    /// Renders into a new Zarr store. The path must not exist yet.
+    /// Renders into a new Zarr store. The path must not exist.
     ///
     /// # Errors
-    /// [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`] can resume
-    /// the render.
+    /// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk, and [`Self::to_target`]
+    /// can resume the render.
     pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
         self.to_target(&Target { path: path.to_owned(), ..Target::default() })
     }
@@ -140,14 +140,15 @@ impl<'a> Render<'a> {
     /// Renders into a Zarr store that is created, replaced or resumed.
     ///
     /// # Errors
-    /// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
+    /// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be
+    /// resumed.
     pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
         self.into_sink(&mut ZarrSink::new(target.clone()))
     }
 }
 
-/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names,
-/// all slices are kept.
+/// Settings that override those of a scene. `None` keeps the scene's setting. Without slice names, all slices
+/// are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Samples per camera pixel.
@@ -167,7 +168,7 @@ impl Choices {
     /// `dashes` is the prefix of option names in messages, such as `--`, or empty.
     ///
     /// # Errors
-    /// A message with the name of the invalid choice, the fault and the fix.
+    /// Returns a message with the name of the invalid choice, the fault and the fix.
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
@@ -193,8 +194,8 @@ impl Choices {
     }
 }
 
-/// Returns the maximum number of threads that a user can request. This number is larger than the
-/// number of cores, but does not overload the machine.
+/// Returns the maximum number of threads that a user can request. This number is larger than the number of
+/// cores, but is small enough not to overload the machine.
 pub fn most_threads() -> usize {
     8 * cores()
 }
@@ -204,8 +205,8 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns whether a system error, such as a full disk, stopped a render into a store, rather than the
-/// request.
+/// Returns whether a system error, such as a full disk, stopped a render into a store. Returns false if the
+/// request is the cause.
 pub fn is_of_system(e: &RenderError) -> bool {
     match e {
         RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => true,
@@ -217,7 +218,7 @@ pub fn is_of_system(e: &RenderError) -> bool {
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
-/// [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
+/// Returns [`RenderError`] if the render stopped. Finished tiles stay on disk and the render can be resumed.
 pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
     Render::new(scene).watch(watch).to_target(target)
 }

@@ -63,11 +63,12 @@ fn located<T: Clone>(
     new.into()
 }
 
-/// Returns the store of a bench's tensor. Renders the scene into `folder` unless the store exists there. The
-/// store's name contains all values on which the tensor depends. Returns `None` if the bench uses a sample.
+/// Returns the store of a bench's tensor. Renders the scene into `folder` unless the store exists in this
+/// folder. The store's name contains all values on which the tensor depends. Returns `None` if the bench uses
+/// a sample.
 ///
 /// # Errors
-/// [`BenchError`] if the scene is invalid or the render stopped.
+/// Returns [`BenchError`] if the scene is invalid or the render stopped.
 pub fn tensor_of(
     rig: &RigPlan,
     plan: &Plan,

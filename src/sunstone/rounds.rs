@@ -1,8 +1,8 @@
-//! Renders to a target error instead of a number of samples. Each round adds samples in the tiles
-//! that need more, until a slice reaches the error.
+//! Renders to a target error instead of a number of samples. Each round adds samples to the tiles that need
+//! more samples, until a slice reaches the target error.
 //!
-//! Each round is a separate store next to the result, rendered with its own seed, and optionally in
-//! parts on many machines. A round depends only on the previous rounds. The result is therefore
+//! Each round is a separate store next to the result and is rendered with its own seed. A round can be
+//! rendered in parts on many machines. A round depends only on the previous rounds. The result is therefore
 //! independent of threads and interruptions. Finally all rounds are pooled into one store.
 
 use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
@@ -18,7 +18,7 @@ pub use tensor::target::Goal;
 use tensor::target::{ATTRIBUTE, Next, ROUND};
 use transport::scene::Scene;
 
-/// The reason why a render to an error stopped.
+/// The reason why a render to a target error stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RoundsError {
     /// The target error or its limits are invalid.
@@ -38,7 +38,7 @@ pub enum RoundsError {
     #[error("{path} contains a file that is not a round: {found}; move this file, or choose another name")]
     Other {
         path: PathBuf,
-        /// Name of one of the other files.
+        /// Name of one of these other files.
         found: String,
     },
     /// A store of a round cannot be removed.
@@ -49,7 +49,7 @@ pub enum RoundsError {
 }
 
 impl RoundsError {
-    /// Returns whether a system error is the cause, rather than the request.
+    /// Returns whether the cause is a system error rather than the request.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Render(e) => crate::render::is_of_system(e),
@@ -64,14 +64,14 @@ impl RoundsError {
 /// The state of a render in rounds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
-    /// Number of the next round, from 0; equals the number of finished rounds.
+    /// Number of the next round, from 0. This number equals the number of finished rounds.
     pub round: u32,
-    /// Relative error that the share of lit pixels required by the goal does not exceed. `None` before the
-    /// first round.
+    /// Smallest relative error that the required share of lit pixels does not exceed. `None` before the first
+    /// round.
     pub error: Option<f64>,
-    /// Total number of samples so far, over all pixels.
+    /// Total number of samples up to now, over all pixels.
     pub samples: u64,
-    /// Mean number of samples per pixel so far.
+    /// Mean number of samples per pixel up to now.
     pub mean: f64,
     /// Estimated number of samples per pixel that gives the same error if all pixels have this number of
     /// samples.
@@ -105,7 +105,7 @@ pub struct ToError<'a> {
     pub begins: &'a dyn Fn(&Standing),
     /// Additional attributes of the store.
     pub attributes: Vec<(&'a str, Value)>,
-    /// Number of threads, or 0 for all.
+    /// Number of threads, or 0 for all cores.
     pub threads: usize,
 }
 
@@ -113,7 +113,7 @@ pub struct ToError<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct RoundPart<'a> {
     pub part: Part,
-    /// Folder of shared light paths ([`Render::shared_light`]), if any.
+    /// Folder of shared light paths ([`Render::shared_light`]), or `None` if light paths are not shared.
     pub light: Option<&'a Path>,
 }
 
@@ -124,7 +124,7 @@ pub fn folder_of(store: &Path) -> PathBuf {
     store.with_file_name(name)
 }
 
-/// Returns the seed of a round; the first round has the seed of the scene.
+/// Returns the seed of a round. The first round has the seed of the scene.
 fn seed_of(seed: u64, round: u32) -> u64 {
     match round {
         0 => seed,
@@ -142,16 +142,16 @@ fn round_attribute(goal: &Goal, round: u32) -> Value {
 }
 
 impl ToError<'_> {
-    /// Renders rounds until the goal is reached, and pools the rounds. Returns the summary of the
-    /// work of this call.
+    /// Renders rounds until the goal is reached, and pools the rounds. Returns the summary of the work that
+    /// this call did.
     ///
     /// # Errors
-    /// [`RoundsError`] if the render stopped. Finished rounds stay next to the target, and the render can be
-    /// resumed.
+    /// Returns [`RoundsError`] if the render stopped. Finished rounds stay next to the target, and the render
+    /// can be resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
         let folder = folder_of(&target.path);
-        // The lock covers all rounds, so that no other process replaces them meanwhile.
+        // The lock covers all rounds, so that no other process replaces them during the render.
         let lock = PlaceLock::take(&folder);
         let _lock = lock.map_err(|e| RenderError::Sink(SinkError::Create(e)))?;
         if target.resume && is_finished(&target.path) {
@@ -195,10 +195,10 @@ impl ToError<'_> {
         }
     }
 
-    /// Returns the state of the rounds in a folder, or, if `round` is given, the state before that round.
+    /// Returns the state of the rounds in a folder. If `round` is given, returns the state before that round.
     ///
     /// # Errors
-    /// [`RoundsError`] if the rounds cannot be read or belong to another render.
+    /// Returns [`RoundsError`] if the rounds cannot be read or belong to another render.
     pub fn standing(
         &self,
         scene: &Scene,
@@ -240,7 +240,7 @@ impl ToError<'_> {
     /// Renders a part of a round. The previous rounds in the folder determine the round.
     ///
     /// # Errors
-    /// [`RoundsError`] if the round does not exist or the render stopped.
+    /// Returns [`RoundsError`] if the round does not exist or the render stopped.
     pub fn part_of_round(
         &self,
         scene: &mut Scene,
@@ -326,7 +326,7 @@ impl ToError<'_> {
     fn check_result(&self, scene: &Scene, path: &Path) -> Result<(), RoundsError> {
         let target = TensorStore::open(path).ok().and_then(|store| store.attributes().remove(ATTRIBUTE));
         let ours = self.goal.to_json();
-        // The attribute contains the goal and also the result.
+        // The attribute contains the goal and the result.
         let same = |theirs: &Value| {
             ours.as_object().is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
         };
@@ -348,7 +348,7 @@ fn mismatch(path: &Path, what: &'static str, theirs: Option<&Value>, ours: Optio
     .into()
 }
 
-/// Refuses a store of another scene, with other choices, or with attributes other than `expected`.
+/// Refuses a store whose scene or choices differ, or whose attributes differ from `expected`.
 fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) -> Result<(), RoundsError> {
     let store = TensorStore::open(path).map_err(|e| RenderError::Sink(SinkError::Open(e)))?;
     let theirs = store.attributes();
@@ -374,7 +374,7 @@ fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) ->
     Ok(())
 }
 
-/// Returns whether a file name is that of a round's store, or of a temporary file next to such a store.
+/// Returns whether a file name is the name of a round's store, or of a temporary file next to such a store.
 fn is_of_rounds(name: &str) -> bool {
     let name = name.trim_start_matches('.');
     let rest = name.trim_start_matches(|c: char| c.is_ascii_digit());
@@ -390,11 +390,11 @@ fn has_rounds(folder: &Path) -> bool {
     if is_address(folder) { is_there(&round_store(folder, 0)) } else { folder.exists() }
 }
 
-/// Removes the folder of rounds if it exists. Other files in the folder are an error.
+/// Removes the folder of rounds if it exists. The folder must not contain other files.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
     if is_address(folder) {
-        // Remove the last round first: an interrupted removal then leaves the first ones, which the next call
-        // finds.
+        // Remove the last round first. After an interrupted removal, the first rounds are left, and the next
+        // call finds these rounds.
         let mut count = 0;
         while is_there(&round_store(folder, count)) {
             count += 1;

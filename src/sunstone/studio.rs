@@ -1,8 +1,8 @@
-//! Renders scenes and their variants at any size into a folder. A finished render is not repeated; an
+//! Renders scenes and their variants at any size into a folder. A finished render is not repeated, and an
 //! unfinished render is resumed.
 //!
-//! The name of a render contains scene name, variant, seed, size, samples, scene hash, and the
-//! first digits of the seed of the random numbers. That seed differs between variants.
+//! The name of a render contains scene name, variant, seed, size, samples, scene hash, and the first digits
+//! of the seed of the random numbers. The seed of the random numbers differs between variants.
 
 use apply::application::Size;
 use base::locate::{InputError, Located};
@@ -21,7 +21,7 @@ use transport::scene::Scene;
 
 use crate::render::Render;
 
-/// Seed of ground-truth renders, different from all seeds of renders that methods get.
+/// Seed of ground-truth renders. This seed differs from all seeds of the renders that methods receive.
 pub const TRUTH_SEED: u64 = 1 << 32;
 
 /// Minimum number of sample groups for the estimation of standard errors.
@@ -31,7 +31,7 @@ const REPLICATES: u32 = 8;
 /// process only checks whether a render is finished.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The increment of SplitMix64: the odd number closest to 2⁶⁴ divided by the golden ratio.
+/// The increment of SplitMix64, which is the odd number closest to 2⁶⁴ divided by the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Interval between attempts to lock a store.
@@ -48,7 +48,7 @@ pub enum StudioError {
     Lacks { file: PathBuf, what: String, fix: String },
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
-    /// The user stopped the render; finished tiles are kept.
+    /// The user stopped the render. Finished tiles are kept.
     #[error("stopped; run the same command again to resume")]
     Interrupted,
     /// A render cannot be opened.
@@ -75,7 +75,7 @@ impl<'a> Studio<'a> {
     /// Opens a scene file with a folder for renders.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the scene file cannot be read.
+    /// Returns [`StudioError::Scene`] if the scene file cannot be read.
     pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
         Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
     }
@@ -85,11 +85,11 @@ impl<'a> Studio<'a> {
         self.rendered
     }
 
-    /// Returns the variant with a number: its scene file and its values. Without a number, returns the scene
-    /// file itself.
+    /// Returns the scene file and the values of the variant with a number. Without a number, returns the
+    /// scene file itself.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the variant is invalid or does not exist.
+    /// Returns [`StudioError::Scene`] if the variant is invalid or does not exist.
     pub fn variant(&self, number: Option<u64>) -> Result<Variant, StudioError> {
         Ok(match number {
             Some(number) => variant::read(&self.path, &self.text, number)?,
@@ -101,7 +101,8 @@ impl<'a> Studio<'a> {
     /// image has `pixels` pixels.
     ///
     /// # Errors
-    /// [`StudioError::Scene`] if the scene is invalid, [`StudioError::Lacks`] if a slice is missing.
+    /// Returns [`StudioError::Scene`] if the scene is invalid. Returns [`StudioError::Lacks`] if a slice is
+    /// missing.
     pub fn scene(&self, variant: &Variant, pixels: u32, slices: &[&str]) -> Result<Scene, StudioError> {
         let file = self.sized(&variant.file, pixels, slices)?;
         Ok(scene::from_file(&self.path, &self.text, &file)?)
@@ -111,7 +112,7 @@ impl<'a> Studio<'a> {
     /// the variant first if necessary.
     ///
     /// # Errors
-    /// [`StudioError`] if the scene is invalid or the render stopped.
+    /// Returns [`StudioError`] if the scene is invalid or the render stopped.
     pub fn render(
         &mut self,
         number: Option<u64>,
@@ -201,8 +202,8 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Rescales rows, columns and blocks to another camera size: each pixel becomes the pixel that
-/// contains its centre. Bins keep their size.
+/// Rescales rows, columns and blocks to another camera size. Each pixel becomes the pixel that contains its
+/// centre. Bins keep their size.
 fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectFile {
     let at = |i: u32, axis: usize| {
         let [old, new] = [old[axis], new[axis]].map(u64::from);
@@ -256,12 +257,12 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     }
 }
 
-/// Returns the seed of the random numbers of a variant's render. With one seed for all variants,
-/// pixels that do not change between variants would have equal noise, and methods would be tested
-/// on their training noise. The scene file without a variant keeps its seed.
+/// Returns the seed of the random numbers of a variant's render. With one seed for all variants, pixels that
+/// do not change between variants would have equal noise. Methods would then be tested on their training
+/// noise. The scene file without a variant keeps its seed.
 fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
-    // The factor is odd, so the map is one-to-one in the number: variants of one seed never share random
-    // numbers.
+    // The factor is odd, so the map is one-to-one in the number. Variants of one seed therefore never share
+    // random numbers.
     number.map_or(seed, |n| mix(mix(seed.wrapping_add(STEP)) ^ n.wrapping_mul(STEP)))
 }
 
@@ -284,7 +285,8 @@ mod tests {
             CameraSelectFile::Rows(r) => r,
             _ => vec![],
         };
-        // Row 150 of 256 is at 150.5 / 256 of the height: in row 37 of 64 and row 301 of 512.
+        // Row 150 of 256 is at 150.5 / 256 of the height. This position is in row 37 of 64 and in row 301 of
+        // 512.
         assert_eq!(rows(&[150], [256, 256], [64, 64]), [37]);
         assert_eq!(rows(&[150], [256, 256], [512, 512]), [301]);
         assert_eq!(rows(&[0, 1, 255], [256, 256], [64, 64]), [0, 63]);

@@ -19,7 +19,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads a frame from a camera's reply: a `Frame`, or only the array.
+    /// Reads a frame from a camera's reply. The reply is a `Frame`, or only the array.
     pub fn read(from: &Answer<'_, '_>, format: PixelFormat) -> Result<Self, String> {
         let of_frame = from.0.getattr("pixels").ok();
         let array = of_frame.as_ref().unwrap_or(from.0);
@@ -87,7 +87,8 @@ fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
     })
 }
 
-/// Reads a counter's reply as a histogram; `number` is used if the counter does not number its acquisitions.
+/// Reads a counter's reply as a histogram. If the counter does not number its acquisitions, the histogram has
+/// the number `number`.
 pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String> {
     let tagged = from.0.getattr("records").is_ok_and(|r| !r.is_none());
     let own: Option<u64> = from.field("number", "the counter's acquisition number, or None")?;
@@ -108,7 +109,7 @@ pub fn of_histogram<'py>(py: Python<'py>, h: &Histogram) -> PyResult<Bound<'py, 
     class.call1((counts, h.pulses, h.number, h.timestamp_ns, records))
 }
 
-/// Converts a frame to Python; a truncated frame becomes a failure that allows a retry.
+/// Converts a frame to Python. A truncated frame becomes a failure that allows a retry.
 pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyAny>> {
     let Some(numbers) = pixels::unpack(frame) else {
         let what = format!("incomplete frame of {} bytes", frame.bytes.len());
@@ -123,7 +124,7 @@ pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyA
     Ok(class.call1((array, frame.number, frame.timestamp_ns))?.unbind())
 }
 
-/// Converts patterns to Python: a list of arrays (rows, columns) of uint8.
+/// Converts patterns to a list of Python arrays (rows, columns) of uint8.
 pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound<'py, PyList>> {
     let arrays = patterns.iter().map(|p| {
         let shape = [p.height as usize, p.width as usize];

@@ -14,9 +14,12 @@ pub const HOME: &str = "pysunstone.rig.instruments";
 pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 
 impl Thrown {
-    /// Converts an exception to a failure: an `InstrumentError` states its fault; timeouts map to
-    /// timeout; `OSError` (including the errors of pyserial and PyUSB) maps to disconnected; all
-    /// other exceptions are reported to the user without a retry.
+    /// Converts an exception to a failure:
+    ///
+    /// - An `InstrumentError` states its fault.
+    /// - Timeouts become timeout failures.
+    /// - `OSError`, including the errors of pyserial and PyUSB, becomes a disconnected failure.
+    /// - All other exceptions are reported to the user without a retry.
     pub fn failure(&self, py: Python<'_>, instrument: &str, method: &str, error: PyErr) -> Failure {
         let failure = describe(py, instrument, &error).unwrap_or_else(|| {
             let fault = if error.is_instance_of::<PyTimeoutError>(py) || of_name(py, &error, "TimeoutError") {
@@ -50,7 +53,7 @@ impl Thrown {
     }
 }
 
-/// Converts a failure to a Python `InstrumentError`; `rest` is appended to its text.
+/// Converts a failure to a Python `InstrumentError`, and appends `rest` to the text of the error.
 pub fn exception(py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
     let made = py.import(HOME).and_then(|m| {
         let class = m.getattr("InstrumentError")?;
@@ -75,8 +78,8 @@ fn describe(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> 
     Some(Failure::new(fault, instrument, what))
 }
 
-/// Returns whether an exception has a base class with this name. Names are compared because before Python
-/// 3.11 asyncio's timeout is a separate class.
+/// Returns whether an exception has a base class with this name. The function compares names, because
+/// asyncio's timeout is a separate class before Python 3.11.
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
     let mut names = classes.iter().filter_map(|c| c.getattr("__name__").ok()?.extract::<String>().ok());

@@ -1,6 +1,6 @@
-//! Instruments that are Python objects. The session's thread calls the objects' methods, and has Python's
-//! lock only during a call. This module refuses requests outside the limits, so that the objects need no
-//! checks.
+//! Instruments that are Python objects. The session's thread calls the objects' methods, and holds Python's
+//! lock only during a call. The module refuses requests outside the limits, so that the objects do not need
+//! to check limits.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;
@@ -135,7 +135,7 @@ impl RotationStage for Stage {
     }
 }
 
-/// A Python pattern projector and its number of loaded patterns.
+/// A Python pattern projector, and the number of loaded patterns.
 pub type Projector = Given<ProjectorLimits, usize>;
 
 impl PatternProjector for Projector {
@@ -203,7 +203,7 @@ impl<S> Default for Acquiring<S> {
 }
 
 impl<L, S: Value> Given<L, Acquiring<S>> {
-    /// Passes settings to the object, after they were checked against the limits.
+    /// Passes settings to the object. The settings are already checked against the limits.
     fn configure_with(&mut self, settings: S, within: Duration) -> Result<(), Failure> {
         self.state = Acquiring::default();
         let asked = Python::attach(|py| settings.object(py).map(Bound::unbind));
@@ -259,7 +259,7 @@ impl AreaCamera for Camera {
         let Region { width, height, .. } = region;
         let [rows, columns] = picture.shape;
         if picture.shape != [height as usize, width as usize] {
-            // The array may be an earlier frame that arrives late. Report a timeout, so that the frame is
+            // The array might be an earlier frame that arrives late. Report a timeout, so that the frame is
             // requested again.
             let what = format!(
                 "`frame` returned an array of shape ({rows}, {columns}), but the configured region has {height} rows and {width} columns"

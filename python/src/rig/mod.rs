@@ -1,4 +1,4 @@
-//! Provides rigs to Python: sessions with instruments of the rig file and Python instruments.
+//! Provides rigs to Python. A session can use instruments of the rig file and Python instruments.
 
 mod arrays;
 mod check;

@@ -1,5 +1,6 @@
 //! Wraps the rig's instruments as Python objects with the methods that a session calls. A Python instrument
-//! can forward calls to these objects. An instrument that a session uses is unavailable to others.
+//! can forward calls to these objects. While a session uses an instrument, no other session can use this
+//! instrument.
 
 use super::fault::{Thrown, exception};
 use super::values::{Answer, Value, within};
@@ -25,7 +26,7 @@ impl<D: ?Sized + Send> Slot<D> {
         Self { name: name.to_owned(), device: Mutex::new(Some(device)) }
     }
 
-    /// Takes the instrument out of the slot, or returns `None` if a session uses it.
+    /// Takes the instrument out of the slot. Returns `None` if a session uses the instrument.
     fn take(&self) -> Option<Box<D>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
@@ -70,7 +71,8 @@ impl<D: ?Sized + Send> Slot<D> {
     }
 }
 
-/// Defines a Python class for one kind of instrument: the common methods and the methods of that kind.
+/// Defines a Python class for one kind of instrument. The class has the common methods and the methods of
+/// this kind.
 macro_rules! own {
     ($(#[$doc:meta])* $class:ident, $device:ident, $given:ident, { $($methods:tt)* }) => {
         $(#[$doc])*
@@ -99,7 +101,7 @@ macro_rules! own {
                 own.get().0.take().ok_or_else(in_use)
             }
 
-            /// Returns the instrument to an object; has no effect if the object is of another class.
+            /// Returns the instrument to an object. Has no effect if the object is of another class.
             pub fn give_back(object: &Bound<'_, PyAny>, device: Option<Box<dyn $device>>) {
                 if let (Ok(own), Some(device)) = (object.cast::<Self>(), device) {
                     own.get().0.put(device);

@@ -1,4 +1,4 @@
-//! Runs sessions: a plan with a rig file, and instruments of the file and of Python.
+//! Runs sessions. A session has a plan with a rig file, and uses instruments of this file and of Python.
 
 use super::fault::Thrown;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};

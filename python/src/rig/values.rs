@@ -1,4 +1,4 @@
-//! Converts requests to instruments and their replies to and from the data classes of
+//! Converts between the requests and replies of instruments and the data classes of
 //! `pysunstone.rig.instruments`. Fields of replies must exist, have the right type and be finite.
 
 use super::fault::HOME;
@@ -22,7 +22,7 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 /// Formats an object for messages.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
     let text = object.repr().map_or_else(|_| "an object without repr".into(), |t| t.to_string());
-    // Join the lines, because the text of an array has many.
+    // Join the lines, because the text of an array has many lines.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
         Some((at, _)) => format!("{} …", &text[..at]),
@@ -31,7 +31,7 @@ pub fn shown(object: &Bound<'_, PyAny>) -> String {
 }
 
 impl<'py> Answer<'_, 'py> {
-    /// Reads a field; `wanted` describes the expected type.
+    /// Reads a field. `wanted` describes the expected type.
     pub fn field<T: FromPyObjectOwned<'py>>(&self, name: &str, wanted: &str) -> Result<T, String> {
         let value = self
             .0
@@ -40,7 +40,7 @@ impl<'py> Answer<'_, 'py> {
         value.extract().map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
     }
 
-    /// Reads a field that is a finite number; `units` is used in messages.
+    /// Reads a field that is a finite number. Messages contain `units`.
     pub fn number(&self, name: &str, units: &str) -> Result<f64, String> {
         let wanted = format!("a finite number of {units}");
         let value: f64 = self.field(name, &wanted)?;
@@ -69,7 +69,7 @@ pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
         .map_err(|_| format!("`{name}` is {seconds}; expected seconds, 0 or more"))
 }
 
-/// Converts a deadline; infinity becomes a very long time.
+/// Converts a deadline. An infinite deadline becomes a very long duration.
 pub fn within(seconds: f64) -> Result<Duration, String> {
     if seconds == f64::INFINITY {
         return Ok(Duration::from_secs(u64::from(u32::MAX)));
@@ -99,8 +99,8 @@ fn pair<T>([a, b]: [T; 2]) -> (T, T) {
     (a, b)
 }
 
-/// Implements [`Value`] for a data class, field by field: how a field is read from an answer, and
-/// its value for Python.
+/// Implements [`Value`] for a data class, field by field. For each field, the macro defines how the field is
+/// read from an answer, and its value for Python.
 macro_rules! value {
     ($class:ident, $from:ident, $own:ident, { $($field:ident: $read:expr => $object:expr,)* }) => {
         impl Value for $class {

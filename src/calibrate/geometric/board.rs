@@ -1,4 +1,4 @@
-//! The calibration target: a chessboard.
+//! The calibration target, which is a chessboard.
 
 use super::fault::Fault;
 use nalgebra::Vector3;
@@ -21,7 +21,8 @@ impl Board {
     /// Creates a board.
     ///
     /// # Errors
-    /// [`Fault::Board`] if the board has fewer than 3 × 3 or too many corners, or an invalid square size.
+    /// Returns [`Fault::Board`] if the square size is invalid, or if the board has too many corners or fewer
+    /// than 3 × 3.
     pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
         let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
         if sane && square.is_finite() && square > 0.0 {
@@ -35,14 +36,15 @@ impl Board {
         self.columns * self.rows
     }
 
-    /// Always returns false, because a board has corners.
+    /// Always returns false, because every board has corners.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Returns the positions of the corners row by row, in metres.
     ///
-    /// The first corner is the origin, x is along the columns, y along the rows, z away from the viewer.
+    /// The first corner is the origin. x increases with the column, y with the row, and z points away from
+    /// the viewer.
     pub fn points(&self) -> Vec<Vector3<f64>> {
         let at = |i: usize| Vector3::new((i % self.columns) as f64, (i / self.columns) as f64, 0.0);
         (0..self.len()).map(|i| at(i) * self.square).collect()

@@ -1,10 +1,10 @@
-//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses
-//! of the views eliminated by the Schur complement.
+//! Bundle adjustment (Triggs et al. 2000) by Levenberg–Marquardt over all parameters. The Schur complement
+//! eliminates the poses of the views.
 //!
-//! The projector coordinate q of a corner is measured with the camera. An error δ of the measured corner
-//! causes the error Jδ of q, where J is the local derivative of projector pixels with respect to camera
-//! pixels. With predicted coordinates ĉ and q̂, the projector residual is therefore q + J(ĉ - c) - q̂.
-//! The error of c cancels in this residual, so the residuals of camera and projector are independent.
+//! The projector coordinate q of a corner is measured with the camera. An error δ of the measured corner c
+//! causes the error Jδ of q. J is the local derivative of projector pixels with respect to camera pixels.
+//! With predicted coordinates ĉ and q̂, the projector residual is therefore q + J(ĉ - c) - q̂. The error of c
+//! cancels in this residual, so the residuals of camera and projector are independent.
 
 use super::device::{Device, Seen};
 use super::pose::Pose;
@@ -22,7 +22,7 @@ pub struct Corner {
     pub projector: Option<(Vector2<f64>, Matrix2<f64>)>,
 }
 
-/// The free parameter on which a device parameter depends: its index, and the factor of proportionality.
+/// Index of the free parameter on which a device parameter depends, and the factor of proportionality.
 pub type Tie = Option<(usize, f64)>;
 
 /// All estimated parameters.
@@ -43,7 +43,8 @@ pub struct State {
 
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Standard deviation of a coordinate in pixels, by device. A device with an infinite value is ignored.
+    /// Standard deviation of a measured coordinate in pixels, by device. If the value is infinite, the device
+    /// is ignored.
     pub sigma: Vec<f64>,
     /// Huber's threshold in standard deviations of a coordinate. If the value is infinite, the loss is
     /// that of least squares.

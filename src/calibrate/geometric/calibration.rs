@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. Serialized to
-/// TOML, the calibration is [`base::calibration_file::Part::Devices`] of a calibration file.
+/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame. The TOML form
+/// of the calibration is the part [`base::calibration_file::Part::Devices`] of a calibration file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The `[camera]` table of a scene file.
@@ -29,7 +29,7 @@ pub struct Calibration {
 pub struct DeviceTable {
     /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the center of the first pixel.
+    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the centre of the first pixel.
     pub opencv_matrix: [[f64; 3]; 3],
     /// Lens coefficients in OpenCV's order.
     pub opencv: Option<Vec<f64>>,
@@ -71,7 +71,7 @@ pub struct Quality {
     pub camera_errors: BTreeMap<String, f64>,
     /// Standard errors of the projector's parameters by name.
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Standard errors of the projector's pose in the projector's frame: three angles (radians), three
+    /// Standard errors of the projector's pose in the projector's frame: three angles (radians) and three
     /// lengths (metres).
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
@@ -86,7 +86,7 @@ pub struct Quality {
     pub files: Vec<String>,
 }
 
-/// The covariance of all parameters; 0 in rows and columns of fixed parameters.
+/// The covariance of all parameters. Rows and columns of fixed parameters are 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CovarianceTable {
@@ -237,7 +237,7 @@ impl Calibration {
     /// Reads a calibration file. Tables other than those of the devices are ignored.
     ///
     /// # Errors
-    /// [`InputError`] if the file is not a calibration or has no valid device.
+    /// Returns [`InputError`] if the file is not a calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;

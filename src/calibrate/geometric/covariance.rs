@@ -1,5 +1,5 @@
 //! Covariances of all parameters from the triangular factor (QR) of the Jacobian. Normal equations would lose
-//! half of the digits, which rational lenses need.
+//! half of the digits, but rational lenses need all digits.
 
 use super::bundle::{Corner, Normal, State, Weights};
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
@@ -10,7 +10,7 @@ pub struct Root {
     shared: DMatrix<f64>,
     /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
-    /// By view: the factor of the view's pose, the coupling to the shared parameters, and the
+    /// For each view, the factor of the view's pose, the coupling to the shared parameters, and the
     /// transformed residuals.
     own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
     /// Transformed residuals that belong to the shared parameters.
@@ -25,7 +25,8 @@ pub struct Covariance {
 }
 
 impl Root {
-    /// Factorizes a state. Returns `None` if a corner is behind a device or a number is not finite.
+    /// Computes the factor for a state. Returns `None` if a corner is behind a device or a number is not
+    /// finite.
     pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
         let n = state.shared();
         // The last column contains the residuals.
@@ -38,7 +39,8 @@ impl Root {
                 return None;
             }
             let rows = jacobian.nrows();
-            // The pose comes first. Zero rows pad views that have fewer measurements than parameters.
+            // The columns of the pose are first. Zero rows pad views that have fewer measurements than
+            // parameters.
             let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
             ordered.view_mut((0, 0), (rows, 6)).copy_from(&jacobian.columns(n, 6));
             ordered.view_mut((0, 6), (rows, n)).copy_from(&jacobian.columns(0, n));
@@ -78,7 +80,7 @@ impl Root {
     }
 
     /// Returns how well the least determined combination of shared parameters is determined, from 0 (not at
-    /// all) to about 1, and the coefficients of this combination.
+    /// all) to about 1. Also returns the coefficients of this combination.
     ///
     /// The result is the smallest singular value of the root with its singular vector. Columns of the
     /// root are scaled by the square root of the information that known poses would give.
@@ -108,8 +110,8 @@ impl Root {
 }
 
 impl Covariance {
-    /// Returns tr(C N): the effective number of parameters that a subset of the measurements with normal
-    /// equations N determines.
+    /// Returns tr(C N), which is the effective number of parameters that a subset of the measurements
+    /// determines. N are the normal equations of the subset.
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
         for v in 0..part.own.len() {

@@ -1,5 +1,5 @@
-//! Device model of a calibration: focal lengths, principal point and lens, their free parameters, and the
-//! derivatives of projected pixels.
+//! Device model of a calibration. The model has focal lengths, a principal point, a lens, and free
+//! parameters. The module also computes the derivatives of projected pixels.
 
 use super::pose::Pose;
 use glam::DVec2;
@@ -43,7 +43,8 @@ impl Model {
         match self {
             Self::Pinhole => Distortion::None,
             Self::Fisheye => Distortion::Fisheye(Fisheye { k: [at(0), at(1), at(2), at(3)] }),
-            // Do not use `from`: it maps zeros to `None`, but the derivatives are needed there.
+            // `from` maps zero coefficients to `None`, but the derivatives with respect to these coefficients
+            // are needed.
             Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv::from_list(k)),
         }
     }
@@ -121,8 +122,8 @@ impl Device {
         Vector2::new(self.focal.x * d.x + self.centre.x, self.focal.y * d.y + self.centre.y)
     }
 
-    /// Projects as [`Self::project`] does, and returns also all derivatives. `lens` is that of
-    /// [`Self::lens`].
+    /// Projects a point as [`Self::project`] does, and also returns all derivatives. `lens` must be the lens
+    /// of the device ([`Self::lens`]).
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {
             return None;
@@ -159,17 +160,17 @@ impl Device {
 #[allow(clippy::struct_excessive_bools)] // each is an independent option
 pub struct Free {
     pub focal: bool,
-    /// Whether both focal lengths are fitted independently. Otherwise fy/fx keeps its initial
-    /// value, by default 1.
+    /// Whether the two focal lengths are fitted independently. If false, fy/fx keeps its initial value, by
+    /// default 1.
     pub aspect: bool,
-    /// Whether the principal point is fitted. Otherwise the principal point keeps its initial value, by
-    /// default the image center.
+    /// Whether the principal point is fitted. If false, the principal point keeps its initial value, by
+    /// default the image centre.
     pub centre: bool,
-    /// Whether p1 and p2 are fitted. Otherwise both are 0.
+    /// Whether p1 and p2 are fitted. If false, p1 and p2 are 0.
     pub tangential: bool,
-    /// Whether k3 is fitted. Otherwise k3 is 0.
+    /// Whether k3 is fitted. If false, k3 is 0.
     pub k3: bool,
-    /// Whether lens coefficients are fitted at all.
+    /// Whether any lens coefficients are fitted.
     pub lens: bool,
 }
 

@@ -1,7 +1,8 @@
-//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
+//! Epipolar planes, which pass through the centres of both devices. An angle about the baseline identifies a
+//! plane.
 //!
-//! Each plane intersects the camera's image and the projector's image in one line each. Lens
-//! distortion bends these lines.
+//! Each plane intersects the camera's image and the projector's image in one line each. With lens distortion,
+//! the lines of intersection are curved.
 
 use super::device::Device;
 use super::pose::Pose;
@@ -13,8 +14,8 @@ pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Two unit vectors perpendicular to the baseline in the camera's frame: one toward the optical axis,
-    /// and one perpendicular to the first.
+    /// Two unit vectors perpendicular to the baseline, in the camera's frame. The first vector is directed
+    /// toward the optical axis, and the second vector is perpendicular to the first.
     across: [Vector3<f64>; 2],
 }
 
@@ -23,7 +24,7 @@ pub struct Planes {
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
-    /// Creates the epipolar planes of a calibration; returns `None` if the baseline is zero or along the
+    /// Creates the epipolar planes of a calibration. Returns `None` if the baseline is zero or along the
     /// camera's axis.
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
@@ -53,7 +54,7 @@ impl Planes {
         Some(self.angle(self.relative.rotation.transpose() * Vector3::new(n.x, n.y, 1.0)))
     }
 
-    /// Returns the angles of all pixel centers of a device, row by row.
+    /// Returns the angles of all pixel centres of a device, row by row.
     fn all(&self, device: &Device, of: impl Fn(Vector2<f64>) -> Option<f64>) -> Vec<Option<f64>> {
         let [w, h] = device.size;
         let pixels =
@@ -79,8 +80,8 @@ impl Planes {
         [camera.iter().map(band).collect(), projector.iter().map(band).collect()]
     }
 
-    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector
-    /// pixels of a lit projector pixel. All other camera pixels receive only indirect light.
+    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
+    /// lit projector pixel. Camera pixels for which the result is false receive only indirect light.
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;
@@ -149,7 +150,7 @@ mod tests {
             if inside(p, planes.camera.size) && inside(q, planes.projector.size) {
                 let mut lit = vec![false; 80 * 50];
                 lit[q.y as usize * 80 + q.x as usize] = true;
-                // The reach covers half a projector pixel plus half a camera pixel, which is 1.5
+                // The reach covers half a projector pixel and half a camera pixel. A camera pixel is 1.5
                 // projector pixels wide.
                 let seen = planes.lit(&lit, 2.0);
                 prop_assert!(seen[p.y as usize * 64 + p.x as usize]);

@@ -1,6 +1,6 @@
 //! Errors in the input of a geometric calibration.
 
-/// The reason why a calibration fails. Views and points count from 1.
+/// The reason why a calibration fails. Views and points are numbered from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
     #[error("no view shows the board: use images that show the complete board")]

@@ -1,5 +1,5 @@
-//! Fits devices to corners: initial estimate, bundle adjustment, estimation of noise and covariances, and
-//! notes.
+//! Fits devices to corners. The steps are the initial estimate, bundle adjustment, the estimation of noise
+//! and covariances, and notes.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -37,8 +37,9 @@ pub struct Fit {
     pub relative: Pose,
     /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
-    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
-    /// parameters. With a projector, the six parameters of a change of `relative` follow ([`Pose::changed`]).
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first. The entries
+    /// of fixed parameters are 0. With a projector, the six parameters of a change of `relative` follow
+    /// ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each view's pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
@@ -67,13 +68,13 @@ const FINE: f64 = 1e-10;
 /// Maximum RMS of the residual distances in a valid fit, relative to the image width.
 const HOPELESS: f64 = 0.02;
 
-/// Fits a camera to corners by view. With a second setup, also fits a projector and the pose from
+/// Fits a camera to the corners of each view. With a second setup, also fits a projector and the pose from
 /// camera to projector.
 ///
 /// If `robust` is true, outliers are detected by a fit with Huber's loss and excluded.
 ///
 /// # Errors
-/// [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.
+/// Returns [`Fault`] if the views do not determine the parameters, or if no parameters fit the corners.
 pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit, Fault> {
     check(setups, views)?;
     let start = begin(setups, views, robust)?;
@@ -203,8 +204,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
         let mut state =
             State { ties: vec![vec![]], devices: vec![device], free: 0, relative: Pose::default(), poses };
         let mut cost = f64::INFINITY;
-        // The parameters are freed in stages: pinhole, dominant lens terms, all. These stages avoid poles of
-        // rational lenses.
+        // To avoid poles of rational lenses, the parameters are freed in three stages: pinhole parameters,
+        // dominant lens terms, and all parameters.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
@@ -253,7 +254,7 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     }
 }
 
-/// Fits with Huber's loss, scaled by the median residual, and marks the outliers.
+/// Fits the state with Huber's loss, which is scaled by the median residual, and marks the outliers.
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
@@ -331,7 +332,7 @@ fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covari
     w.sigma = sigma;
 }
 
-/// Expands the free parameters to all parameters and adds notes.
+/// Creates the result of a fit from its state. Expands the free parameters to all parameters and adds notes.
 fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance) -> Result<Fit, Fault> {
     let rms = rms(&state, views, w);
     let total: usize = state.ties.iter().map(Vec::len).sum();
@@ -371,8 +372,8 @@ impl Fit {
         (first..first + n).map(|i| self.covariance[(i, i)].sqrt()).collect()
     }
 
-    /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in
-    /// metres. Returns `None` without a projector.
+    /// Returns the standard errors of the change of `relative`, which are three angles in radians and three
+    /// lengths in metres. Returns `None` without a projector.
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();
         (self.devices.len() > 1)

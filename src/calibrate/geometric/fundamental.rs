@@ -1,7 +1,7 @@
 //! Estimates the fundamental matrix from points (Hartley's normalized eight-point algorithm, then
 //! minimization of the Sampson distance), or computes the matrix from a calibration.
 //!
-//! Pixels are those of devices without distortion; see [`undistorted`].
+//! Pixel coordinates are those of devices without lens distortion (see [`undistorted`]).
 
 use super::device::Device;
 use super::homography::{apply, normalization, null_vector};
@@ -17,8 +17,8 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Returns the fundamental matrix of a calibration: K'⁻ᵀ T R K⁻¹, where T is the matrix of the cross
-/// product with t. Returns `None` if the devices coincide.
+/// Returns the fundamental matrix K'⁻ᵀ T R K⁻¹ of a calibration, where T is the matrix of the cross product
+/// with t. Returns `None` if the devices coincide.
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| Matrix3::new(d.focal.x, 0.0, d.centre.x, 0.0, d.focal.y, d.centre.y, 0.0, 0.0, 1.0);
     let essential = relative.translation.cross_matrix() * relative.rotation;
@@ -34,8 +34,8 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// Returns the refined fundamental matrix of at least eight pairs of points, or `None` if the points do not
-/// determine the matrix (for example coplanar points).
+/// Returns the refined fundamental matrix of at least eight pairs of points. Returns `None` if the points do
+/// not determine the matrix, for example coplanar points.
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
         return None;
@@ -171,7 +171,7 @@ mod tests {
         assert!((exact - want).norm().min((exact + want).norm()) < 1e-8);
         assert!(p.iter().zip(&q).all(|(p, q)| sampson(&want, *p, *q).abs() < 1e-8));
         assert!(exact.determinant().abs() < 1e-15);
-        // With noise of ±0.5 pixels in all four coordinates, the RMS distance of exact points from their
+        // With noise of ±0.5 pixels in all four coordinates, the RMS distance of noise-free points from their
         // epipolar lines is below 0.1 pixels.
         let (p, q) = points(400, 1.0);
         let noisy = of_points(&p, &q).unwrap();

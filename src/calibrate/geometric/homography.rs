@@ -1,5 +1,5 @@
-//! Estimates homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear
-//! estimate, then refinement.
+//! Estimates homographies between planes (Hartley & Zisserman 2004, chapter 4). A normalized linear estimate
+//! is followed by a refinement.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 

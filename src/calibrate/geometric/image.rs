@@ -1,4 +1,4 @@
-//! Gray images for corner detection, from PNG of 8 or 16 bits, JPEG, or .npy.
+//! Grayscale images for corner detection, read from 8-bit or 16-bit PNG, JPEG or .npy files.
 
 use image::codecs::jpeg::JpegDecoder;
 use image::codecs::png::PngDecoder;
@@ -7,7 +7,7 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use store::numpy::NumpyReader;
 
-/// A gray image, row by row from the top.
+/// A grayscale image, stored row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     pub width: usize,
@@ -44,7 +44,8 @@ impl Image {
         self.values[y * self.width + x]
     }
 
-    /// Returns the bilinearly interpolated value at a position; (0.5, 0.5) is the center of the first pixel.
+    /// Returns the bilinearly interpolated value at a position. The centre of the first pixel is at (0.5,
+    /// 0.5).
     #[inline]
     pub fn between(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
@@ -75,13 +76,13 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
+    /// Reads an 8-bit or 16-bit .png, a .jpg, or a .npy of shape (height, width) with at most one more axis.
     ///
-    /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and
-    /// JPEG are rotated by their EXIF orientation.
+    /// The value of a pixel is the mean of red, green and blue, or the mean over the third axis of a .npy
+    /// array. PNG and JPEG images are rotated according to their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
+    /// Returns [`ImageError`] if the format is not supported, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError { path: path.to_owned(), message };
         let loaded = match extension(path).as_str() {
@@ -103,7 +104,7 @@ impl Image {
 pub struct Loaded {
     /// The image with the EXIF orientation applied.
     pub image: Image,
-    /// EXIF orientation of the stored image (1 to 8); 1 if no rotation is needed.
+    /// EXIF orientation of the stored image (1 to 8), or 1 if no rotation is needed.
     pub orientation: u8,
 }
 
@@ -117,7 +118,8 @@ fn extension(path: &Path) -> String {
     extension.unwrap_or("").to_ascii_lowercase()
 }
 
-/// Returns whether a JPEG ends within its last scan. The decoder would fill the missing part.
+/// Returns whether a JPEG file is truncated within its last scan. The decoder would fill the missing part of
+/// the image.
 fn is_cut_off(jpeg: &[u8]) -> bool {
     let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
     let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
@@ -141,7 +143,7 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let bad = |e: image::ImageError| format!("cannot read the file as {name}: {e}");
     let mut limits = Limits::default();
     limits.max_alloc = Some(8 * MOST as u64);
-    // An `ImageReader` would compile the decoders of all formats again.
+    // With `ImageReader`, the decoders of all formats would be compiled again.
     let bytes = Cursor::new(&bytes);
     let mut decoder: Box<dyn ImageDecoder> = match format {
         ImageFormat::Jpeg => Box::new(JpegDecoder::new(bytes).map_err(bad)?),
@@ -190,7 +192,7 @@ fn npy(path: &Path) -> Result<Image, String> {
     Image::new(width, height, values).ok_or_else(|| "the file is damaged: copy the file again".into())
 }
 
-/// Returns an image encoded as a gray PNG of 8 bits, or `None` if the encoder fails.
+/// Returns an image encoded as an 8-bit grayscale PNG, or `None` if the encoder fails.
 pub fn png_bytes(width: u32, height: u32, values: &[u8]) -> Option<Vec<u8>> {
     let mut out = vec![];
     let mut encoder = png::Encoder::new(&mut out, width, height);
@@ -247,8 +249,8 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// Returns the value of a smooth image. Compression changes the image little, and the values of the
-    /// four corners differ.
+    /// Returns the value of a pixel in a smooth image. Compression changes the image little, and the values
+    /// of the four corners differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
@@ -264,8 +266,8 @@ mod tests {
         let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
         photo.write_with_encoder(encoder).unwrap();
         if orientation > 0 {
-            // Segment APP1: a little-endian TIFF header and one entry, the orientation tag 0x0112 of type
-            // SHORT.
+            // Segment APP1 contains a little-endian TIFF header and one entry, the orientation tag 0x0112 of
+            // type SHORT.
             let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
             exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
             let mut segment = vec![0xff, 0xe1];
@@ -323,7 +325,7 @@ mod tests {
         }
     }
 
-    /// Truncated images are errors, although the decoder would fill the missing part with gray.
+    /// Truncated images are rejected, although the decoder would fill the missing part with grey.
     #[test]
     fn damaged_and_misnamed_images_are_refused() {
         let whole = jpeg(true, 0);

@@ -1,9 +1,9 @@
-//! Geometric calibration of cameras and projectors from boards and structured light: intrinsics
-//! with distortion, poses and epipolar geometry.
+//! Geometric calibration of cameras and projectors from boards and structured light. The results are
+//! intrinsics with distortion, poses and epipolar geometry.
 //!
-//! Pixel coordinates are continuous, and the first pixel covers 0..1. Only OpenCV exports place the
-//! origin at the center of the first pixel. A pose maps board or world coordinates to device coordinates,
-//! x_device = R x + t. `CONVENTIONS.md` defines the axes of devices.
+//! Pixel coordinates are continuous, and the first pixel covers 0 to 1. Only OpenCV exports place the origin
+//! at the centre of the first pixel. A pose maps board or world coordinates to device coordinates, x_device =
+//! R x + t. `CONVENTIONS.md` defines the axes of devices.
 
 pub mod board;
 pub mod bundle;

@@ -45,8 +45,8 @@ impl Pose {
         Self { rotation: back, translation: -(back * self.translation) }
     }
 
-    /// Returns the pose rotated by exp(ω) in the device's frame and translated by δt. Covariances
-    /// refer to these six parameters: ω in radians, δt in metres.
+    /// Returns the pose rotated by exp(ω) in the device's frame and translated by δt. Covariances refer to
+    /// these six parameters, with ω in radians and δt in metres.
     pub fn changed(&self, change: [f64; 6]) -> Self {
         let [a, b, c, x, y, z] = change;
         let turn = Rotation3::new(Vector3::new(a, b, c));
@@ -63,13 +63,13 @@ impl Pose {
         [w.x, w.y, w.z, d.x, d.y, d.z]
     }
 
-    /// Returns OpenCV's rvec: the rotation axis times the angle in radians.
+    /// Returns OpenCV's rvec, which is the rotation axis times the angle in radians.
     pub fn rotation_vector(&self) -> Vector3<f64> {
         logarithm(&self.rotation)
     }
 }
 
-/// Returns the rotation vector of a rotation matrix: the rotation axis times the angle in radians.
+/// Returns the rotation vector of a rotation matrix, which is the rotation axis times the angle in radians.
 fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }

@@ -1,4 +1,4 @@
-//! Tests of stated uncertainties: z-scores over many repetitions, simulated outliers, and degenerate views.
+//! Tests stated uncertainties with z-scores over many repetitions, simulated outliers, and degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -42,7 +42,8 @@ fn relative() -> Pose {
     Pose::new([0.05, -0.25, 0.02], [0.12, 0.05, 0.06])
 }
 
-/// Returns poses of boards within the image and beyond its edges, tilted in all directions.
+/// Returns poses of boards that are tilted in all directions. Some boards extend beyond the edges of the
+/// image.
 fn poses(n: usize) -> Vec<Pose> {
     let middle = Pose::new([0.0; 3], [-0.16, -0.1, 0.0]);
     (0..n)
@@ -102,7 +103,7 @@ fn setups(devices: &[Device]) -> Vec<Setup> {
     devices.iter().map(|d| Setup::new(d.size, d.model)).collect()
 }
 
-/// The z-scores of the errors, by class of parameters.
+/// The z-scores of the errors, by parameter class.
 #[derive(Default)]
 struct Classes(ZScores);
 
@@ -178,7 +179,7 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 fn errors_of_cameras_match_the_scatter() {
     hold("camera, 5 coefficients", &[camera(Model::Five)], 32, 0.05, true);
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 16, 0.05, false);
-    // The parameters of the rational model depend linearly on the noise only if it is very small. With
+    // The parameters of the rational model depend linearly on the noise only if the noise is very small. With
     // noise of 0.05 pixels, k1 and k4 vary jointly by 15 without a significant change of the projection.
     hold("camera, 8 coefficients, little noise", &[camera(Model::Eight)], 16, 5e-6, true);
 }
@@ -188,9 +189,9 @@ fn errors_of_cameras_match_the_scatter() {
 fn errors_of_projectors_match_the_scatter() {
     let pair = |model| [camera(model), projector(model)];
     hold("pair, 5 coefficients", &pair(Model::Five), 32, 0.05, true);
-    // With noise of 0.05 pixels, the coefficients of one in a hundred rational projector lenses diverge,
-    // and the fit is rejected. With 0.01 pixels, this happens once in several hundred fits. Excluding
-    // these fits would bias the statistics, so the noise is reduced instead.
+    // With noise of 0.05 pixels, the coefficients of one in a hundred rational projector lenses diverge, and
+    // the fit is rejected. With noise of 0.01 pixels, the coefficients diverge in one of several hundred
+    // fits. Excluding the rejected fits would bias the statistics, so the noise is reduced instead.
     hold("pair, 8 coefficients", &pair(Model::Eight), 32, 0.002, false);
 }
 

@@ -1,12 +1,15 @@
-//! Initial estimates: focal lengths from homographies of the board (Zhang 2000), then poses.
+//! Computes initial estimates. Focal lengths are estimated from homographies of the board (Zhang 2000), then
+//! poses are estimated.
 
 use super::device::{Device, Model};
 use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Returns initial devices, the most likely first: estimated focal lengths with the principal point in
-/// the center, then all estimated intrinsics, then three guessed focal lengths.
+/// Returns initial devices, the most likely first:
+/// - a device with estimated focal lengths and the principal point in the centre
+/// - a device with all intrinsics estimated
+/// - three devices with guessed focal lengths
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
     let middle = Vector2::new(w, h) / 2.0;
@@ -42,7 +45,8 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
         let (a, b) = (h.column(0), h.column(1));
         let (n, m) = ((a + b).normalize(), (a - b).normalize());
         let (a, b) = (a.normalize(), b.normalize());
-        // The columns are orthogonal, and so are their sum and difference after normalization.
+        // The two columns are orthogonal. The sum and the difference of the normalized columns are also
+        // orthogonal.
         for (p, q) in [(a, b), (n, m)] {
             let row = Vector2::new(p.x * q.x, p.y * q.y);
             normal += row * row.transpose();
@@ -112,13 +116,13 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     (rotation.determinant() > 0.0 && t.z > 0.0).then_some(Pose { rotation, translation: t })
 }
 
-/// Points of a view: coordinates on the board in metres, and in the image in pixels.
+/// Points of a view, given by coordinates on the board in metres and coordinates in the image in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
 /// Returns the homography of each view, from the board's plane to the image.
 ///
 /// # Errors
-/// If the points of a view are collinear; the error is the index of this view, from 0.
+/// Returns the index, from 0, of a view whose points are collinear.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i)).collect()

@@ -1,8 +1,10 @@
-//! Polarimetric calibration: imperfections of the optical elements, from captures of known samples.
+//! Polarimetric calibration, which estimates imperfections of the optical elements from captures of known
+//! samples.
 //!
 //! Samples with known Mueller matrices (air, a mirror, a plate) determine axis offsets, retardances and
-//! extinction ratios, and the parameters of the beamsplitter and mirrors of a coaxial rig. All parameters
-//! are fitted jointly with the brightness of each sample. Undetermined parameters are reported.
+//! extinction ratios. The samples also determine the parameters of the beamsplitter and mirrors of a coaxial
+//! rig. All parameters are fitted jointly with the brightness of each sample. Undetermined parameters are
+//! reported.
 
 pub mod parameters;
 pub mod samples;

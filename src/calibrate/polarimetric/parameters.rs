@@ -130,7 +130,8 @@ impl Parameter {
         }
     }
 
-    /// Returns whether the parameter may depend on the wavelength: axis angles do not, optical properties do.
+    /// Returns whether the parameter may depend on the wavelength. Axis angles do not depend on the
+    /// wavelength, but optical properties do.
     pub fn is_spectral(&self) -> bool {
         !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
     }

@@ -54,7 +54,7 @@ pub enum CalibrationError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub parameter: Parameter,
-    /// Wavelength in nanometers, if the parameter is fitted per wavelength.
+    /// Wavelength in nanometres, if the parameter is fitted per wavelength.
     pub nm: Option<f64>,
     /// Name of the parameter, which includes the name of the element.
     pub name: String,
@@ -72,11 +72,11 @@ pub struct Calibrated {
     pub found: Vec<Found>,
     /// Descriptions of the undetermined parameters.
     pub undetermined: Vec<String>,
-    /// The fit: parameters in the order of `found`, then one brightness per sample.
+    /// The fit, with parameters in the order of `found`, then one brightness per sample.
     pub fit: Fit,
 }
 
-/// One fitted number: an imperfection at one wavelength, or at all wavelengths.
+/// One fitted number, which is an imperfection at one wavelength or at all wavelengths.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,
@@ -147,7 +147,7 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
 /// samples. All numbers are fitted jointly.
 ///
 /// # Errors
-/// [`CalibrationError`] if the samples are invalid or the fit fails.
+/// Returns [`CalibrationError`] if the samples are invalid or the fit fails.
 pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, CalibrationError> {
     let Some(first) = samples.first() else {
         return Err(CalibrationError::NoSample);
@@ -241,7 +241,7 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         of[0].parameter.set_table(&mut scheme, &rows);
     }
     if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
-        // The brightness of each sample is fitted, so the brightness of the optics is kept.
+        // The brightness of each sample is fitted, so the fit does not change the brightness of the optics.
         now.keep_brightness(before, &wavelengths(samples));
     }
     Ok(Calibrated { scheme, found, undetermined: fit.describe_undetermined(&names), fit })

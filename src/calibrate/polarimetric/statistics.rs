@@ -1,4 +1,5 @@
-//! The `[polarimetric]` table of a calibration file: fitted imperfections with their covariance.
+//! The `[polarimetric]` table of a calibration file, which contains fitted imperfections with their
+//! covariance.
 
 use super::samples::Calibrated;
 use serde::{Deserialize, Serialize};
@@ -7,21 +8,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Statistics {
-    /// Sum of squared residuals divided by their variances.
+    /// Chi-squared, which is the sum of the squared residuals, each divided by its variance.
     pub chi_squared: f64,
     /// Number of measurements minus number of parameters.
     pub freedom: usize,
     /// Names of the parameters, which include the names of the elements.
     pub names: Vec<String>,
-    /// Wavelength in nanometers of a parameter that is fitted per wavelength, otherwise `nan`.
+    /// Wavelength in nanometres of a parameter that is fitted per wavelength, or `nan` for any other
+    /// parameter.
     pub wavelengths_nm: Vec<f64>,
-    /// Units of the parameters: `°` or empty.
+    /// Units of the parameters, either `°` or empty.
     pub units: Vec<String>,
     /// Fitted values in the units of `units`.
     pub values: Vec<f64>,
-    /// Standard deviations; `nan` if the samples determine a parameter only in combination with others.
+    /// Standard deviations. The value is `nan` if the samples determine a parameter only in combination with
+    /// others.
     pub sigma: Vec<f64>,
-    /// Covariance row by row; zero along undetermined directions.
+    /// Covariance matrix, row by row. The covariance is zero along undetermined directions.
     pub covariance: Vec<Vec<f64>>,
     /// Descriptions of the undetermined parameters.
     #[serde(alias = "untold")]

@@ -1,4 +1,4 @@
-//! Tests with simulated imperfections: fitted values, stated errors, and undetermined parameters.
+//! Tests fitted values, stated errors, and undetermined parameters with simulated imperfections.
 
 use super::super::least_squares::FitError;
 use super::super::z_scores::{ZScores, repeats};
@@ -204,8 +204,8 @@ fn dispersive_samples(
     samples
 }
 
-/// The test fits n and k of the mirrors and both arms at two wavelengths jointly with the elements. After
-/// whitening by the full covariance, the errors of all determined parameters have variance 1.
+/// The test fits n and k of the mirrors and the properties of both arms at two wavelengths, jointly with the
+/// elements. After whitening by the full covariance, the errors of all determined parameters have variance 1.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn dispersion_is_recovered_with_correct_errors() {
@@ -259,8 +259,8 @@ fn dispersion_is_recovered_with_correct_errors() {
     }
 }
 
-/// Along one direction, mirrors and beamsplitter are not determined separately, and the calibration
-/// reports this.
+/// Along one direction, mirrors and beamsplitter are not determined separately, and the calibration reports
+/// this direction.
 #[test]
 fn one_direction_does_not_separate_mirrors_from_the_beamsplitter() {
     let nominal = dispersive();

@@ -35,7 +35,7 @@ impl Default for Options {
 pub struct Radiometry {
     /// Smallest reading that counts as saturated, in DN.
     pub saturated_from_dn: u32,
-    /// Signal above the dark frame at which the camera saturates, in DN; `None` if no frame reached
+    /// Signal above the dark frame at which the camera saturates, in DN, or `None` if no frame reached
     /// saturation.
     pub saturation_dn: Option<f64>,
     /// Descriptions of quantities that the frames do not determine.
@@ -49,20 +49,20 @@ pub struct Radiometry {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corrected {
-    /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if
-    /// unknown.
+    /// Signal in electrons, or in linear DN if the gain is unknown, corrected for dark signal and response.
+    /// NaN if the signal is unknown.
     pub signal: Vec<f64>,
-    /// Variance due to noise; infinite if unknown. The variance excludes errors of the calibration.
+    /// Variance due to noise, excluding errors of the calibration. The variance is infinite if it is unknown.
     pub variance: Vec<f64>,
 }
 
 /// Calibrates a camera from dark frames at one or more exposures and uniformly lit frames at several levels.
 ///
-/// Without lit frames only the dark frame is calibrated. Undetermined quantities are reported and keep the
+/// Without lit frames, only the dark frame is calibrated. Undetermined quantities are reported and keep the
 /// values of an ideal camera.
 ///
 /// # Errors
-/// [`RadiometricError`] if frames are missing or do not match, or if an option is invalid.
+/// Returns [`RadiometricError`] if frames are missing or do not match, or if an option is invalid.
 pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<Radiometry, RadiometricError> {
     if dark.is_empty() {
         return Err(RadiometricError::NoDark);
@@ -133,8 +133,8 @@ impl Radiometry {
     /// Returns the corrected signal of a frame.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.
-    /// [`RadiometricError::Setting`] if the exposure is not a positive time.
+    /// Returns [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.
+    /// Returns [`RadiometricError::Setting`] if the exposure is not a positive time.
     pub fn correct(&self, frame: &[u32], exposure_s: f64) -> Result<Corrected, RadiometricError> {
         let pixels = self.dark.offset.len();
         if frame.len() != pixels {

@@ -1,4 +1,5 @@
-//! The dark frame: offset, dark current and noise per pixel, and pixels to exclude.
+//! The dark frame, which contains the offset, dark current and noise of each pixel, and the pixels to
+//! exclude.
 
 use super::error::RadiometricError;
 use super::stack::{Stack, check};
@@ -26,7 +27,7 @@ pub struct Dark {
     /// Variance between frames at the shortest exposure in DN².
     pub variance: PixelMap,
     pub variance_sigma: PixelMap,
-    /// Dark current in DN/s; needs at least two exposures.
+    /// Dark current in DN/s. The estimate needs at least two exposures.
     pub rate: Option<PixelMap>,
     pub rate_sigma: Option<PixelMap>,
 }
@@ -47,7 +48,7 @@ impl Dark {
     /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
     /// # Errors
-    /// [`RadiometricError`] if frames are missing or do not match.
+    /// Returns [`RadiometricError`] if frames are missing or do not match.
     pub fn of(stacks: &[Stack], limit: f64) -> Result<Self, RadiometricError> {
         check(&stacks.iter().collect::<Vec<_>>())?;
         let pixels = stacks[0].pixels();
@@ -132,7 +133,7 @@ impl Dark {
 
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
-    /// The result ignores the covariance of offset and rate. Within the range of exposures, it is
+    /// The result ignores the covariance of offset and rate. Within the range of exposures, the result is
     /// therefore too large.
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);

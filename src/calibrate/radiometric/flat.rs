@@ -1,4 +1,4 @@
-//! The flat field: each pixel's response relative to the mean.
+//! The flat field, which is each pixel's response relative to the mean.
 
 use super::dark::Dark;
 use super::levels::Level;
@@ -14,11 +14,11 @@ const USED: [f64; 2] = [0.05, 0.7];
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flat {
-    /// Photoresponse non-uniformity (PRNU): the standard deviation of the response over pixels, excluding
-    /// noise and including non-uniformity of the light.
+    /// Photoresponse non-uniformity (PRNU), which is the standard deviation of the response over pixels. The
+    /// value excludes noise and includes non-uniformity of the light.
     pub prnu: f64,
     pub prnu_sigma: f64,
-    /// Response relative to the mean; NaN for unusable pixels.
+    /// Response relative to the mean, or NaN for unusable pixels.
     pub response: PixelMap,
     pub sigma: PixelMap,
 }
@@ -27,7 +27,7 @@ impl Flat {
     /// Computes the response from uniformly lit stacks.
     ///
     /// # Errors
-    /// If lit frames are missing; the message names the missing frames.
+    /// Returns a message that names the missing frames if lit frames are missing.
     pub fn of(
         dark: &Dark,
         stacks: &[Stack],
@@ -51,7 +51,7 @@ impl Flat {
             }
             let linear = linearity.linear(mean);
             let noise = transfer.variance(linear + rate * s.exposure_s()) / f64::from(s.frames());
-            // These weights minimize the variance of the ratio of both sums.
+            // The weights minimize the variance of the ratio of the two sums.
             let w = linear / noise;
             whole += w * linear;
             for p in 0..pixels {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Maximum of the signals that are used, as a fraction of the saturation signal (EMVA 1288, 9.2: 95 %).
 const USED: f64 = 0.95;
 
-/// A polynomial that linearizes the signal y: y (1 + Σ c_j (y/Y)^j).
+/// A polynomial y (1 + Σ c_j (y/Y)^j) that linearizes the signal y.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Linearity {
@@ -24,9 +24,10 @@ pub struct Linearity {
     /// DN per unit of light for small signals.
     pub response: f64,
     pub response_sigma: f64,
-    /// Linearity error LE of EMVA 1288: the mean relative deviation of signals from the best straight line.
+    /// Linearity error LE of EMVA 1288, which is the mean relative deviation of signals from the best
+    /// straight line.
     pub linearity_error: f64,
-    /// Chi-squared: the sum of squared residuals, each divided by its variance.
+    /// Chi-squared, which is the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     pub freedom: usize,
 }
@@ -68,7 +69,7 @@ impl Linearity {
     /// of the light of each level.
     ///
     /// # Errors
-    /// If there are too few levels; the message states which levels are missing.
+    /// Returns a message that states which levels are missing if there are too few levels.
     pub fn of(
         levels: &[Level],
         saturation: Option<f64>,
@@ -150,7 +151,7 @@ impl Linearity {
 }
 
 /// Returns the mean relative deviation from the straight line with the least sum of squared relative
-/// deviations, over levels above 5 % of the largest signal.
+/// deviations. Uses the levels above 5 % of the largest signal.
 fn from_line(levels: &[&Level]) -> f64 {
     let top = levels.iter().map(|l| l.signal).fold(0.0, f64::max);
     let near: Vec<_> = levels.iter().filter(|l| l.signal >= 0.05 * top).collect();

@@ -1,4 +1,5 @@
-//! Radiometric calibration of cameras: dark frame, linearity, gain, flat field, correction of frames.
+//! Radiometric calibration of cameras. Determines dark frame, linearity, gain and flat field, and corrects
+//! frames.
 //!
 //! > DN = b + d t + y,  y (1 + Σ c_j (y/Y)^j) = r s H,  Var y_lin = σ² + y_lin/g
 //!
@@ -8,8 +9,9 @@
 //!   each pixel, with mean 1.
 //! - c_j are the coefficients of the polynomial that describes the nonlinearity, and Y is the saturation
 //!   signal.
-//! - g is the gain in e⁻/DN, measured by photon transfer: the variance of the number of electrons equals
-//!   its mean (EMVA Standard 1288, release 4.0, sections 6 to 8; there K = 1/g).
+//! - g is the gain in e⁻/DN, measured by photon transfer (EMVA Standard 1288, release 4.0, sections 6 to 8,
+//!   in which K = 1/g). Photon transfer uses the fact that the variance of the number of electrons equals the
+//!   mean number.
 //!
 //! Variances are those between frames, so they exclude differences between pixels.
 //!

@@ -21,7 +21,7 @@ impl Stack {
     /// maximum digital number of the format.
     ///
     /// # Errors
-    /// [`RadiometricError::Setting`] if an argument is out of range.
+    /// Returns [`RadiometricError::Setting`] if an argument is out of range.
     pub fn new(pixels: usize, exposure_s: f64, light: f64, top_dn: u32) -> Result<Self, RadiometricError> {
         let setting = |what, value: f64, holds, need| {
             if holds { Ok(()) } else { Err(RadiometricError::Setting { what, value, need }) }
@@ -46,7 +46,7 @@ impl Stack {
     /// Adds a frame, rows from the top.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if the number of pixels differs from that of the stack.
+    /// Returns [`RadiometricError::Size`] if the number of pixels differs from that of the stack. Returns
     /// [`RadiometricError::Setting`] if a number exceeds the format.
     pub fn add(&mut self, frame: &[u32]) -> Result<(), RadiometricError> {
         if frame.len() != self.mean.len() {

@@ -1,5 +1,5 @@
-//! Tests with simulated cameras of known imperfections: compares fitted values with the truth, and actual
-//! with stated errors.
+//! Tests with simulated cameras of known imperfections. Fitted values are compared with the truth, and actual
+//! errors with stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::RadiometricError;
@@ -22,7 +22,7 @@ struct Camera {
     gain: f64,
     read_e: f64,
     full_e: f64,
-    /// Coefficients c₁ and c₂ of the nonlinearity: y (1 + c₁ u + c₂ u²) is linear in the light, with u =
+    /// Coefficients c₁ and c₂ of the nonlinearity. y (1 + c₁ u + c₂ u²) is linear in the light, with u =
     /// y/(`full_e`/gain).
     bend: [f64; 2],
     /// Electrons per unit of light.
@@ -157,7 +157,7 @@ fn stated_errors_match_actual_errors() {
     }
 }
 
-/// With an independent simulation of a camera, every parameter is recovered within five standard errors.
+/// The calibration recovers every parameter of an independently simulated camera within five standard errors.
 #[test]
 fn settings_of_a_simulated_camera_are_recovered() {
     let cmos = Cmos {
@@ -203,7 +203,7 @@ fn settings_of_a_simulated_camera_are_recovered() {
     near(flat.prnu, 0.0, flat.prnu_sigma);
 }
 
-/// A corrected uniform frame is uniform, in electrons, with the stated variance.
+/// After correction, a uniform frame is uniform in electrons and has the stated variance.
 #[test]
 fn corrected_frames_match_the_light() {
     let camera = Camera::new(1000);
@@ -234,7 +234,7 @@ fn corrected_frames_match_the_light() {
     assert!(found.correct(&[1; PIXELS], f64::NAN).is_err());
 }
 
-/// The calibration lists three hot pixels, a noisy pixel and a stuck pixel, and no others.
+/// The calibration lists three hot pixels, a noisy pixel and a stuck pixel, and no other pixels.
 #[test]
 fn bad_pixels_are_named() {
     let mut camera = Camera::new(101);

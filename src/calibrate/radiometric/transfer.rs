@@ -4,9 +4,9 @@
 //! 6.6). y includes the signals of light and dark current, because the electrons of both have shot noise.
 //! If all dark frames have the same exposure, the dark current is part of σ².
 //!
-//! A variance that is estimated from n frames and P pixels has the relative standard error √(2/((n - 1)
-//! P)). Three smaller terms cancel except for σ²/(n P), which is negligible: the fourth cumulant of the
-//! Poisson distribution, the error of the mean signal, and their covariance.
+//! A variance that is estimated from n frames and P pixels has the relative standard error √(2/((n - 1) P)).
+//! There are three smaller terms: the fourth cumulant of the Poisson distribution, the error of the mean
+//! signal, and their covariance. These terms cancel except for σ²/(n P), which is negligible.
 
 use super::levels::Level;
 use super::linearity::Linearity;
@@ -29,11 +29,11 @@ pub struct Transfer {
     pub read_noise_sigma: f64,
     /// Variance σ² in DN² of readings without electrons.
     pub dark_variance: f64,
-    /// Covariance of σ² and 1/g: the elements (σ², σ²), (σ², 1/g) and (1/g, 1/g).
+    /// Covariance of σ² and 1/g, given by the elements (σ², σ²), (σ², 1/g) and (1/g, 1/g).
     pub covariance: [f64; 3],
-    /// Full-well capacity: the number of electrons at saturation, if a level reached saturation.
+    /// Full-well capacity, which is the number of electrons at saturation, if a level reached saturation.
     pub full_well_e: Option<f64>,
-    /// Chi-squared: the sum of squared residuals, each divided by its variance.
+    /// Chi-squared, which is the sum of squared residuals, each divided by its variance.
     pub chi_squared: f64,
     pub freedom: usize,
 }
@@ -48,7 +48,7 @@ impl Transfer {
     /// Fits the curve to the levels' linearized signals.
     ///
     /// # Errors
-    /// If there are too few levels; the message names the missing frames.
+    /// Returns a message that names the missing frames if there are too few levels.
     pub fn of(
         dark: &[Level],
         levels: &[Level],

@@ -1,10 +1,10 @@
-//! The measured response: the aligned mean of many histograms.
+//! The measured response, which is the aligned mean of many histograms.
 //!
-//! Each histogram samples the response at one phase relative to its bins. Pixels with different time
-//! zeros sample the response at different phases. Detections per pulse are divided by the signal after
-//! subtraction of the background. The grid of the response is finer than a bin. At each grid point, a
-//! straight line is fitted to the nearby values. The weights decrease linearly to 0 at the next grid
-//! point and are proportional to the signal. For grid points h apart, this increases the variance of the
+//! Each histogram samples the response at one phase relative to its bins. Pixels with different time zeros
+//! sample the response at different phases. The background is subtracted from the detections per pulse, and
+//! the difference is divided by the signal. The grid of the response is finer than a bin. At each grid point,
+//! a straight line is fitted to the nearby values. The weights decrease linearly to 0 at the next grid point
+//! and are proportional to the signal. For grid points h apart, the line fit increases the variance of the
 //! response by about h²/6.
 
 use super::captures::{Capture, Counter};
@@ -99,7 +99,8 @@ impl Line {
     }
 }
 
-/// Interpolates values that are not finite from their neighbors. Returns `None` if no value is finite.
+/// Replaces values that are not finite by interpolation between their neighbours. Returns `None` if no value
+/// is finite.
 fn bridge(share: &mut [f64]) -> Option<()> {
     let known: Vec<usize> = (0..share.len()).filter(|i| share[*i].is_finite()).collect();
     let (first, last) = (*known.first()?, *known.last()?);

@@ -1,4 +1,4 @@
-//! The input of a temporal calibration: histograms of a plane at known distances.
+//! The input of a temporal calibration, which consists of histograms of a plane at known distances.
 
 use instrument::Histogram;
 use polarimetry::capture::detector::spad::Mode;
@@ -6,7 +6,7 @@ use polarimetry::capture::detector::spad::Mode;
 /// Maximum number of bins in a period.
 const MOST_BINS: usize = 1 << 20;
 
-/// Maximum value of any time, in ps: one second.
+/// Maximum of any time in ps, equal to one second.
 const LONGEST_PS: f64 = 1e12;
 
 /// The counter that recorded the histograms.
@@ -28,7 +28,7 @@ pub struct Counter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capture<'a> {
     pub pixel: usize,
-    /// Travel time of light to the plane and back in ps: optical path over c.
+    /// Travel time of light to the plane and back in ps. The travel time is the optical path divided by c.
     pub travel_ps: f64,
     /// Counts by bin from the start of the period. In free-running mode the counts must cover the
     /// whole period.

@@ -3,7 +3,7 @@
 use polarimetry::capture::detector::response::{FWHM_PER_SIGMA, Response};
 use serde::{Deserialize, Serialize};
 
-/// Response to a short pulse. The Gaussian part is centered on time 0.
+/// Response to a short pulse. The Gaussian part is centred on time 0.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Impulse {
     /// Standard deviation of the Gaussian part in ps.
@@ -34,7 +34,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// All parameters, in the order of all arrays with one number per parameter.
+    /// All parameters. Every array with one number per parameter has this order.
     pub const ALL: [Self; 4] = [Self::Width, Self::TailShare, Self::TailTime, Self::AfterPulsing];
 
     pub fn name(self) -> &'static str {

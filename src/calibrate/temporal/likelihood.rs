@@ -1,4 +1,4 @@
-//! The likelihood of one histogram, its derivatives, and its maximum over the parameters of this capture
+//! The likelihood of one histogram, its derivatives, and its maximum over the parameters of the capture
 //! (signal, background, time zero).
 
 use super::captures::{Capture, Counter};
@@ -8,8 +8,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use polarimetry::capture::detector::pile_up;
 use polarimetry::capture::detector::spad::Mode;
 
-/// Number of parameters of a capture's model: signal A, background B and time zero z, followed by
-/// [`super::Shape::ALL`].
+/// Number of parameters of a capture's model. The parameters are signal A, background B and time zero z,
+/// followed by [`super::Shape::ALL`].
 pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
@@ -18,14 +18,14 @@ pub(super) type Information = SMatrix<f64, ALL, ALL>;
 /// constants.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
-/// Minimum significance of a pulse in standard deviations. Without a pulse, noise exceeds this value in
+/// Minimum significance of a pulse in standard deviations. Without a pulse, noise exceeds this threshold in
 /// one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
 /// Lower bound of rates, which keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
-/// The known response to a short pulse: parameters or a measured template.
+/// The known response to a short pulse, given by parameters or a measured template.
 #[derive(Clone, Copy)]
 pub(super) enum Known<'a> {
     Impulse(Impulse),
@@ -75,7 +75,8 @@ pub(super) struct Local {
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
-    /// Afterpulses per pulse and bin for an afterpulse probability of 1; empty if afterpulses are not fitted.
+    /// Afterpulses per pulse and bin for an afterpulse probability of 1. The list is empty if afterpulses are
+    /// not fitted.
     after: Vec<f64>,
     mode: Mode,
     bin_ps: f64,
@@ -208,7 +209,7 @@ impl Prepared {
         let mut sum = 0.0;
         for (i, share) in shares.iter().enumerate() {
             if *share == 0.0 && self.after.is_empty() {
-                // Most bins have only the background's rate.
+                // In most bins, the rate is that of the background alone.
                 flat = (flat.0 + self.n[i], flat.1 + self.armed[i]);
             } else {
                 sum += of(self.n[i], self.armed[i], self.rate(i, *share, local, p));
@@ -391,7 +392,7 @@ impl Prepared {
                 let step = inverse(&information, damping).ok_or(Fault::Unsettled)? * score;
                 let next = self.moved(&local, &step, known);
                 let after = self.log_likelihood(&next, known);
-                // The step after clamping; components at a limit are zero.
+                // The step after clamping. Components at a limit are zero.
                 let step = Vector3::new(
                     next.signal - local.signal,
                     next.background - local.background,
@@ -436,7 +437,8 @@ pub(super) fn block(information: &Information) -> Matrix3<f64> {
     information.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
-/// Returns (M + damping · diag M)⁻¹, computed with unit diagonal. Returns `None` if M is singular.
+/// Returns (M + damping · diag M)⁻¹. M is scaled to unit diagonal for the inversion. Returns `None` if M is
+/// singular.
 pub(super) fn inverse(m: &Matrix3<f64>, damping: f64) -> Option<Matrix3<f64>> {
     let scale = m.diagonal().map(|v| 1.0 / v.sqrt());
     let scaled =

@@ -1,5 +1,5 @@
-//! Temporal calibration of photon counters from histograms of a plane: time zero of each pixel,
-//! response to a short pulse, and clock.
+//! Temporal calibration of photon counters from histograms of a plane. Determines the time zero of each
+//! pixel, the response to a short pulse, and the clock.
 //!
 //! > λ_i = A [H((i+1)Δ - t - z) - H(iΔ - t - z)] + B + p y_i/A_i
 //!
@@ -7,7 +7,7 @@
 //!
 //! - A is the signal of the pulse, t the known travel time of light, Δ the bin width, and z the time zero
 //!   of the pixel.
-//! - H is the cumulative response ([`polarimetry::capture::detector::response`]). The center of its
+//! - H is the cumulative response ([`polarimetry::capture::detector::response`]). The centre of its
 //!   Gaussian part defines the time zero.
 //! - B is the rate of ambient light and dark counts.
 //! - p is the probability of afterpulses. y_i is the number of afterpulses in bin i that the histogram's

@@ -14,23 +14,25 @@ const STEPS: usize = 60;
 
 pub(super) struct Fitted {
     pub impulse: Impulse,
-    /// Covariance in the order of [`Shape::ALL`]; zero for fixed parameters.
+    /// Covariance in the order of [`Shape::ALL`]. Entries of fixed parameters are zero.
     pub covariance: Matrix4<f64>,
 }
 
-/// Returns the border of a capture's information matrix: the block that couples A, B and z to the response.
+/// Returns the border of a capture's information matrix, which is the block that couples A, B and z to the
+/// response.
 pub(super) fn border(information: &Information) -> Matrix3x4<f64> {
     information.fixed_view::<3, 4>(0, 3).into_owned()
 }
 
-/// Returns the inverse of the free block of a symmetric matrix, scaled to a diagonal of 1 + damping for the
-/// inversion; elements outside the block are zero. Returns `None` if the free block is singular.
+/// Returns the inverse of the free block of a symmetric matrix. For the inversion, the block is scaled to a
+/// diagonal of 1 + damping. Elements outside the block are zero. Returns `None` if the free block is
+/// singular.
 fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Matrix4<f64>> {
     let scale: Vec<f64> = free.iter().map(|k| 1.0 / m[(*k, *k)].sqrt()).collect();
     let scaled = DMatrix::from_fn(free.len(), free.len(), |i, k| {
         m[(free[i], free[k])] * scale[i] * scale[k] + if i == k { damping } else { 0.0 }
     });
-    // Counts cannot separate parameters with a correlation of 1 - 1e-8.
+    // Counts cannot separate parameters whose correlation is at least 1 - 1e-8.
     let all = scaled.clone().symmetric_eigenvalues();
     if !all.iter().all(|v| *v > 1e-8) {
         return None;
@@ -72,7 +74,7 @@ fn complement(terms: &[(Score, Information)], damping: f64) -> Option<(Matrix4<f
 }
 
 /// Fits the free parameters of the response from `start`. `locals` are the initial values of the captures'
-/// own parameters. The result is limited to the range that this bin width and period can determine.
+/// own parameters. The result is clamped to the range that the bin width and the period can determine.
 pub(super) fn fit(
     captures: &[&Prepared],
     mut locals: Vec<Local>,
@@ -96,8 +98,8 @@ pub(super) fn fit(
             let step = solved * right;
             let mut expected = step.dot(&right);
             let next = Impulse::of(std::array::from_fn(|k| {
-                // Each step is limited to half the parameter's value (to 0.2 for fractions), to prevent
-                // divergence.
+                // To prevent divergence, each step is limited to half the parameter's value, or to 0.2 for a
+                // fraction.
                 let v = impulse.vector()[k];
                 let most = if k == 1 || k == 3 { 0.2 } else { 0.5 * v };
                 v + step[k].clamp(-most, most)

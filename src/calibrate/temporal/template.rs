@@ -1,17 +1,18 @@
-//! A measured response; see [`super::aligned`].
+//! A measured response (see [`super::aligned`]).
 
 use serde::{Deserialize, Serialize};
 
-/// A measured response: the fraction of light in a bin as a function of the delay of the bin's center.
+/// A measured response, which is the fraction of light in a bin as a function of the delay of the bin's
+/// centre.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {
     pub step_ps: f64,
     /// Delay of the first grid point after the arrival of the light, in ps.
     pub first_ps: f64,
-    /// Fraction of the light that is detected in a bin whose center is delayed to each grid point.
+    /// Fraction of the light that is detected in a bin whose centre is delayed to each grid point.
     pub share: Vec<f64>,
-    /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbors.
+    /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbours.
     pub sigma: Vec<f64>,
     /// Probability of afterpulses. `share` excludes afterpulses.
     pub after_pulsing: f64,
@@ -23,8 +24,8 @@ impl Template {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
-    /// Interpolates (Catmull–Rom) the fraction of light in a bin whose center is delayed by `t` ps; 0
-    /// outside.
+    /// Returns the fraction of light in a bin whose centre is delayed by `t` ps, by Catmull–Rom
+    /// interpolation. Outside the grid, the fraction is 0.
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
         let at = |k: f64| {
@@ -38,7 +39,8 @@ impl Template {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Returns the full width at half maximum in ps, including the bin width; at least the grid step.
+    /// Returns the full width at half maximum in ps, including the bin width. The result is at least the grid
+    /// step.
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {
             return self.step_ps;

@@ -1,4 +1,4 @@
-//! Tests with simulated diodes of known time zeros and responses: fitted values and stated errors.
+//! Tests fitted values and stated errors with simulated diodes of known time zeros and responses.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::aligned::aligned;
@@ -61,7 +61,7 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
-    /// Simulated captures: pixel, travel time in ps, counts.
+    /// Simulated captures, given by pixel, travel time in ps, and counts.
     taken: Vec<(usize, f64, Vec<u32>)>,
 }
 
@@ -101,8 +101,8 @@ impl Bench {
     }
 }
 
-/// The errors of time zeros, response and clock agree with the stated errors, over repetitions with 12 pixels
-/// and two planes. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
+/// Over repetitions with 12 pixels and two planes, the errors of time zeros, response and clock agree with
+/// the stated errors. At one to three photons per ten pulses, pile-up removes up to a seventh of the counts.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_actual_errors() {
@@ -130,7 +130,8 @@ fn stated_errors_match_actual_errors() {
     for (truth, error, zeros, found) in all {
         assert_eq!((found.dark, found.saturated), (0, 0));
         unsettled += found.unsettled;
-        // About one capture in ten thousand does not converge. Such a capture is reported and excluded.
+        // About one capture in ten thousand does not converge. The calibration reports and excludes such
+        // captures.
         let each = zeros
             .iter()
             .enumerate()
@@ -150,13 +151,13 @@ fn stated_errors_match_actual_errors() {
     scores.hold("synchronous diode");
     assert!(f64::from(count) * 24e-3 >= unsettled as f64, "{unsettled} captures are unsettled");
     println!("chi-squared over freedom {chi:.4}");
-    // The fit uses bins and chi-squared uses groups of bins, so up to three of about fifty degrees of
-    // freedom are not subtracted (Chernoff and Lehmann 1954).
+    // The fit uses bins, and chi-squared uses groups of bins. Up to three of about fifty degrees of freedom
+    // are therefore not subtracted (Chernoff and Lehmann 1954).
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
-/// At two photons per pulse, a likelihood that neglects pile-up would yield a time zero that is too early
-/// by a tenth of the pulse width.
+/// At two photons per pulse, a likelihood without pile-up would yield a time zero that is too early by a
+/// tenth of the pulse width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
     let truth = Impulse { tail_share: 0.0, ..Impulse::default() };
@@ -166,7 +167,7 @@ fn pile_up_does_not_move_time_zero() {
     for (pixel, want) in bench.zeros.iter().enumerate() {
         let (error, sigma) = (found.zero_ps.at(pixel) - want, found.sigma_ps.at(pixel));
         assert!(error.abs() < 5.0 * sigma && sigma < 0.1, "{error} ± {sigma}");
-        // Naive estimate: the mean of the counts around their peak.
+        // The naive estimate is the mean time of the counts around their peak.
         let (_, travel, counts) = &bench.taken[pixel];
         let peak = counts.iter().enumerate().max_by_key(|(_, n)| **n).expect("counts").0;
         let near = || (peak - 8..peak + 9).map(|i| (25.0 * (i as f64 + 0.5), f64::from(counts[i])));
@@ -206,8 +207,8 @@ fn after_pulses_are_separated_from_background() {
     scores.hold("free-running diode");
 }
 
-/// The aligned mean equals the response integrated over bins, and its time zeros agree with those of the
-/// parametric model.
+/// The aligned mean equals the response integrated over bins. The time zeros from the aligned mean agree with
+/// those from the parametric model.
 #[test]
 fn measured_responses_agree_with_the_model() {
     let truth = Impulse::default();
@@ -273,7 +274,7 @@ fn exact_counts_give_the_exact_time() {
     let least = truth.sigma_ps / n.sqrt();
     assert!((1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)), "{}", found.own_sigma_ps.at(1) / least);
     assert!(found.undetermined.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
-    // Alignment preserves the total light and moves its mean by the time zero.
+    // Alignment preserves the total light and shifts the mean time of the light by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
     let mean = |h: &[f64]| {
@@ -323,7 +324,7 @@ fn invalid_captures_are_reported() {
     for travel_ps in [f64::NAN, f64::INFINITY] {
         assert!(message(Capture { travel_ps, ..capture(&all, 2000) }).contains("travel time"));
     }
-    // Light in a single bin: a response too narrow to be determined causes no panic.
+    // With all light in one bin, the response is too narrow to be determined. The calibration must not panic.
     let _ = of(capture(&all, 10_000));
     for bad in [
         Counter { bin_ps: f64::NAN, ..counter },

@@ -1,4 +1,4 @@
-//! Calibrates response, time zeros and clock.
+//! Calibrates the response, the time zeros and the clock of a counter.
 
 use super::captures::{Capture, Counter, TemporalError, check};
 use super::impulse::{Impulse, Shape};
@@ -11,19 +11,19 @@ use polarimetry::capture::detector::spad::Mode;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of captures for the fit of the response; the brightest captures are used. With more
-/// captures, the error would be dominated by that of the model.
+/// Maximum number of captures for the fit of the response. The fit uses the brightest captures. With more
+/// captures, the error of the model would dominate.
 const FOR_RESPONSE: usize = 256;
 /// Minimum significance, in standard deviations, of the response's tail.
 const REPORTED: f64 = 2.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Initial response, which also fixes the parameters that are not free. Use the values of the data
-    /// sheet; errors up to a factor of two are acceptable.
+    /// Initial response, which also gives the values of the parameters that are not free. Use the values of
+    /// the data sheet. Errors up to a factor of two are acceptable.
     pub start: Impulse,
     pub free: Vec<Shape>,
-    /// Whether time zeros are corrected by the clock's error. The correction requires planes at two
+    /// Whether the error of the clock is corrected in the time zeros. The correction requires planes at two
     /// or more distances.
     pub correct_clock: bool,
 }
@@ -51,14 +51,14 @@ pub struct Temporal {
     pub period_bins: usize,
     /// Number of captures without a significant pulse.
     pub dark: usize,
-    /// Number of captures in which the diode was never armed in some bin.
+    /// Number of captures with a bin in which the diode was never armed.
     pub saturated: usize,
     /// Number of captures whose fit did not converge.
     pub unsettled: usize,
     /// Pearson's chi-squared over groups of bins of all captures.
     pub chi_squared: f64,
-    /// Degrees of freedom of `chi_squared`: the number of groups, minus three per capture. The number is
-    /// slightly too small, because the fit uses single bins and chi-squared uses groups.
+    /// Degrees of freedom of `chi_squared`, which is the number of groups minus three per capture. The number
+    /// is slightly too small, because the fit uses single bins and chi-squared uses groups.
     pub freedom: usize,
     /// Descriptions of quantities that the captures do not determine.
     #[serde(alias = "untold")]
@@ -66,9 +66,10 @@ pub struct Temporal {
     /// Standard errors of the response in the order of [`Shape::ALL`] and in the units of the parameters, or
     /// 0 for fixed parameters.
     pub response_sigma: [f64; 4],
-    /// Covariance of the response's parameters in the same order.
+    /// Covariance of the response's parameters in the order of [`Shape::ALL`].
     pub response_covariance: [[f64; 4]; 4],
-    /// Time zero of each pixel in ps, which is the recorded time minus the true time; NaN if unknown.
+    /// Time zero of each pixel in ps, which is the recorded time minus the true time. NaN if the time zero is
+    /// unknown.
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts, in ps.
     pub own_sigma_ps: PixelMap,
@@ -80,16 +81,16 @@ pub struct Temporal {
 }
 
 impl Temporal {
-    /// Returns the true time of a bin's center for a pixel, in ps after the emission of the pulse. NaN if
-    /// the pixel has no time zero.
+    /// Returns the true time of a bin's centre for a pixel, in ps after the emission of the pulse. Returns
+    /// NaN if the pixel has no time zero.
     pub fn time_ps(&self, pixel: usize, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.bin_ps - self.zero_ps.at(pixel)
     }
 
     /// Shifts a pixel's histogram so that its time zero is 0.
     ///
-    /// Each bin's light is divided between the two bins that it overlaps, periodically, so sums are
-    /// preserved. All values are NaN if the pixel has no time zero.
+    /// The light of each bin is divided between the two bins that the shifted bin overlaps. Bins wrap around
+    /// at the period, so the sum is preserved. All values are NaN if the pixel has no time zero.
     pub fn aligned(&self, pixel: usize, histogram: &[f64]) -> Vec<f64> {
         let bins = histogram.len();
         let shift = -self.zero_ps.at(pixel) / self.bin_ps;
@@ -138,7 +139,8 @@ impl One {
 /// distances. A pixel may have several captures. The response is fitted as [`Options`] specifies.
 ///
 /// # Errors
-/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
+/// Returns [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant
+/// pulse.
 pub fn calibrate(
     counter: &Counter,
     captures: &[Capture],
@@ -232,7 +234,8 @@ pub fn calibrate(
 /// Time zeros refer to the template. The errors of the time zeros exclude the errors of the template.
 ///
 /// # Errors
-/// [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant pulse.
+/// Returns [`TemporalError`] if a capture or an option is invalid, or if no capture shows a significant
+/// pulse.
 pub fn calibrate_with(
     template: &Template,
     counter: &Counter,
@@ -342,7 +345,8 @@ fn finish(
     })
 }
 
-/// Returns the clock error: the slope of time zeros over travel times, which is common to all pixels.
+/// Returns the clock error, which is the slope of time zeros over travel times. The slope is common to all
+/// pixels.
 fn clock(by_pixel: &[Vec<One>], covariance: &Matrix4<f64>) -> Option<Clock> {
     let (mut above, mut below) = (0.0, 0.0);
     let mut with_response = Vector4::zeros();

@@ -1,5 +1,5 @@
-//! Reads the materials for commands that learn from data: a folder of measured tables, or the built-in
-//! substitutes.
+//! Reads the materials for commands that learn from data. The source is a folder of measured tables, or the
+//! built-in substitutes.
 
 use crate::Failure;
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ impl MaterialSource {
         self.load_mapped(Settings::default().c, samples)
     }
 
-    /// Does the same as [`MaterialSource::load`], but maps the matrices by arctan(c M).
+    /// Loads data as [`MaterialSource::load`] does, but maps the matrices by arctan(c M).
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
         if let Some(folder) = &self.folder {

@@ -1,4 +1,4 @@
-//! The `sunstone pbrdf eval` command: Mueller matrices of a material at given directions.
+//! The `sunstone pbrdf eval` command, which prints Mueller matrices of a material at given directions.
 
 use crate::source::choose;
 use crate::{Failure, bail, print};

@@ -1,4 +1,4 @@
-//! The `sunstone pbrdf` command: inspects and makes polarimetric BRDFs.
+//! The `sunstone pbrdf` command, which inspects and makes polarimetric BRDFs.
 
 pub mod data;
 mod eval;

@@ -1,4 +1,5 @@
-//! The `sunstone pbrdf pca` command: principal components of a folder of tables, or of the stand-ins.
+//! The `sunstone pbrdf pca` command, which computes principal components of a folder of tables or of the
+//! stand-ins.
 
 use super::data::MaterialSource;
 use crate::{Failure, bail, places, print, print_paths};

@@ -1,5 +1,5 @@
-//! The `sunstone pbrdf sheet` command: every material of a file as a sphere, as 4×4 Mueller grids on one
-//! page.
+//! The `sunstone pbrdf sheet` command, which renders each material of a file as a sphere. One page shows the
+//! spheres as 4×4 Mueller grids.
 
 use crate::{Failure, bail, print_path};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! The `sunstone pbrdf synth` command: tables in the KAIST format from analytic materials.
+//! The `sunstone pbrdf synth` command, which writes tables of analytic materials in the KAIST format.
 
 use super::data::{Resolution, banded_failure};
 use crate::progress::bar;
@@ -71,8 +71,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print_path(&list)
 }
 
-/// Returns the names of the materials to tabulate: the given names, or all materials that scatter light from
-/// a point emitter.
+/// Returns the names of the materials to tabulate. These are the given names, or the names of all materials
+/// that scatter light from a point emitter.
 fn names(a: &Arguments, materials: &BandedMaterials) -> Result<Vec<String>, Failure> {
     synth::check(materials, &a.name).map_err(Failure::input)?;
     Ok(if !a.name.is_empty() {

@@ -1,4 +1,4 @@
-//! The `sunstone pbrdf info`, `slice` and `plot` commands: inspect a `.pbsdf` file.
+//! The `sunstone pbrdf info`, `slice` and `plot` commands, which inspect a `.pbsdf` file.
 
 use crate::{Failure, bail, places, print, print_path};
 use std::io::Write;

@@ -1,5 +1,5 @@
-//! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces.
-//! Input, output and computation therefore overlap, and the data is in the cache when it is used.
+//! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces. Input, output
+//! and computation therefore overlap, and the data is in the cache when the thread uses it.
 
 use crate::{Failure, bail};
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ pub struct Work<'a, T> {
     pub options: Options,
     /// Reconstruction for rays along the optical axis, with one estimator for each wavelength.
     pub estimates: Reconstruction<T>,
-    /// Rays of all pixel positions and wavelengths; `None` if all rays are along the optical axis.
+    /// Rays of all pixel positions and wavelengths, or `None` if all rays are along the optical axis.
     pub rays: Option<&'a [Ray]>,
     /// Number of consecutive pixels with the same ray.
     pub times: usize,
@@ -47,15 +47,15 @@ struct Buffers<T> {
     errors: Vec<T>,
 }
 
-/// A function that receives matrix elements (0) or standard errors (1), the index of the first pixel, and the
-/// values.
+/// A function that receives three arguments. The first argument is 0 for matrix elements or 1 for standard
+/// errors. The other arguments are the index of the first pixel, and the values.
 type Write<'a, T> = dyn Fn(usize, usize, &[T]) -> Result<(), Failure> + Sync + 'a;
 
 impl<T: PixelNumber> Work<'_, T> {
     /// Reconstructs all pixels in any order, and passes the results to `write`.
     ///
     /// # Errors
-    /// [`Failure`] if an input cannot be read or `write` fails.
+    /// Returns [`Failure`] if an input cannot be read or `write` fails.
     pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;

@@ -8,14 +8,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 
-/// Prints progress: a bar on a terminal, otherwise a line every few seconds.
+/// Prints the progress of a render. A terminal shows a bar. Any other output receives a line every few
+/// seconds.
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
-    /// Warnings that are printed after the render has started, so that they are not printed before an error
-    /// that prevents the render.
+    /// Warnings to print after the render has started. The warnings are not printed if an error prevents the
+    /// render.
     warnings: Mutex<Vec<String>>,
-    /// Prefix of the progress line, such as the round.
+    /// Prefix of the progress line, such as the number of the round.
     about: Mutex<String>,
 }
 

@@ -1,4 +1,4 @@
-//! The `sunstone rig calibrate` command: calibrates the optics of a scheme.
+//! The `sunstone rig calibrate` command, which calibrates the optics of a scheme.
 
 use crate::{Failure, bail, output, places, print, print_path};
 use std::collections::BTreeMap;

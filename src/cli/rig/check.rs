@@ -1,4 +1,4 @@
-//! The `sunstone rig check` command: tests the instruments of a rig.
+//! The `sunstone rig check` command, which tests the instruments of a rig.
 
 use super::session::{BENCH, driver};
 use crate::{Failure, print};

@@ -1,4 +1,4 @@
-//! The `sunstone rig flash` command: images for a projector's flash memory.
+//! The `sunstone rig flash` command, which writes images for a projector's flash memory.
 
 use super::session::stand_in;
 use crate::{Failure, bail, places, print};

@@ -1,4 +1,4 @@
-//! Displays a run: capture rate, remaining time, and histogram of the last frame.
+//! Displays the capture rate, the remaining time, and the histogram of the last frame of a run.
 
 use crate::progress::{INTERRUPTED, bar};
 use indicatif::ProgressBar;

@@ -1,4 +1,4 @@
-//! The `sunstone rig run` command: executes plans.
+//! The `sunstone rig run` command, which executes plans.
 
 use super::live::{Live, Rendering};
 use super::session::{BENCH, summary, time};

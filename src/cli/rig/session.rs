@@ -1,4 +1,4 @@
-//! Defines helpers of the rig commands: errors, summaries and simulated instruments for planning.
+//! Defines errors, summaries and simulated instruments for planning, which the rig commands share.
 
 use crate::Failure;
 use sunstone::polarimetry::capture::scheme::Scheme;

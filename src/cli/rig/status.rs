@@ -1,4 +1,4 @@
-//! The `sunstone rig status` command: the state of a run.
+//! The `sunstone rig status` command, which prints the state of a run.
 
 use super::session::time;
 use crate::{Failure, bail, print};

@@ -1,4 +1,4 @@
-//! Formats the results of a trial: a text table, the same table as CSV, and a chart.
+//! Formats the results of a trial as a text table, as the same table in CSV, and as a chart.
 
 use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
 use sunstone::polarimetry::trial::SchemeResult;
@@ -49,7 +49,7 @@ pub fn table(rows: &[SchemeResult]) -> String {
 const COLUMNS: &str = "scheme,captures,rank,condition,estimate,predicted_rmse,rmse,rmse_std_error,\
                        normalized_error,lost_share";
 
-/// Formats the table as CSV; unknown values become empty cells.
+/// Formats the table as CSV. Unknown values become empty cells.
 pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(vec![]);
     writer.write_record(COLUMNS.split(','))?;

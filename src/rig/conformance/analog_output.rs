@@ -1,4 +1,4 @@
-//! Checks of an analog output: the card outputs exactly the written buffers and refuses invalid buffers.
+//! Checks that an analog output card outputs exactly the written buffers and refuses invalid buffers.
 
 use super::{LONG, Report, SHORT, fails, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};

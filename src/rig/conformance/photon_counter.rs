@@ -1,4 +1,5 @@
-//! Checks of a photon counter: the number of bins, a single acquisition at a time, and valid time tags.
+//! Checks that a photon counter returns the correct number of bins, runs one acquisition at a time, and
+//! returns valid time tags.
 
 use super::{Report, SHORT, fails, want};
 use crate::instrument::{CounterSettings, Fault, PhotonCounter};

@@ -1,4 +1,4 @@
-//! Tests of the conformance suite: simulated instruments pass, and a faulty instrument fails.
+//! Tests that simulated instruments pass the conformance suite and that a faulty instrument fails.
 
 use super::*;
 use crate::instrument::{Identity, LaserLimits, LaserState};

@@ -1,5 +1,5 @@
-//! Byte lines to instruments: a serial port, a TCP connection, or an in-memory line, whose second end an
-//! emulator uses.
+//! Byte lines to instruments. A line is a serial port, a TCP connection, or a line in memory whose other end
+//! an emulator uses.
 
 use crate::instrument::Fault;
 use std::io::{self, ErrorKind, Read, Write};
@@ -41,19 +41,19 @@ pub trait Line: Send {
     /// Sends all bytes.
     ///
     /// # Errors
-    /// [`LineError`] if the bytes cannot be sent in time, or if the line is disconnected.
+    /// Returns [`LineError`] if the bytes cannot be sent in time, or if the line is disconnected.
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError>;
 
     /// Waits for bytes and returns at least one.
     ///
     /// # Errors
-    /// [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
+    /// Returns [`LineError`] if no byte arrives within the time `within`, or if the line is disconnected.
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError>;
 
-    /// Reopens the line after a disconnection; bytes in transit are lost.
+    /// Reopens the line after a disconnection. Bytes in transit are lost.
     ///
     /// # Errors
-    /// [`LineError`] if the line cannot be opened.
+    /// Returns [`LineError`] if the line cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
@@ -86,11 +86,11 @@ pub struct StreamLine {
 }
 
 impl StreamLine {
-    /// Opens a serial port with 8 data bits, no parity and one stop bit; `hardware` selects RTS/CTS flow
-    /// control.
+    /// Opens a serial port with 8 data bits, no parity and one stop bit. If `hardware` is true, RTS/CTS flow
+    /// control is used.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message if the port cannot be opened.
+    /// Returns [`LineError::Gone`] with the system's error message if the port cannot be opened.
     pub fn serial(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
         use serialport::FlowControl;
         let flow = if hardware { FlowControl::Hardware } else { FlowControl::None };
@@ -100,7 +100,7 @@ impl StreamLine {
     /// Connects to `host:port`.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with the system's error message if the connection fails.
+    /// Returns [`LineError::Gone`] with the system's error message if the connection fails.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         Self::open(address, |address| {
             let found = address.to_socket_addrs()?.next();

@@ -1,4 +1,4 @@
-//! Drivers for the protocols of real instruments over any byte line, each tested with an emulator.
+//! Drivers for the protocols of real instruments over any byte line. Each driver is tested with an emulator.
 
 pub mod apt;
 pub mod dlpc350;

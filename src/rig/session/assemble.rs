@@ -38,7 +38,7 @@ fn failed(failure: Failure) -> AssembleError {
     AssembleError(failure.to_string())
 }
 
-/// Returns the name of a simulated instrument of a rig file, if any.
+/// Returns the name of a simulated instrument of a rig file, or `None` if no instrument is simulated.
 pub fn simulated(plan: &RigPlan) -> Option<&str> {
     let stage = plan.stages.iter().find(|(_, s)| s.driver == Driver::Simulated);
     let roles = [
@@ -55,7 +55,7 @@ pub fn simulated(plan: &RigPlan) -> Option<&str> {
 /// Creates the simulated bench of a rig file with the given scenery.
 ///
 /// # Errors
-/// A message if the plan, the bench and the scenery do not match.
+/// Returns a message if the plan, the bench and the scenery do not match.
 pub fn bench(
     rig: &RigPlan,
     bench: &BenchPlan,
@@ -92,7 +92,7 @@ pub fn bench(
         nm: bench.nm,
         camera: match &plan.work {
             Work::Camera(_) => view(bench.fov_deg[0], seen),
-            // In a scan, the pointing direction selects the point.
+            // In a scan, the direction of the galvo selects the point.
             Work::Scan(work) => view(Some(work.fov_x_deg), work.points.map(|n| n as usize)),
         },
         projector: view(bench.fov_deg[1], projector.map(|n| n as usize)),
@@ -105,7 +105,7 @@ pub fn bench(
 /// Opens the tensor or sample that a rig file names for its bench.
 ///
 /// # Errors
-/// A message if the tensor cannot be opened, or if a scene has not been rendered yet.
+/// Returns a message if the tensor cannot be opened, or if a scene has not been rendered yet.
 pub fn scenery(
     plan: &BenchPlan,
     camera: [usize; 2],
@@ -150,7 +150,8 @@ fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProje
 /// Creates all instruments of a rig file. Simulated instruments use the bench `world`.
 ///
 /// # Errors
-/// A message if a driver is unavailable in this build or on this machine, or an instrument does not answer.
+/// Returns a message if a driver is unavailable in this build or on this machine, or if an instrument does
+/// not reply.
 pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleError> {
     let clock = world.map_or_else(Clock::real, Shared::clock);
     let mut rig = Rig::new(&plan.name, clock);
@@ -254,7 +255,8 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     Ok(rig)
 }
 
-/// Creates galvo mirrors behind a simulated card, whose voltages set the pointing of the bench.
+/// Creates galvo mirrors behind a simulated card. The voltages of the card set the galvo direction of the
+/// bench.
 fn analog_galvo(
     wiring: Wiring,
     card: AnalogLimits,

@@ -1,4 +1,4 @@
-//! Detector and geometry parameters from calibration files, which override those of the rig file.
+//! Detector and geometry parameters from calibration files. These parameters override those of the rig file.
 
 use super::geometry::Geometry;
 use crate::calibrate::geometric::calibration::DeviceTable;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 const FIX: &str = "create a calibration, for example: sunstone calibrate sensor RUN -o calibration.toml";
 
-/// Assumed parameters of the instruments, with which a run converts readings.
+/// Assumed parameters of the instruments. A run converts readings with these parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Believed {
     pub(super) cmos: Cmos,
@@ -42,12 +42,14 @@ struct Detectors {
 impl Believed {
     /// Returns the parameters of the rig file, overridden by those of its calibration files.
     ///
-    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all
-    /// override the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
+    /// File names are relative to the rig file at `rig`. Later files override earlier files, and all files
+    /// override the rig file. `sizes` holds the widths and heights of the rig's camera and projector in
+    /// pixels, if present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is not a calibration, has no table for a rig, has an invalid detector
-    /// parameter, or if the size of a device differs from the rig's.
+    /// Returns [`InputError`] if a file is not a calibration, has no table for a rig, or has an invalid
+    /// detector parameter. Returns [`InputError`] if the size of a device differs from the size in the rig
+    /// file.
     pub(super) fn calibrated(
         self,
         rig: &Path,
@@ -156,7 +158,8 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// A calibration file can contain all tables. Detectors and geometry are read, and the scheme is ignored.
+    /// A calibration file can contain all tables. The rig reads detectors and geometry and ignores the
+    /// scheme.
     #[test]
     fn one_file_can_contain_everything() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");

@@ -1,4 +1,5 @@
-//! The `[galvo]` table of a rig file: its limits, and its wiring to an analog output card.
+//! The `[galvo]` table of a rig file, which contains the limits of a galvo and its wiring to an analog output
+//! card.
 //!
 //! ```toml
 //! [galvo]
@@ -19,7 +20,8 @@ use crate::driver::galvo::wiring::{Travel, Wiring};
 use crate::instrument::{AnalogLimits, GalvoLimits};
 use std::time::Duration;
 
-/// Resolution of simulated mirrors in optical degrees: 16 bits over ±10 V at 0.8 V per mechanical degree.
+/// Resolution of simulated mirrors in optical degrees. The value is that of 16 bits over ±10 V at 0.8 V per
+/// mechanical degree.
 const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 
 /// The wiring of the mirrors to a card, and the limits of the card.

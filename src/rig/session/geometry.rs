@@ -1,5 +1,5 @@
-//! Relative geometry of camera and projector from a rig file in OpenCV's conventions, as required for
-//! epipolar masks.
+//! Relative geometry of camera and projector in OpenCV's conventions, read from a rig file. Epipolar masks
+//! require this geometry.
 //!
 //! ```toml
 //! [geometry]
@@ -10,8 +10,8 @@
 //! projector = { matrix = [[900, 0, 512], [0, 900, 384], [0, 0, 1]] }
 //! ```
 //!
-//! Matrices and distortions are OpenCV's: pixel centers at integers, coefficients k1, k2, p1, p2[,
-//! k3[, k4, k5, k6[, s1…s4]]].
+//! Matrices and distortions follow OpenCV. Pixel centres are at integers, and the coefficients are k1, k2,
+//! p1, p2[, k3[, k4, k5, k6[, s1…s4]]].
 
 use super::masks::Epipolar;
 use crate::calibrate::geometric::calibration::DeviceTable;
@@ -91,7 +91,7 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centers at + 0.5.
+    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centres at + 0.5.
     /// Returns an infinite coordinate if the distortion cannot be inverted at this pixel.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
@@ -105,7 +105,7 @@ impl Lens {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// Fundamental matrix F of undistorted pixels with centers at + 0.5.
+    /// Fundamental matrix F of undistorted pixels with centres at + 0.5.
     pub fundamental: Matrix3<f64>,
     pub camera: Lens,
     pub projector: Lens,
@@ -115,7 +115,7 @@ impl Geometry {
     /// Creates a geometry from a rig file's table.
     ///
     /// # Errors
-    /// If a value is invalid; the message states the fault and the fix.
+    /// Returns a message that states the fault and the fix, if a value is invalid.
     pub fn new(file: &GeometryFile) -> Result<Self, String> {
         let camera = Lens::new(&file.camera, "camera")?;
         let projector = Lens::new(&file.projector, "projector")?;
@@ -151,7 +151,7 @@ impl Geometry {
                 "`rotation` is not a rotation matrix, or `translation` is zero; copy OpenCV's R and t".into(),
             );
         }
-        // Compute F for pixel centers at integers, then shift by half a pixel.
+        // Compute F for pixel centres at integers, then shift by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;
         let mut shift = Matrix3::identity();
         (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);
@@ -184,7 +184,8 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space project to ideal pixels with p'ᵀ F p = 0, also if the camera's lens has distortion.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, with and without distortion of the camera's
+    /// lens.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");
@@ -207,7 +208,7 @@ mod tests {
         }
     }
 
-    /// Tables written by `sunstone calibrate` give the same geometry for any common frame.
+    /// Tables from `sunstone calibrate` give the same geometry for any common frame.
     #[test]
     fn calibrations_give_the_same_geometry() {
         let given = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002, 0.0]")).expect("a geometry");

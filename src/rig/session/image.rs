@@ -1,4 +1,5 @@
-//! Converts the raw frames of a run to intensities per mask, with the element angles that the encoders read.
+//! Converts the raw frames of a run to intensities per mask, and reads the element angles from the encoders'
+//! records.
 
 use crate::instrument::PixelFormat;
 use polarimetry::capture::detector::cmos::Cmos;
@@ -25,9 +26,9 @@ pub(super) fn failed(e: impl ToString) -> ImageError {
 /// A finished run, opened for reading.
 pub struct Run {
     pub(super) store: FrameStore,
-    /// The plan's scheme with the element angles that the encoders read.
+    /// The plan's scheme with the element angles that the encoders reported.
     pub scheme: Scheme,
-    /// Wavelength in nanometers.
+    /// Wavelength in nanometres.
     pub nm: f64,
     /// Names of the masks. A scan has one mask, `scan`.
     pub masks: Vec<String>,
@@ -39,10 +40,10 @@ pub struct Run {
 
 /// Intensities of all captures through one mask.
 pub struct Intensities {
-    /// Intensities in the unit of the tensor, by measurement and pixel. NaN for a pixel that was not read
-    /// or has only saturated readings.
+    /// Intensities in the unit of the tensor, by measurement and pixel. The value is NaN for a pixel that was
+    /// not read or that has only saturated readings.
     pub values: Vec<f32>,
-    /// Variances of the intensities; infinite for unknown intensities.
+    /// Variances of the intensities. Infinite for unknown intensities.
     pub variances: Vec<f32>,
     pub layout: Layout,
     /// Start and width of the time bins, in ps.
@@ -52,10 +53,12 @@ pub struct Intensities {
 impl Run {
     /// Opens a finished run.
     ///
-    /// `scheme` is the calibrated scheme, if any. The angles come from the encoders, not from `scheme`.
+    /// `scheme` is the calibrated scheme, if there is one. The angles come from the encoders, not from
+    /// `scheme`.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is missing, unfinished or damaged, or if the scheme has other elements.
+    /// Returns [`ImageError`] if the run is missing, unfinished or damaged, or if the elements of `scheme`
+    /// differ from those of the run.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(failed)?;
         let damaged = |what: &str| {
@@ -98,7 +101,7 @@ impl Run {
     /// mask are subtracted.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist or frames are damaged.
+    /// Returns [`ImageError`] if the mask does not exist or frames are damaged.
     pub fn intensities(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
         if self.work["kind"] == "scan" {
             return self.scan();
@@ -237,7 +240,7 @@ impl Run {
     /// a camera run.
     ///
     /// # Errors
-    /// [`ImageError`] if the stored parameters of the diode are damaged.
+    /// Returns [`ImageError`] if the stored parameters of the diode are damaged.
     pub fn diode(&self) -> Result<Option<Spad>, ImageError> {
         if self.work["kind"] != "scan" {
             return Ok(None);
@@ -267,7 +270,7 @@ impl Run {
             for (x, counts) in counts.chunks_exact(bins).enumerate() {
                 let mut diode = spad.clone();
                 diode.pulses = pulses[n * width + x].max(1.0) as u64;
-                // Bins beyond the counter's window were not read, and do not affect earlier bins.
+                // Bins beyond the counter's window were not read. These bins do not affect earlier bins.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
                 let found = diode.estimate(&period, self.nm).map_err(failed)?;

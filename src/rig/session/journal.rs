@@ -1,9 +1,9 @@
-//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves
-//! that the frame is on disk.
+//! The journal of a run, with one JSON event per line in chronological order. If the journal has a line for a
+//! frame, the frame is on disk.
 //!
-//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is ignored,
-//! and the frame of this line is captured again. The journal is not part of the store's content, because
-//! times, retries and interruptions differ between runs.
+//! Only the writer appends to the journal and syncs it to disk. If a crash truncates a line, the line is
+//! ignored and its frame is captured again. The journal is not part of the store's content, because times,
+//! retries and interruptions differ between runs.
 
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -53,7 +53,7 @@ pub struct FrameRecord {
     /// Direction of the beam as measured by the mirrors' sensors, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pointing_deg: Option<[f64; 2]>,
-    /// Laser pulses during the photon count.
+    /// Number of laser pulses during the photon count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<u64>,
     /// CRC-32C of the time tags, if the run stores time tags.
@@ -80,7 +80,7 @@ impl Journal {
     /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
-    /// If the journal cannot be opened or created.
+    /// Returns an error if the journal cannot be opened or created.
     pub fn open(store: &Path) -> io::Result<Self> {
         let path = store.join(FILE);
         let torn = match std::fs::read(&path) {
@@ -98,7 +98,7 @@ impl Journal {
     /// Appends events and waits until they are on disk.
     ///
     /// # Errors
-    /// If the events cannot be written or synced.
+    /// Returns an error if the events cannot be written or synced.
     pub fn append(&mut self, events: &[Event]) -> io::Result<()> {
         let mut text = String::new();
         for event in events {
@@ -113,7 +113,7 @@ impl Journal {
 /// Calls `f` for every complete event of a store's journal, in order. A missing journal has no events.
 ///
 /// # Errors
-/// If the journal cannot be read.
+/// Returns an error if the journal cannot be read.
 pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     let file = match base::input::open(&store.join(FILE)) {
         Ok(file) => file,
@@ -133,13 +133,13 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// Returns the result of `keep` for the last record of each frame on disk. The frames are 0, 1, … up to the
-/// first missing frame.
+/// Returns the result of `keep` for the last record of each frame on disk. The frames are numbered from 0 and
+/// end before the first missing frame.
 ///
-/// `keep` limits memory: a run can have half a million frames.
+/// `keep` limits the memory use, because a run can have half a million frames.
 ///
 /// # Errors
-/// Same as [`read`].
+/// Returns the same errors as [`read`].
 pub fn frames<T>(store: &Path, keep: impl Fn(FrameRecord) -> T) -> io::Result<Vec<T>> {
     let mut found = vec![];
     read(store, |event| {

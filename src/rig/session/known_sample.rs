@@ -1,8 +1,8 @@
-//! Runs of known samples for calibration: means over many pixels or scan points.
+//! Computes means over many pixels or scan points from runs of known samples, for calibration.
 //!
 //! Only the dependence on direction distinguishes the effect of the galvo mirrors from that of the
-//! beamsplitter. A scan with mirrors therefore yields one sample at its center, and four samples in
-//! directions halfway to its edges.
+//! beamsplitter. A scan with mirrors therefore yields one sample at the centre of the scan, and four samples
+//! in directions halfway to the edges.
 
 use super::image::{ImageError, Intensities, Run};
 use super::rig_file::sample_of;
@@ -19,7 +19,7 @@ const MIDDLE: usize = 4;
 /// Half-width of the four regions in the other directions, in points.
 const AROUND: usize = 2;
 
-/// Pixels over which readings are averaged, and the ray that represents these pixels.
+/// Pixels whose readings are averaged, and the ray that represents these pixels.
 struct Region {
     x: RangeInclusive<usize>,
     y: RangeInclusive<usize>,
@@ -29,11 +29,12 @@ struct Region {
 impl Run {
     /// Returns the mean of every measurement of a known sample, one [`Sample`] per direction.
     ///
-    /// The first direction is the axis: all pixels of a camera, or the points in the middle of a
-    /// scan. A sufficiently wide scan whose scheme includes the mirrors has four more directions.
+    /// The first direction is the axis. The sample on the axis is the mean over all pixels of a camera, or
+    /// over the points in the middle of a scan. A sufficiently wide scan whose scheme includes the mirrors
+    /// has four more directions.
     ///
     /// # Errors
-    /// [`ImageError`] if the run has no known sample or no lit mask, or if it cannot be read.
+    /// Returns [`ImageError`] if the run has no known sample, has no lit mask, or cannot be read.
     pub fn samples(&self) -> Result<Vec<Sample>, ImageError> {
         let path = self.store.path().display();
         let name = self.store.attributes().get("sample").and_then(Value::as_str);
@@ -129,7 +130,8 @@ fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
                 left_out += 1;
             }
         }
-        // The reading of a histogram is the sum over its bins, whose variance is that of all counts.
+        // The reading of a histogram is the sum over its bins. The variance of the reading is that of all
+        // counts.
         let n = if seen.time.is_some() { n / times as f64 } else { n };
         (sum / n, f64::max(square, 1e-300).sqrt() / n)
     };

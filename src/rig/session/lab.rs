@@ -1,4 +1,4 @@
-//! The instruments of a rig, by their roles in a session.
+//! The instruments of a rig by their roles in a session.
 
 use crate::clock::Clock;
 use crate::instrument::{
@@ -7,11 +7,11 @@ use crate::instrument::{
 };
 use std::collections::BTreeMap;
 
-/// A stage, and the direction from which it approaches its goals.
+/// A stage, and the overshoot with which it approaches its goals.
 pub struct Stage {
     pub device: Box<dyn RotationStage>,
-    /// Overshoot in degrees with which the stage approaches each goal from below; 0 for a stage without
-    /// backlash.
+    /// Overshoot in degrees with which the stage approaches each goal from below. The overshoot is 0 for a
+    /// stage without backlash.
     pub approach_deg: f64,
 }
 
@@ -26,10 +26,11 @@ pub struct Rig {
     pub galvo: Option<Box<dyn GalvoScanner>>,
     pub laser: Option<Box<dyn PulsedLaser>>,
     pub counter: Option<Box<dyn PhotonCounter>>,
-    /// Called with the number of every frame before the frame is captured. A simulated bench uses this
-    /// number as the key of its noise.
+    /// Function that is called with the number of every frame before the frame is captured. A simulated bench
+    /// uses this number as the key of its noise.
     pub on_frame: Option<Box<dyn FnMut(u32) + Send>>,
-    /// Called before every write to disk. If it returns true, the write fails as on a full disk (for tests).
+    /// Function that is called before every write to disk. If the function returns true, the write fails as
+    /// on a full disk (for tests).
     pub disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 

@@ -1,20 +1,22 @@
-//! Masks: patterns of the projector, and the camera pixels that are read for each of them.
+//! Masks. A mask consists of patterns of the projector, and of the camera pixels that are read for each
+//! pattern.
 //!
-//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the camera
-//! pixels on those lines are read (epipolar imaging). Alternatively the projector shows everything except
-//! the stripe (non-epipolar imaging). Stripes are families of epipolar lines of the fundamental matrix. The
-//! fundamental matrix applies to ideal pixels, so pixels are undistorted first.
+//! In epipolar imaging (Baek & Heide 2021, sec. 5.1), the projector shows a stripe along epipolar lines, and
+//! only the camera pixels on those lines are read. In non-epipolar imaging, the projector shows everything
+//! except the stripe. Stripes are families of epipolar lines of the fundamental matrix. The fundamental
+//! matrix applies to ideal pixels, so pixels are undistorted first.
 
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
 
-/// Maps a pixel (x, y) of a distorted lens to that of an ideal lens. Pixel centers are at + 0.5.
+/// Maps a pixel (x, y) of a distorted lens to the corresponding pixel of an ideal lens. Pixel centres are at
+/// + 0.5.
 pub type Ideal<'a> = &'a (dyn Fn([f64; 2]) -> [f64; 2] + Sync);
 
 /// Epipolar geometry of camera and projector.
 #[derive(Clone, Copy)]
 pub struct Epipolar<'a> {
-    /// F: p'ᵀ F p = 0 for ideal camera pixels p and projector pixels p' of the same point.
+    /// Matrix F, with p'ᵀ F p = 0 for ideal camera pixels p and projector pixels p' of the same point.
     pub fundamental: Matrix3<f64>,
     /// Undistorts camera pixels.
     pub camera: Ideal<'a>,
@@ -22,7 +24,7 @@ pub struct Epipolar<'a> {
     pub projector: Ideal<'a>,
 }
 
-/// One frame of a mask: the displayed pattern and the camera region.
+/// One frame of a mask, given by the displayed pattern and the camera region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// The pattern that the projector shows.
@@ -36,8 +38,8 @@ pub struct Shot {
 pub struct Mask {
     pub name: String,
     pub shots: Vec<Shot>,
-    /// For each camera pixel, rows from the top: index of its frame in `shots`; `None` if the pixel
-    /// is on no stripe.
+    /// For each camera pixel, rows from the top, the index of its frame in `shots`, or `None` if the pixel is
+    /// on no stripe.
     pub shot_of: Vec<Option<u32>>,
 }
 
@@ -66,9 +68,10 @@ fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     if upright { -(line[1] * h / 2.0 + line[2]) / line[0] } else { -(line[0] * w / 2.0 + line[2]) / line[1] }
 }
 
-/// Returns the homogeneous epipole in the projector, where all epipolar lines meet: Fᵀ e' = 0.
+/// Returns the homogeneous epipole e' in the projector, where all epipolar lines meet. The epipole satisfies
+/// Fᵀ e' = 0.
 fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
-    // The epipole is orthogonal to the columns of F, two of which span the column space.
+    // The epipole is orthogonal to the columns of F. Two of these columns span the column space.
     let column = |i: usize| f.column(i).into_owned();
     let pairs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| column(i).cross(&column(j)));
     let longest = pairs.into_iter().max_by(|a, b| a.norm().total_cmp(&b.norm()));
@@ -77,11 +80,11 @@ fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Returns a mask that divides the epipolar lines of the projector into `count` stripes.
 ///
-/// If `inside` is true, each frame shows the lines of its stripe, otherwise all other lines. A
-/// camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
+/// If `inside` is true, each frame shows the lines of its stripe. If `inside` is false, each frame shows all
+/// other lines. A camera pixel belongs to the stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors
-/// A message if no epipolar line crosses the projector.
+/// Returns a message if no epipolar line crosses the projector.
 pub fn stripes(
     name: &str,
     count: u32,
@@ -130,7 +133,7 @@ pub fn stripes(
     Ok(Mask { name: name.to_owned(), shots: (0..count).map(shot).collect(), shot_of })
 }
 
-/// Iterates over the centers of pixels, rows from the top.
+/// Iterates over the centres of pixels, rows from the top.
 fn pixels([w, h]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..h).flat_map(move |y| (0..w).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
 }
@@ -203,7 +206,7 @@ mod tests {
     /// point.
     #[test]
     fn partners_are_in_the_same_stripe() {
-        // The projector is rotated, and translated sideways and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
+        // The projector is rotated, and is translated sideways and forward. Therefore F = K'⁻ᵀ [t]ₓ R K⁻¹.
         let k = Matrix3::new(60.0, 0.0, 32.0, 0.0, 60.0, 24.0, 0.0, 0.0, 1.0);
         let r = *nalgebra::Rotation3::from_euler_angles(0.03, -0.1, 0.05).matrix();
         let t = Vector3::new(0.4, 0.05, 0.1);
@@ -218,14 +221,14 @@ mod tests {
                     let p = inverse * Vector3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0) * depth;
                     let q = k * (r * p + t);
                     let (u, v) = ((q[0] / q[2]).floor(), (q[1] / q[2]).floor());
-                    // Rows at the edge have only one neighbor.
+                    // Rows at the edge have only one neighbour.
                     if !(0.0..64.0).contains(&u) || !(1.0..47.0).contains(&v) {
                         continue;
                     }
                     let Some(shot) = mask.shot_of[y as usize * 64 + x as usize] else {
                         continue;
                     };
-                    // The corresponding pixel or, if a stripe's border crosses it, a neighbor.
+                    // The corresponding pixel, or a neighbour if the border of a stripe crosses the pixel.
                     let at = |dv: i32| ((v as i32 + dv).clamp(0, 47) * 64 + u as i32) as usize;
                     let lit = |dv| mask.shots[shot as usize].pattern.pixels[at(dv)] == 255;
                     assert!(lit(0) || lit(1) || lit(-1), "{x}, {y} at {depth}: {u}, {v}");

@@ -1,4 +1,4 @@
-//! Sessions: plans, their execution, and crash-safe storage of frames.
+//! Sessions, which consist of plans, their execution, and crash-safe storage of frames.
 //!
 //! ```text
 //! rig file ─► Rig (instruments behind traits) ┐

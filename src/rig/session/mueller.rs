@@ -17,7 +17,7 @@ use tensor::field::Field;
 /// Mueller matrices of one mask.
 pub struct MuellerImage {
     pub name: String,
-    /// 16 elements per pixel, row-major. NaN if a pixel cannot be reconstructed.
+    /// 16 elements per pixel, row-major. The elements are NaN if a pixel cannot be reconstructed.
     pub mean: Vec<f32>,
     /// Standard errors of the elements, in the same order and unit as `mean`.
     pub errors: Vec<f32>,
@@ -36,7 +36,8 @@ pub struct RunOptions {
     /// Horizontal field of view of the camera in radians. The field of view is used to correct for oblique
     /// incidence at the retarders. For a scan, the run contains the field of view.
     pub fov_x: Option<f64>,
-    /// Whether a polarizer array is demosaicked by superpixels; otherwise by bilinear interpolation.
+    /// Whether a polarizer array is demosaicked by superpixels. If false, the array is demosaicked by
+    /// bilinear interpolation.
     pub superpixel: bool,
 }
 
@@ -47,7 +48,8 @@ impl Run {
     /// come from a first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
-    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
+    /// Returns [`ImageError`] if the mask does not exist, if frames are damaged, or if there are too few
+    /// captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel { Method::Superpixel } else { Method::Bilinear };
         let Intensities { values, mut variances, layout, time } = self.intensities(mask, method)?;
@@ -88,7 +90,7 @@ impl Run {
 /// Writes the Mueller matrices of masks to a store, one slice per mask.
 ///
 /// # Errors
-/// [`ProbeError`] if the store cannot be created or written.
+/// Returns [`ProbeError`] if the store cannot be created or written.
 pub fn write_store(
     path: &Path,
     images: &[MuellerImage],

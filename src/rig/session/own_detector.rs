@@ -1,5 +1,5 @@
-//! Data for calibrating the detector of a run: histograms of a plane (counter), or dark and lit frames
-//! (camera).
+//! Data for calibrating the detector of a run. The data are histograms of a plane for a counter, or dark and
+//! lit frames for a camera.
 
 use super::image::{ImageError, Run, failed};
 use crate::calibrate::radiometric::stack::Stack;
@@ -14,9 +14,9 @@ pub struct Histograms {
     /// The counter's parameters as stored in the run.
     pub counter: Counter,
     pub points: usize,
-    /// Counts of every capture and point.
+    /// Counts for every capture and point.
     counts: Vec<Vec<u32>>,
-    /// Laser pulses of every capture and point.
+    /// Number of laser pulses for every capture and point.
     pulses: Vec<u64>,
     /// For each point, the length of the ray to the plane, divided by the distance of the plane.
     slant: Vec<f64>,
@@ -44,7 +44,7 @@ impl Run {
     /// Returns the histograms of a scan.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is not a scan or is damaged.
+    /// Returns [`ImageError`] if the run is not a scan or is damaged.
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
@@ -92,8 +92,8 @@ impl Run {
     /// is set to 1.
     ///
     /// # Errors
-    /// [`ImageError`] if the run is a scan, has no masks `dark` and `full`, has captures with different
-    /// element angles, or is damaged.
+    /// Returns [`ImageError`] if the run is a scan, is damaged, has no masks `dark` and `full`, or has
+    /// captures with different element angles.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
         let (Ok([captures, shots, exposures, height, width]), None) = (self.shape(), self.fov_x) else {

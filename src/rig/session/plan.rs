@@ -1,4 +1,4 @@
-//! Plan files: captures, masks and exposures of a camera, or points of a scan.
+//! Plan files. A plan contains captures, and either masks and exposures of a camera or points of a scan.
 //!
 //! ```toml
 //! name = "36 captures, epipolar and non-epipolar"
@@ -59,14 +59,14 @@ pub struct Plan {
     pub limits: Limits,
 }
 
-/// The measurement in every capture: camera frames or a scan.
+/// The measurement in every capture, which consists of camera frames or of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
     Camera(CameraWork),
     Scan(ScanWork),
 }
 
-/// Frames of a camera: every mask at every exposure.
+/// Frames of a camera, one for every mask and exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraWork {
     pub exposures: Vec<Duration>,
@@ -86,7 +86,7 @@ pub enum MaskPlan {
     Stripes {
         name: String,
         count: u32,
-        /// Whether each frame shows its stripe; otherwise each frame shows everything except its stripe.
+        /// Whether each frame shows its stripe. If false, each frame shows everything except its stripe.
         inside: bool,
     },
 }
@@ -123,14 +123,14 @@ pub struct ScanWork {
     /// Time from the sync pulse to the start of the first bin, in ps.
     pub offset_ps: f64,
     pub rate_hz: f64,
-    /// Whether the time tags of the counter are stored; the histograms are then computed from the tags.
+    /// Whether the time tags of the counter are stored. If true, the histograms are computed from the tags.
     pub time_tags: bool,
 }
 
 /// Reads a plan file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid plan.
+/// Returns [`InputError`] with file, position and fix if the file cannot be read or is not a valid plan.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(path, "plan", "copy rigs/spatio_polarimetric/plan.toml and edit it")?;
     from_toml(path, &text)
@@ -139,7 +139,7 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Parses a plan from TOML text. Paths in the plan are relative to the folder of `path`.
 ///
 /// # Errors
-/// Same as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
         "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \
@@ -320,7 +320,8 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 }
 
 impl Plan {
-    /// Returns the lengths of the run's axes: captures, shots, exposures; or captures, rows, columns.
+    /// Returns the lengths of the run's axes. The axes are captures, shots and exposures for a camera, and
+    /// captures, rows and columns for a scan.
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;
         match &self.work {

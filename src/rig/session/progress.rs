@@ -15,7 +15,7 @@ pub enum RunError {
     Interrupted,
 }
 
-/// The progress of a run, which is reported after each frame.
+/// The progress of a run. A run reports its progress after each frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
     /// Number of frames on disk, including those of earlier runs.
@@ -29,7 +29,7 @@ pub struct Progress<'a> {
     pub retries: u32,
 }
 
-/// The result of a run.
+/// The result of a run that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Frames taken by this run.

@@ -1,4 +1,5 @@
-//! The `[projector]` table of a rig file: limits, and for a DLPC350 its flash, LEDs and triggers.
+//! The `[projector]` table of a rig file, which contains limits, and the flash, LEDs and triggers of a
+//! DLPC350.
 
 use super::Fault;
 use super::rig_syntax::{Driver, Led, ProjectorFile};
@@ -12,7 +13,7 @@ use std::time::Duration;
 /// Flash content, active LEDs and triggers of a DLPC350.
 pub type FlashPlan = (Flash, u8, Triggers);
 
-/// Checks the table of a rig file at `path`. Images of the flash are relative to that file.
+/// Checks the table of a rig file at `path`. Paths of flash images are relative to that file.
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
     let help = "set size = [columns, rows], each from 1 to 65536, bits from 1 to 8, and shortest_ms from 0 to less than 1e6";
     let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));

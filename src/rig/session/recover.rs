@@ -19,7 +19,7 @@ pub struct Tries {
 }
 
 impl Tries {
-    /// Creates the attempts of a new step.
+    /// Creates the attempts for a new step.
     pub fn new(limits: &Limits) -> Self {
         Self { left: limits.retries, wait: Duration::from_secs_f64(limits.backoff_s) }
     }
@@ -36,11 +36,11 @@ impl Tries {
     }
 }
 
-/// Restores a rig after a failure so that a step can start: reconnects lost instruments, and homes
-/// stages that stalled or lost their zero.
+/// Restores a rig after a failure so that a step can start. Reconnects lost instruments, and homes stages
+/// that stalled or lost their zero.
 pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
-        // If one connection is lost, often all connections are lost, so check every instrument.
+        // If one connection is lost, often all connections are lost. Therefore, check every instrument.
         for instrument in rig.instruments() {
             if instrument.name() == failure.instrument || instrument.identify(within).is_err() {
                 instrument.reconnect(within)?;

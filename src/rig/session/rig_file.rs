@@ -1,4 +1,4 @@
-//! Rig files: the instruments and their drivers, and the bench of simulated instruments.
+//! Rig files, which list the instruments with their drivers, and the bench of simulated instruments.
 //!
 //! ```toml
 //! name = "simulated"
@@ -54,7 +54,7 @@ use std::time::Duration;
 pub enum Scene {
     /// A tensor in a finished store.
     Tensor(PathBuf),
-    /// A scene to render first: scene file and samples per pixel.
+    /// A scene to render before the run, given by its scene file and samples per pixel.
     Scene(PathBuf, Option<u32>),
     /// A uniform sample with this row-major Mueller matrix.
     Sample([f32; 16]),
@@ -65,9 +65,9 @@ pub struct BenchPlan {
     pub scene: Scene,
     /// Name of the slice from which the simulated sensors read.
     pub slice: String,
-    /// Radiance at T00 = 1: the factor by which a sample's Mueller matrix is multiplied.
+    /// Radiance for T00 = 1. A sample's Mueller matrix is multiplied by this factor.
     pub brightness: f64,
-    /// Wavelength in nanometers.
+    /// Wavelength in nanometres.
     pub nm: f64,
     /// True elements. If `None`, the elements of the plan's scheme are used.
     pub optics: Option<Scheme>,
@@ -105,9 +105,9 @@ pub struct RigPlan {
     /// Commands of an SCPI laser.
     pub laser_table: Option<LaserTable>,
     pub counter: Option<(Driver, CounterLimits)>,
-    /// Board of a counter behind PicoQuant's library.
+    /// Board of a counter that PicoQuant's library controls.
     pub th260: Option<Board>,
-    /// Wavelength of the rig's light source in nanometers.
+    /// Wavelength of the rig's light source in nanometres.
     pub wavelength_nm: f64,
     /// Assumed camera parameters.
     pub cmos: Cmos,
@@ -120,7 +120,7 @@ pub struct RigPlan {
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid rig.
+/// Returns [`InputError`] with file, position and fix if the file cannot be read or is not a valid rig.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and edit it")?;
     from_toml(path, &text)
@@ -129,7 +129,7 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
 /// Parses a rig from TOML text. Paths in the rig file are relative to the folder of `path`.
 ///
 /// # Errors
-/// Same as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
         "expected [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], [geometry], \
@@ -323,7 +323,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
     }
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
-    // A bare name is searched in the system's library paths.
+    // For a library name without a folder, the system searches its library paths.
     let library = file.library.clone().map(|l| if l.components().count() > 1 { beside(path, &l) } else { l });
     Ok(Some((library, settings)))
 }
@@ -331,7 +331,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, Fault> {
 /// Returns the row-major Mueller matrix of a named sample.
 ///
 /// - `air`: the identity.
-/// - `mirror`: lossless; exchanges handedness and ±45°.
+/// - `mirror`: lossless. Exchanges handedness, and exchanges +45° and -45°.
 /// - `polarizer`: ideal, at 0°.
 pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     let diagonal = |d: [f32; 4]| std::array::from_fn(|i| if i % 5 == 0 { d[i / 5] } else { 0.0 });

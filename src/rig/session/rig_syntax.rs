@@ -70,7 +70,7 @@ fn approach() -> f64 {
 fn twenty_five() -> f64 {
     25.0
 }
-/// Returns the resolution of Thorlabs' PRM1-Z8 in degrees: 1919.64 counts per degree.
+/// Returns the resolution of Thorlabs' PRM1-Z8 in degrees. The encoder has 1919.64 counts per degree.
 fn encoder() -> f64 {
     1.0 / 1919.641857862339
 }
@@ -138,7 +138,7 @@ pub(super) struct GalvoFile {
     pub(super) card: Option<CardFile>,
 }
 
-/// A setting of galvo mirrors: one number for both axes, or one number per axis.
+/// A setting of galvo mirrors. The setting is one number for both axes, or one number per axis.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum PerAxis {
@@ -221,7 +221,7 @@ pub(super) struct BenchFile {
     pub(super) faults: Vec<FaultAt>,
 }
 
-/// The names of one or several files. Later files override earlier files.
+/// The names of one or more files. Later files override earlier files.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Files {
@@ -242,7 +242,7 @@ impl Files {
 #[serde(deny_unknown_fields)]
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
-    /// Files from `sunstone calibrate`: parameters of detectors, camera and projector.
+    /// Files from `sunstone calibrate`, which contain parameters of detectors, camera and projector.
     pub(super) calibration: Option<Located<Files>>,
     pub(super) wavelength_nm: Option<f64>,
     #[serde(default)]

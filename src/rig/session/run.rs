@@ -1,7 +1,8 @@
-//! The loop of a run: captures frames and passes them to the writer, which stores frames and journal.
+//! The loop of a run. The loop captures frames and passes them to the writer, which stores frames and
+//! journal.
 //!
 //! Every step is a checkpoint. After a failure, a step restarts with the moves of the stages. All stages move
-//! concurrently, while the writer saves earlier frames.
+//! concurrently. The writer saves earlier frames during the moves.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
@@ -22,7 +23,8 @@ const JUMP_S: f64 = 5.0;
 /// Polling interval of a condition.
 const LOOK: Duration = Duration::from_secs(5);
 
-/// A captured frame: its record, its pixel values or counts, and its time tags if they are kept.
+/// A captured frame, given by its record, its pixel values or counts, and its time tags if the run stores
+/// time tags.
 type Taken = (FrameRecord, Vec<u32>, Option<Tags>);
 
 /// State of a run.
@@ -34,12 +36,12 @@ struct Session<'a> {
     begun: Duration,
     /// Wall time minus the rig's time, in seconds.
     wall_offset: f64,
-    /// Present settings of the camera, which are not sent again if they are unchanged.
+    /// Present settings of the camera. Unchanged settings are not sent again.
     camera: Option<CameraSettings>,
     shown: Option<usize>,
     ready: bool,
     counter: bool,
-    /// The camera's own number of its last frame.
+    /// The camera's own number for its last frame.
     last_number: Option<u64>,
     retries: u32,
     temperatures: Vec<(String, f64)>,
@@ -48,7 +50,8 @@ struct Session<'a> {
 /// Captures all missing frames.
 ///
 /// # Errors
-/// [`RunError`] if an instrument or the disk fails permanently. All journaled frames are on disk.
+/// Returns [`RunError`] if an instrument or the disk fails permanently. All frames in the journal are on
+/// disk.
 pub fn run(
     rig: &mut Rig,
     steps: &Steps,
@@ -80,7 +83,7 @@ pub fn run(
         steps,
     };
     let result = session.frames(first, stop, watch);
-    // In every case, save the captured frames and switch off the light.
+    // Save the captured frames and switch off the light, whether or not the run failed.
     let closed = session.writer.flush();
     session.darken();
     let outcome = Outcome {
@@ -170,7 +173,7 @@ impl Session<'_> {
         }
     }
 
-    /// Marks the settings of all instruments as unknown, so that they are sent again.
+    /// Marks the settings of all instruments as unknown, so that the settings are sent again.
     fn forget(&mut self) {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
@@ -184,7 +187,7 @@ impl Session<'_> {
         Ok(self.frame(step)?)
     }
 
-    /// Prepares the run: homes the stages, loads the patterns and switches on the light.
+    /// Prepares the run. Homes the stages, loads the patterns and switches on the light.
     fn prepare(&mut self) -> Result<(), Failure> {
         if self.ready {
             return Ok(());
@@ -223,7 +226,7 @@ impl Session<'_> {
                 return Ok(());
             }
             if !state.emitting {
-                // The laser lost its power, so start the step again.
+                // The laser lost its power during the wait, so start the step again.
                 return Err(Failure::new(Fault::Timeout, "laser", "the laser stopped emitting").into());
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
@@ -293,7 +296,7 @@ impl Session<'_> {
         moves.iter().map(|(name, _)| finish(name)).collect()
     }
 
-    /// Captures one frame: moves the stages, then reads the detector.
+    /// Captures one frame. Moves the stages, then reads the detector.
     fn frame(&mut self, step: Step) -> Result<Taken, Failure> {
         let angles_deg = self.turn(step.capture)?;
         if let Some(tell) = &mut self.rig.on_frame {

@@ -1,5 +1,5 @@
-//! The store of a run: raw frames over named axes, and all data that the reconstruction of Mueller
-//! matrices requires.
+//! The store of a run. The store contains raw frames over named axes, and all data that the reconstruction of
+//! Mueller matrices requires.
 
 use super::journal::{self, Event, FrameRecord};
 use super::masks::Mask;
@@ -74,7 +74,7 @@ pub fn layout(steps: &Steps) -> FrameLayout {
     }
 }
 
-/// Returns the attributes of a run's store. `sample` is the name of a known sample, if one was captured.
+/// Returns the attributes of a run's store. `sample` is the name of a known sample, if the run captures one.
 pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<String, Value> {
     let mut first = 0;
     let masks: Vec<Value> = steps
@@ -129,7 +129,7 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
 /// Creates the store of a new run.
 ///
 /// # Errors
-/// [`RunStoreError`] if the store cannot be created.
+/// Returns [`RunStoreError`] if the store cannot be created.
 pub fn create(
     path: &Path,
     steps: &Steps,
@@ -141,7 +141,7 @@ pub fn create(
     Ok(FrameStore::create(path, &layout(steps), &maps(steps), &attributes, force)?)
 }
 
-/// Returns one map per mask: the shot in which each camera pixel is read, or −1.
+/// Returns one map per mask. A map contains the shot in which each camera pixel is read, or −1.
 fn maps(steps: &Steps) -> Vec<FrameMap> {
     let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
     let map = |mask: &Mask| FrameMap {
@@ -155,7 +155,7 @@ fn maps(steps: &Steps) -> Vec<FrameMap> {
 /// Opens the store of an unfinished run of the same plan and rig.
 ///
 /// # Errors
-/// [`RunStoreError`] if the store cannot be opened or belongs to another run.
+/// Returns [`RunStoreError`] if the store cannot be opened or belongs to another run.
 pub fn resume(
     path: &Path,
     steps: &Steps,
@@ -167,7 +167,7 @@ pub fn resume(
     if store.is_finished() {
         return Err(RunStoreError::Finished { path: shown });
     }
-    // Write and parse the attributes so that they compare equal to stored ones.
+    // Write and parse the attributes, so that they are comparable with stored attributes.
     let wanted = Value::Object(attributes(steps, rig, sample));
     let wanted: Value = serde_json::from_str(&wanted.to_string()).unwrap_or(wanted);
     let found = store.attributes();
@@ -182,10 +182,9 @@ pub fn resume(
     Ok(store)
 }
 
-/// Writes the metadata of all frames as columns, and the manifest, which finishes the run.
-///
+/// Writes the metadata of all frames as columns, then writes the manifest, which marks the run as finished.
 /// # Errors
-/// [`DiskError`] if the store cannot be written.
+/// Returns [`DiskError`] if the store cannot be written.
 pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     let failed = |cause: String| DiskError { path: path.to_owned(), cause };
     let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;

@@ -1,4 +1,4 @@
-//! Logs of records, each followed by its CRC-32C. A record that was truncated by a crash ends the log.
+//! Logs of records. A CRC-32C follows each record. A record that a crash truncated ends the log.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
@@ -7,7 +7,7 @@ use std::path::Path;
 pub(super) struct SealedLog(File);
 
 impl SealedLog {
-    /// Creates an empty log; overwrites an existing log.
+    /// Creates an empty log. An existing log is overwritten.
     pub(super) fn new(path: &Path) -> io::Result<Self> {
         OpenOptions::new().create(true).truncate(true).read(true).write(true).open(path).map(Self)
     }

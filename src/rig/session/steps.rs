@@ -1,4 +1,4 @@
-//! The steps of a plan on a rig, frame by frame, and the estimated cost of the plan (time and storage).
+//! The steps of a plan on a rig, frame by frame, and the estimated time and storage of the plan.
 
 use super::lab::{Rig, absent};
 use super::masks::{Epipolar, Mask, flat, stripes};
@@ -29,11 +29,11 @@ pub struct Steps {
     pub goals: BTreeMap<String, Vec<f64>>,
     /// Masks of a camera plan.
     pub masks: Vec<Mask>,
-    /// Shots of all masks in order: the index of the mask, and the camera region.
+    /// Shots of all masks in order, each given by the index of its mask and by the camera region.
     pub shots: Vec<(usize, Region)>,
     /// Patterns of all shots in order, as loaded into the projector.
     pub patterns: Vec<Pattern>,
-    /// Size of a camera frame, or of a histogram as (bins, 1).
+    /// Size of a camera frame, or of a histogram as (number of bins, 1).
     pub frame_size: [u32; 2],
     shape: [u64; 3],
 }
@@ -52,7 +52,7 @@ impl Steps {
     /// Checks a plan against the limits of a rig's instruments.
     ///
     /// # Errors
-    /// [`Failure`] if an instrument is missing or the plan exceeds a limit.
+    /// Returns [`Failure`] if an instrument is missing or the plan exceeds a limit.
     pub fn new(plan: Plan, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<Self, Failure> {
         let goals = goals(&plan.scheme, rig)?;
         let mut steps = Self {
@@ -139,7 +139,7 @@ impl Steps {
         self.plan.frames() as u32
     }
 
-    /// Returns the step in which a frame is captured.
+    /// Returns the step that captures a frame.
     pub fn step(&self, frame: u32) -> Step {
         let n = u64::from(frame);
         let [_, b, c] = self.shape;
@@ -154,8 +154,8 @@ impl Steps {
         Some(settings(work, self.shots[step.second].1, step.third))
     }
 
-    /// Estimates duration, frames and bytes of the plan. The estimate excludes retries, homing and saving,
-    /// which runs concurrently.
+    /// Estimates duration, frames and bytes of the plan. The estimate excludes retries, homing and saving.
+    /// Saving runs concurrently.
     pub fn cost(&self, rig: &Rig) -> Cost {
         let mut cost =
             Cost { frames: self.plan.frames(), duration: Duration::ZERO, moving: Duration::ZERO, bytes: 0 };
@@ -208,15 +208,15 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Returns the direction of a scan point in optical degrees (x, y). This direction goes through the pixel
-/// centre of a pinhole camera.
+/// Returns the direction of a scan point in optical degrees (x, y). This direction passes through the centre
+/// of a pixel of a pinhole camera.
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
     let view = Directions::pinhole(work.fov_x_deg.to_radians(), size[0], size[1]);
     view.ray(x, y, size, 550.0).direction().map(f64::to_degrees)
 }
 
-/// Returns the time of a move that approaches its goal from below.
+/// Returns the duration of a move that approaches its goal from below.
 pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> Duration {
     if from == to {
         return Duration::ZERO;

@@ -1,10 +1,11 @@
-//! Time tags of a scan: the raw T3 records of a counter, and histograms of them.
+//! Time tags of a scan, which are the raw T3 records of a counter. The module also computes histograms from
+//! the records.
 //!
-//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point,
-//! marker 2 ends it, and sync numbers continue from point to point. `sunstone ptu histogram …
-//! --pixels WIDTH,1 --pixel-marker 1,2` computes the row's histograms.
+//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point and marker 2
+//! ends the point. Sync numbers continue from point to point. `sunstone ptu histogram … --pixels WIDTH,1
+//! --pixel-marker 1,2` computes the row's histograms.
 //!
-//! Until its row is complete, a point's tags are in a log. The tags of a point are therefore always
+//! While a row is incomplete, the tags of its points are in a log. The tags of a point are therefore always
 //! in the log or in a file.
 
 use super::sealed_log::{self, SealedLog, word};
@@ -28,20 +29,20 @@ const END: u8 = 2;
 /// programs read.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
-/// Time tags of one point: the number of pulses in the dwell time, and every photon.
+/// Time tags of one point. The tags consist of the number of pulses in the dwell time, and of every photon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
     pub pulses: u64,
-    /// The photons: pulse since the start of the dwell (43 bits), time since the pulse in bins (15
-    /// bits), channel (6 bits).
+    /// The photons. Each number contains three fields: pulses since the start of the dwell time (43 bits),
+    /// bins since the pulse (15 bits), and channel (6 bits).
     photons: Vec<u64>,
 }
 
 impl Tags {
-    /// Decodes the records of one acquisition, whose sync numbers count from its start.
+    /// Decodes the records of one acquisition. Sync numbers count from the start of the acquisition.
     ///
     /// # Errors
-    /// A message if tags are later than the last pulse or out of order, or if records are invalid.
+    /// Returns a message if tags are later than the last pulse or out of order, or if records are invalid.
     pub fn new(records: &[u32], record: RecordType, pulses: u64) -> Result<Self, String> {
         let mut decoder = Decoder::new(record);
         let mut photons = vec![];
@@ -76,7 +77,7 @@ impl Tags {
     /// file with these tags.
     ///
     /// # Errors
-    /// A message if a bin has 2³² − 1 counts.
+    /// Returns a message if a bin has 2³² − 1 counts.
     pub fn histogram(&self, bins: usize, scale: &Scale) -> Result<Vec<u32>, String> {
         let name = Path::new("time tags");
         let mut bytes = Cursor::new(vec![]);
@@ -142,8 +143,8 @@ fn file_of(store: &Path, row: usize) -> PathBuf {
     store.join(FOLDER).join(format!("{row:06}.ptu"))
 }
 
-/// Returns the points of a row's file, or `None` if the file is missing or was not written by
-/// [`TagLog::finish_row`].
+/// Returns the points of a row's file. Returns `None` if the file is missing or if [`TagLog::finish_row`] did
+/// not write the file.
 pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let mut reader = Reader::open(&file_of(store, row)).ok()?;
     if reader.mismatch().is_some() || reader.record_type() != RECORD {
@@ -174,7 +175,7 @@ pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     (read.is_ok() && sound && begin.is_none() && out.len() == points).then_some(out)
 }
 
-/// The points of an incomplete row, held in memory and in a log.
+/// The points of an incomplete row, stored in memory and in a log.
 pub(super) struct TagLog {
     store: PathBuf,
     scale: Scale,
@@ -183,7 +184,7 @@ pub(super) struct TagLog {
 }
 
 impl TagLog {
-    /// Creates an empty log in a store and overwrites an existing one.
+    /// Creates an empty log in a store. An existing log is overwritten.
     pub(super) fn new(store: &Path, scale: Scale) -> io::Result<Self> {
         let folder = store.join(FOLDER);
         std::fs::create_dir_all(&folder)?;
@@ -255,7 +256,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Rows and logs are read as written, and a histogram equals the counted tags.
+        /// Rows and logs are read as written. The histogram equals the counted tags.
         #[test]
         fn tags_round_trip(points in points(), cut in 0_usize..2000) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -273,7 +274,7 @@ mod tests {
                 p.each().filter(|(_, d, _)| *d < 1000).for_each(|(_, d, _)| want[usize::from(d)] += 1);
                 prop_assert_eq!(p.histogram(1000, &SCALE).expect("a histogram"), want);
             }
-            // From a truncated log, only complete points are read.
+            // The reader of a truncated log returns only complete points.
             let path = folder.path().join(LOG);
             let bytes = std::fs::read(&path).expect("reads");
             std::fs::write(&path, &bytes[..bytes.len().saturating_sub(cut)]).expect("writes");

@@ -1,9 +1,9 @@
-//! The writer thread: writes each frame, syncs the frame to disk, and only then records the frame in the
-//! journal.
+//! The writer thread, which writes each frame, syncs the frame to disk, and only then records the frame in
+//! the journal.
 //!
 //! A frame that is a whole chunk of the store is written directly. Smaller frames (histograms) are first
-//! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is
-//! emptied afterwards, so that a frame is always in the log or in a chunk. Queued frames are synced
+//! appended to a log. When the log contains all frames of a chunk, the chunk is written. The log is emptied
+//! after the chunk is written, so that a frame is always in the log or in a chunk. Queued frames are synced
 //! together. Time tags are written in the same way, before their histograms.
 
 use super::journal::{Event, FrameRecord, Journal};
@@ -27,7 +27,7 @@ enum Item {
     Flush(SyncSender<()>),
 }
 
-/// An error because of which the writer thread ended.
+/// The error that ended the writer thread.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {cause}; free disk space and resume: all recorded frames are saved")]
 pub struct DiskError {
@@ -49,18 +49,18 @@ struct Work {
     tags: Option<TagLog>,
     /// Pixel values or counts of the incomplete chunk.
     part: Vec<u32>,
-    /// Indices of chunks that are written but may not yet be on disk.
+    /// Indices of chunks that are written but might not be on disk yet.
     unsynced: Vec<usize>,
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
-/// Returns the CRC-32C of a frame's values.
+/// Returns the CRC-32C of the values of a frame.
 pub fn checksum(numbers: &[u32]) -> u32 {
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
     crc32c::crc32c(&bytes)
 }
 
-/// The intact part of a run's store, and the logged frames of the incomplete chunk.
+/// The intact part of a run's store, and the frames of the incomplete chunk in the log.
 pub struct Recovered {
     /// Number of intact frames, from the first one.
     pub frames: u32,
@@ -72,7 +72,7 @@ pub struct Recovered {
 /// Compares a store with its journal. The first frame with a different checksum ends the intact part.
 ///
 /// # Errors
-/// If the journal cannot be read.
+/// Returns an error if the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
@@ -146,7 +146,7 @@ impl Writer {
     /// the run stores time tags.
     ///
     /// # Errors
-    /// [`DiskError`] if the file system reports an error.
+    /// Returns [`DiskError`] if the file system reports an error.
     pub fn new(
         store: FrameStore,
         recovered: Recovered,
@@ -189,7 +189,7 @@ impl Writer {
     /// Queues a frame. Blocks while the queue is full.
     ///
     /// # Errors
-    /// [`DiskError`] if writing an earlier item failed.
+    /// Returns [`DiskError`] if writing an earlier item failed.
     pub fn frame(
         &mut self,
         record: FrameRecord,
@@ -202,7 +202,7 @@ impl Writer {
     /// Queues an event for the journal.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn event(&mut self, event: Event) -> Result<(), DiskError> {
         self.send(Item::Event(event))
     }
@@ -210,7 +210,7 @@ impl Writer {
     /// Waits until all queued items are on disk.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
@@ -220,7 +220,7 @@ impl Writer {
     /// Waits until all queued items are on disk, and closes the store.
     ///
     /// # Errors
-    /// Same as [`Self::frame`].
+    /// Returns the same errors as [`Self::frame`].
     pub fn close(&mut self) -> Result<(), DiskError> {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {
@@ -271,7 +271,7 @@ impl Work {
                 }
             }
         }
-        // Frames written before a failure are journaled as well.
+        // Frames that were written before a failure are also recorded in the journal.
         for chunk in std::mem::take(&mut self.unsynced) {
             self.store.sync_chunk(chunk).map_err(io)?;
         }
@@ -316,7 +316,7 @@ impl Work {
     }
 }
 
-/// Appends a point's tags to the log. The last point of a row also writes the row's file.
+/// Appends a point's tags to the log. After the last point of a row, the row's file is written.
 fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Result<()> {
     if frame.is_multiple_of(per) {
         log.empty()?;
@@ -331,7 +331,7 @@ fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Resul
 /// Removes the logs of a finished run.
 ///
 /// # Errors
-/// If a log cannot be removed.
+/// Returns an error if a log cannot be removed.
 pub fn remove_log(store: &Path) -> io::Result<()> {
     time_tags::remove_log(store)?;
     sealed_log::remove(&store.join(LOG))

@@ -1,6 +1,7 @@
 //! A simulated analog output card.
 //!
-//! The card rounds each voltage to its bit depth and holds it at the terminals for one sample period.
+//! The card rounds each voltage to its bit depth and holds the voltage at the terminals for one sample
+//! period.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -9,7 +10,7 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Recorded outputs: for every sample, the start time on the bench's clock and the voltages of all channels.
+/// Recorded outputs. For every sample, the start time on the bench's clock and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
 /// The device at the terminals. The device receives the voltages of all channels at every change.
@@ -83,10 +84,10 @@ impl SimulatedCard {
         self.running = Some((begun, done));
     }
 
-    /// Checks that no buffer is being output.
+    /// Checks that the card is not outputting a buffer.
     ///
     /// # Errors
-    /// [`Failure`] if the line is dead or a buffer is being output.
+    /// Returns [`Failure`] if the line is disconnected or the card is outputting a buffer.
     fn free(&mut self) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         self.catch_up();

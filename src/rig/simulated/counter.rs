@@ -20,7 +20,7 @@ use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Ray;
 use std::time::Duration;
 
-/// Record type of the counter's time tags: that of PicoQuant's TimeHarp 260 P.
+/// Record type of the counter's time tags, equal to that of PicoQuant's TimeHarp 260 P.
 pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
 /// Maximum number of tags in one acquisition.
 const MOST_TAGS: u64 = 1 << 26;
@@ -41,7 +41,7 @@ impl Device for Counter {
     }
 }
 
-/// Returns the radiance in each bin from the galvo's direction, and the index of the scan point.
+/// Returns the radiance in each bin from the galvo's direction. Also returns the index of the scan point.
 fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
     let sets = w.sets();
     let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());
@@ -74,7 +74,8 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     };
     let seen = w.bench.histogram(histogram, &sets, &ray);
     let scale = w.power();
-    // Index of the tensor's first bin among the counter's bins. Earlier bins of the tensor are dropped.
+    // Index of the tensor's first bin among the counter's bins. Bins of the tensor before the counter's first
+    // bin are dropped.
     let first = ((begin_ps - settings.offset_ps) / settings.bin_ps).round() as i64;
     let mut bins = vec![0.0; usize::try_from(first).unwrap_or(0)];
     let early = usize::try_from(-first).unwrap_or(0);
@@ -82,7 +83,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     Ok((bins, (y * width + x) as u32))
 }
 
-/// Converts counts per bin to T3 records. Photons beyond the range of `dtime` are lost, as on the real card.
+/// Converts counts per bin to T3 records. Photons beyond the range of `dtime` are lost, as in the real card.
 fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std::io::Result<Vec<u32>> {
     let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
     if seen.iter().sum::<u64>() > MOST_TAGS {

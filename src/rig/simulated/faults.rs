@@ -1,4 +1,4 @@
-//! Injected faults: each fault occurs at the n-th use of an instrument.
+//! Injected faults. Each fault occurs at a given use of an instrument.
 
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +24,8 @@ pub enum Mishap {
     ClockBack,
     /// The wall clock is set forward by one day.
     ClockForward,
-    /// The bench loses power: all lines are dead and the stages lose their zero until they are reconnected.
+    /// The bench loses power. All lines are disconnected, and the stages lose their zero until they are
+    /// reconnected.
     PowerCut,
     /// A frame has too few bytes.
     ShortFrame,
@@ -59,7 +60,7 @@ impl Faults {
         Self { waiting, uses: std::collections::BTreeMap::new() }
     }
 
-    /// Counts a use of an instrument and returns the fault that occurs at this use, if any.
+    /// Counts a use of an instrument and returns the fault that occurs at this use, or `None`.
     pub fn strike(&mut self, instrument: &str) -> Option<Mishap> {
         let uses = self.uses.entry(instrument.to_owned()).or_default();
         *uses += 1;

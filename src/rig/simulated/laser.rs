@@ -4,7 +4,7 @@ use super::{Device, Simulated};
 use crate::instrument::{Failure, Fault, Instrument, LaserLimits, LaserState, PulsedLaser};
 use std::time::Duration;
 
-/// The state of a simulated laser: its pulse rate in hertz.
+/// The state of a simulated laser, which is its pulse rate in hertz.
 pub struct Laser {
     pub rate_hz: f64,
 }

@@ -1,5 +1,5 @@
-//! The scenery of the simulated bench: a rendered tensor in memory, a scan read row by row, or a
-//! uniform sample.
+//! The scenery of the simulated bench. The scenery is a rendered tensor in memory, a scan read row by row, or
+//! a uniform sample.
 
 use polarimetry::capture::bench::{Bench, Light, times};
 use polarimetry::capture::design_matrix::ELEMENTS;
@@ -21,7 +21,7 @@ const MOST_BYTES: u64 = 6 << 30;
 
 /// The object that the simulated bench illuminates.
 pub enum Scenery {
-    /// A uniform sample such as air, a mirror or a known plate: every camera pixel has the same Mueller
+    /// A uniform sample such as air, a mirror or a known plate. Every camera pixel has the same Mueller
     /// matrix. With time bins, all light is in the first bin.
     Sample {
         /// Row-major Mueller matrix at full drive of all projector pixels.
@@ -62,7 +62,8 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows that are read together: all rows of a chunk if they fit into memory, otherwise 1.
+    /// Number of rows that are read together. The number is that of all rows of a chunk if they fit into
+    /// memory, otherwise 1.
     together: usize,
 }
 
@@ -73,11 +74,11 @@ impl Scenery {
         Self::Sample { mueller, camera, image }
     }
 
-    /// Opens a slice of a finished store at a wavelength. A slice with time bins becomes a scan; any other
+    /// Opens a slice of a finished store at a wavelength. A slice with time bins becomes a scan. Any other
     /// slice becomes a tensor that patterns illuminate.
     ///
     /// # Errors
-    /// A message if the store cannot be read or a simulated sensor cannot read the slice.
+    /// Returns a message if the store cannot be read or a simulated sensor cannot read the slice.
     pub fn open(path: &Path, name: &str, nm: f64) -> Result<Self, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
         denoised::refuse(&store).map_err(|e| e.to_string())?;
@@ -170,13 +171,13 @@ impl Scenery {
         }
     }
 
-    /// Returns the light that returns from the scenery under a pattern, or `None` without a pattern.
+    /// Returns the light from the scenery under a pattern, or `None` without a pattern.
     ///
     /// The pattern contains the drive of each projector pixel. Each entry of s' covers a whole number of
     /// projector pixels.
     ///
     /// # Errors
-    /// A message if the pattern does not fit the tensor, or if the scenery is a scan.
+    /// Returns a message if the pattern does not fit the tensor, or if the scenery is a scan.
     pub fn light(
         &mut self,
         pattern: Option<&Vec<f32>>,
@@ -260,10 +261,10 @@ fn lit_pixels(pattern: &[f32]) -> impl Iterator<Item = (usize, f32)> {
 }
 
 impl PlayedScan {
-    /// Returns 16 elements per bin of a scan point. The rows that were read last stay in memory.
+    /// Returns 16 elements per bin of a scan point. The most recently read rows stay in memory.
     ///
     /// # Errors
-    /// A message if the store is damaged or the point does not exist.
+    /// Returns a message if the store is damaged or the point does not exist.
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {

@@ -1,11 +1,11 @@
-//! A simulated projector of stored binary or gray patterns.
+//! A simulated projector of stored binary or grey-level patterns.
 
 use super::{Device, Simulated};
 use crate::instrument::{Failure, Fault, Instrument, Pattern, PatternProjector, ProjectorLimits, pattern};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Loaded patterns of a projector: the drive of every pixel, 0 to 1.
+/// Loaded patterns of a projector, as the drive of every pixel from 0 to 1.
 #[derive(Default)]
 pub struct Projector(Vec<Arc<Vec<f32>>>);
 

@@ -1,8 +1,8 @@
 //! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
 //!
-//! Because of backlash, the axle lags the encoder by half of the play, opposite to the direction of the
-//! last move. If all moves approach their goals from the same side, this error is constant, and
-//! calibration determines it.
+//! Because of backlash, the axle lags behind the encoder by half of the play in the direction of the last
+//! move. If all moves approach their goals from the same side, this error is constant, and calibration
+//! determines it.
 
 use super::faults::Mishap;
 use super::world::{Shared, StageState};
@@ -79,7 +79,7 @@ impl RotationStage for Simulated<Stage> {
         self.device.goal = None;
         self.world.with(|w| {
             if let Some(state) = w.stages.get_mut(&self.name) {
-                // Homing always approaches from the same side.
+                // Homing always approaches the zero from the same side.
                 *state =
                     StageState { angle_deg: -0.5 * self.device.backlash_deg, encoder_deg: 0.0, homed: true };
             }

@@ -12,7 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// An operation in progress: the time of its end, and its result (`None` if the result was dropped).
+/// An operation in progress, given by the time of its end and by its result. The result is `None` if it was
+/// dropped.
 pub(super) struct Pending<T> {
     pub(super) ready: Duration,
     pub(super) result: Option<T>,
@@ -54,7 +55,7 @@ pub struct World {
     pub emitting: bool,
     /// Time until which the laser has reduced power.
     pub low_until: Duration,
-    /// Number of the run's next frame. This number is the key of all noise.
+    /// Number of the run's next frame. All noise uses this number as its key.
     pub frame: u32,
     pub seed: u64,
     faults: Faults,
@@ -102,11 +103,12 @@ impl Shared {
         self.with(|w| w.clock.clone())
     }
 
-    /// Counts a use of an instrument and handles the faults that concern every instrument. Returns any other
-    /// fault to the caller.
+    /// Counts a use of an instrument, and handles the faults that can occur in every instrument. Returns any
+    /// other fault to the caller.
     ///
     /// # Errors
-    /// [`Failure`] if the line is disconnected, or if a fault disconnects, delays or blocks the instrument.
+    /// Returns [`Failure`] if the line is disconnected, or if a fault disconnects, delays or blocks the
+    /// instrument.
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
@@ -169,9 +171,10 @@ impl Shared {
         if dead { Err(lost(instrument)) } else { Ok(()) }
     }
 
-    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases: no
-    /// operation was started, the operation takes longer than `within`, or the result of the operation was
-    /// dropped.
+    /// Waits for the end of an operation and returns its result. `words` are the messages for three cases:
+    /// - No operation was started.
+    /// - The operation takes longer than `within`.
+    /// - The result of the operation was dropped.
     pub(super) fn finish<T>(
         &self,
         instrument: &str,
@@ -200,7 +203,7 @@ impl Shared {
     /// Reconnects an instrument.
     ///
     /// # Errors
-    /// [`Failure`] if the instrument is disconnected permanently.
+    /// Returns [`Failure`] if the instrument is disconnected permanently.
     pub fn reconnect(&self, instrument: &str, within: Duration) -> Result<(), Failure> {
         if self.with(|w| w.gone.contains(instrument)) {
             self.clock().sleep(within);
@@ -235,8 +238,8 @@ impl Shared {
 }
 
 impl World {
-    /// Returns the true setting of every element: the axle angle of its stage, or the setting in the optics
-    /// if no stage carries the element.
+    /// Returns the true setting of every element. The setting is the axle angle of the element's stage, or
+    /// the setting in the optics if no stage carries the element.
     pub fn sets(&self) -> [Vec<Set>; 2] {
         let mut sets = self.bench.optics.sets(0);
         let sides = [self.bench.optics.generator(), self.bench.optics.analyzer()];

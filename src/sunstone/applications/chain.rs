@@ -1,5 +1,5 @@
-//! Applies a capture chain to observations: creates the rig of each seed, calibrates the rig, and
-//! captures all slices of a variant.
+//! Applies a capture chain to observations. Creates the rig of each seed, calibrates the rig, and captures
+//! all slices of a variant.
 
 use apply::chain::error::ChainError;
 use apply::chain::exposure::{Detectors, Laboratory, mean_reading};
@@ -39,7 +39,7 @@ pub enum ChainFailure {
     Detector(#[from] DetectorError),
 }
 
-/// A configuration of the capture chain, with a table in the report.
+/// A configuration of the capture chain. Each configuration has a table in the report.
 #[derive(Clone, Debug)]
 pub struct Link {
     /// Name of the configuration in the report.
@@ -48,9 +48,9 @@ pub struct Link {
     pub chain: Chain,
     /// The element parameters that the reconstruction assumes.
     pub belief: Belief,
-    /// Prior of the Mueller matrices, for captures that do not determine the matrices.
+    /// Prior of the Mueller matrices, for captures that do not determine them.
     pub prior: Option<Moment>,
-    /// Name of the slice to capture; `None` captures all slices.
+    /// Name of the slice to capture, or `None` to capture all slices.
     pub only: Option<String>,
 }
 
@@ -83,7 +83,7 @@ impl Link {
     /// assumes calibrated elements.
     ///
     /// # Errors
-    /// [`ChainFailure`] if the elements cannot be calibrated.
+    /// Returns [`ChainFailure`] if the elements cannot be calibrated.
     pub fn rig(&self, seed: u64, nm: &[f64]) -> Result<Rig, ChainFailure> {
         let nominal = &self.chain.nominal;
         let real = self.real(nominal, seed);
@@ -116,11 +116,11 @@ impl Link {
         Noise::Cmos { camera, demosaic: None }
     }
 
-    /// Returns an observation with captured slices: all of `slices`, or only the slice [`Self::only`].
-    /// Ground truth is unchanged.
+    /// Returns an observation with captured slices. If [`Self::only`] names a slice, only this slice is
+    /// captured, otherwise all of `slices`. Ground truth is unchanged.
     ///
     /// # Errors
-    /// [`ChainFailure`] if a slice cannot be captured.
+    /// Returns [`ChainFailure`] if a slice cannot be captured.
     pub fn observe(
         &self,
         rig: &Rig,
@@ -147,11 +147,11 @@ impl Link {
     }
 }
 
-/// Returns a laboratory's detectors. The exposures of the detectors are chosen for an observation's slices,
-/// captured with a scheme.
+/// Returns the detectors of a laboratory. The exposures of the detectors are chosen for the slices of an
+/// observation that a scheme captures.
 ///
 /// # Errors
-/// [`ChainFailure::Slice`] if a slice cannot be captured.
+/// Returns [`ChainFailure::Slice`] if a slice cannot be captured.
 pub fn exposed(
     laboratory: &Laboratory,
     o: &Observation,
@@ -174,7 +174,7 @@ pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
     known.next().unwrap_or_else(|| vec![DEFAULT_NM])
 }
 
-/// Returns whether both schemes have elements of the same names.
+/// Returns whether the elements of both schemes have the same names.
 fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     let names = |s: &Scheme| -> Vec<String> {
         let all = s.generator().iter().chain(s.analyzer());
@@ -183,14 +183,15 @@ fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     names(a) == names(b)
 }
 
-/// Minimum standard deviation of a sample's readings. Accounts for rounding errors in captures without noise.
+/// Minimum standard deviation of a sample's readings. The minimum accounts for rounding errors in captures
+/// without noise.
 const ROUNDING: f64 = 1e-6;
 
 /// Calibrates the elements from simulated captures of known samples, with the algorithm of
 /// `sunstone rig calibrate`.
 ///
 /// # Errors
-/// [`ChainFailure`] if the elements cannot be calibrated.
+/// Returns [`ChainFailure`] if the elements cannot be calibrated.
 pub fn calibrated(
     plan: &Scheme,
     real: &Scheme,

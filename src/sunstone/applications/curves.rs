@@ -1,5 +1,5 @@
-//! Computes the scores of methods as a function of one parameter of a capture chain, and the range in which
-//! the first method wins.
+//! Computes the scores of methods as a function of one parameter of a capture chain. Also computes the range
+//! in which the first method wins.
 
 use super::Report;
 use super::links::{Links, Part, Through, WHOLE};
@@ -22,13 +22,15 @@ pub struct Point {
     pub method: String,
     /// Score of the method by the metric.
     pub worth: Estimate,
-    /// Score of the first method minus this score, on the same renders; `None` for the first method.
+    /// Score of the first method minus the score of this method, on the same renders. `None` for the first
+    /// method.
     pub ours_less_this: Option<Estimate>,
     /// Whether the method is a baseline.
     pub baseline: bool,
 }
 
-/// Returns the points of a sweep or of a comparison of capture counts; otherwise an empty list.
+/// Returns the points of a sweep or of a comparison of capture counts. Returns an empty list for other
+/// configurations.
 pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     match links {
         Links::None | Links::Chain(_) => vec![],
@@ -37,7 +39,7 @@ pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     }
 }
 
-/// Returns the points of a sweep: one for each method and each capture configuration.
+/// Returns the points of a sweep. There is one point for each method and each capture configuration.
 fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
     let mut out = vec![];
     for t in &report.through {
@@ -65,7 +67,7 @@ fn whole(report: &Report) -> Option<(&Through, &Task)> {
     Some((found, found.task.as_ref()?))
 }
 
-/// Returns the points of a comparison of capture counts. Baselines are evaluated with all captures only.
+/// Returns the points of a comparison of capture counts. Baselines are evaluated only with all captures.
 fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -108,7 +110,8 @@ pub struct Verdict {
     pub series: String,
     pub baseline: String,
     /// Description of the range. For a sweep, the last value (from best to worst) at which the first method
-    /// wins, or all such values. For a comparison of capture counts, the smallest count at which it wins.
+    /// wins, or all such values. For a comparison of capture counts, the smallest count at which the first
+    /// method wins.
     pub words: String,
 }
 
@@ -162,7 +165,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
             } else if wins == first {
                 format!("down to {}", part.shown(all[first - 1].0))
             } else {
-                // The first method may win only at worse values, because baselines degrade too.
+                // The first method can win at worse values only, because the baselines also degrade.
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
@@ -172,7 +175,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
     out
 }
 
-/// Returns the smallest number of captures with which the first method wins, for each baseline and each
+/// Returns the smallest number of captures with which the first method wins, for each baseline and for each
 /// way of choosing captures. Baselines use all captures.
 fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
@@ -231,7 +234,8 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
 /// Maximum number of labelled capture counts on an axis.
 const MOST_NAMED: usize = 12;
 
-/// Returns the labelled axis of a sweep or of a comparison of capture counts; otherwise an empty axis.
+/// Returns the labelled axis of a sweep or of a comparison of capture counts. Returns an empty axis for other
+/// configurations.
 pub fn axis(links: &Links) -> ChartAxis {
     let (label, log, named) = match links {
         Links::None | Links::Chain(_) => ("", false, vec![]),
@@ -251,8 +255,9 @@ pub fn axis(links: &Links) -> ChartAxis {
     ChartAxis { label: label.into(), log, named, ..ChartAxis::default() }
 }
 
-/// Returns points with the names of their curves: the method for a sweep, or the way of choosing captures
-/// for a comparison of capture counts. A method with all captures becomes a horizontal line.
+/// Returns points with the names of their curves. For a sweep, the name is that of the method. For a
+/// comparison of capture counts, the name is the way of choosing captures. A method with all captures becomes
+/// a horizontal line.
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
         return points.into_iter().map(|p| (p.method.clone(), p)).collect();
@@ -327,7 +332,8 @@ mod tests {
         }
     }
 
-    /// Tests that a difference of two standard errors is not a win, but that a slightly larger difference is.
+    /// Tests that a difference of two standard errors is not a win, and that a slightly larger difference is
+    /// a win.
     #[test]
     fn a_win_needs_more_than_two_standard_errors() {
         let mut all = vec![];
@@ -346,7 +352,7 @@ mod tests {
         };
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
         message(METRIC, Part::Photons, photons);
-        // The smallest axis error is the best.
+        // The smallest standard deviation of the axis angles is the best.
         message(METRIC, Part::Axis, ["at 1000° alone", "always", "at 100° alone", "never"]);
         let less = Metric::new("m", "", false);
         message(less, Part::Photons, ["never", "never", "never", "always"]);

@@ -1,5 +1,7 @@
-//! Defines capture configurations for applications: a chain with each of its beliefs (assumed element
-//! parameters), a sweep of one parameter, or a comparison of capture counts.
+//! Defines capture configurations for applications. A configuration is one of these:
+//! - a chain with each of its beliefs (assumed element parameters)
+//! - a sweep of one parameter
+//! - a comparison of capture counts
 
 use super::chain::{ChainFailure, Link, exposed, wavelengths};
 use apply::application::{Application, Score};
@@ -83,7 +85,7 @@ impl Part {
     /// Parses a name and, after `=`, comma-separated values that replace the default values.
     ///
     /// # Errors
-    /// A message with the fault and the fix.
+    /// Returns a message with the fault and the fix.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
         let (name, values) = text.split_once('=').map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
@@ -172,7 +174,7 @@ const MOST_CAPTURES: usize = 64;
 /// Parses a range of capture counts, such as `1-8`.
 ///
 /// # Errors
-/// A message with the fault and the fix.
+/// Returns a message with the fault and the fix.
 pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
@@ -186,14 +188,14 @@ const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact
 /// The capture configurations of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Links {
-    /// No capture: only the rendered slices.
+    /// No capture. Methods receive only the rendered slices.
     #[default]
     None,
     /// A capture chain with each of its beliefs (assumed element parameters).
     Chain(Chain),
     /// A capture chain with several values of one parameter.
     Sweep(Chain, Part, Vec<f64>),
-    /// A comparison of capture counts: a capture chain with each number of captures in the range.
+    /// A comparison of capture counts, which uses a capture chain with each number of captures in the range.
     Few(Chain, RangeInclusive<usize>),
 }
 
@@ -221,7 +223,7 @@ pub struct Through {
     pub task: Option<Task>,
 }
 
-/// A capture configuration with its results so far.
+/// A capture configuration with the results of the seeds that are complete.
 pub(super) struct Running {
     link: Link,
     place: Place,
@@ -254,8 +256,8 @@ impl Running {
     }
 }
 
-/// Captures one seed's observations with all configurations, and runs the application on each. The first
-/// seed determines the configurations.
+/// Captures one seed's observations with all configurations, and runs the application on the captures of each
+/// configuration. The first seed determines the configurations.
 pub(super) fn capture(
     application: &Application,
     links: &Links,
@@ -313,7 +315,7 @@ impl Links {
     }
 }
 
-/// Returns a configuration for each value and each of the chain's beliefs. Each belief is one series.
+/// Returns a configuration for each value and each of the chain's beliefs. Each belief has its own series.
 fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     let mut out = vec![];
     if part == Part::Calibration {
@@ -339,7 +341,8 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
 /// Name of the series with all captures, which baselines use.
 pub const WHOLE: &str = "all captures";
 
-/// Returns the unchanged chain, then a configuration for each capture count and each way to choose captures.
+/// Returns the unchanged chain, then one configuration for each capture count and each way of choosing
+/// captures.
 fn few(
     chain: &Chain,
     range: RangeInclusive<usize>,

@@ -30,7 +30,7 @@ const COLUMNS: usize = 4;
 /// comparison of capture counts. Creates the folder. Each file is written atomically.
 ///
 /// # Errors
-/// [`ReportError`] if a file cannot be drawn or written.
+/// Returns [`ReportError`] if a file cannot be drawn or written.
 pub fn write(
     application: &Application,
     report: &Report,
@@ -99,7 +99,7 @@ fn curve(
     Ok(())
 }
 
-/// Formats a number for a table; unknown values become empty cells.
+/// Formats a number for a table. Unknown values become empty cells.
 fn cell(v: f64) -> String {
     if v.is_finite() { format!("{v}") } else { String::new() }
 }
@@ -180,10 +180,10 @@ pub fn document(application: &Application, report: &Report) -> Value {
     })
 }
 
-/// The images of one page: file name, title, and the images with their labels.
+/// The images of one page, given by file name, title, and images with labels.
 type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
 
-/// Groups images into pages. Images that share a unit are grouped by variant, all others by method.
+/// Groups images into pages. Images that share a unit are grouped by variant, and all other images by method.
 fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     let mut all: BTreeMap<(String, String), Vec<(String, &Picture)>> = BTreeMap::new();
     for p in pictures {
@@ -210,7 +210,8 @@ fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), Rep
     for (label, picture) in page {
         let map = &picture.map;
         let channels = map.channels.max(1);
-        // Images of learned quantities are drawn for each wavelength; others are averaged over wavelengths.
+        // Images of learned quantities are drawn for each wavelength. Other images are averaged over
+        // wavelengths.
         let apart = picture.variant.is_none() && channels > 1;
         for channel in 0..if apart { channels } else { 1 } {
             let value = |pixel: &[f64]| {

@@ -24,7 +24,7 @@ fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(VisibleSurface, 
     })
 }
 
-/// Returns the share, 0..1, of each pixel that the given materials cover.
+/// Returns the share of each pixel that the given materials cover, from 0 to 1.
 pub fn material(scene: &Scene, of: &[&str]) -> Map {
     let (viewer, names) = (Viewer::new(scene), &scene.names);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
@@ -40,13 +40,13 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
     })
 }
 
-/// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre, or NaN
-/// without an object.
+/// Returns the object number ([`transport::names::Names::objects`]) at each pixel's centre, or NaN if no
+/// object is there.
 pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |surface, out| out[0] = f64::from(surface.object))
 }
 
-/// Returns the texture coordinates at each pixel's centre, or NaN without an object. The scene must keep
+/// Returns the texture coordinates at each pixel's centre, or NaN if no object is there. The scene must keep
 /// texture coordinates ([`Scene::keep_texture_coordinates`]).
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |surface, out| {
@@ -54,7 +54,7 @@ pub fn texture(scene: &Scene) -> Map {
     })
 }
 
-/// Returns the layer with a name as a map, or `None` if there is no such layer.
+/// Returns the layer with a name as a map, or `None` if no layer has this name.
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
     let [width, height] = layers.size.map(|n| n as usize);

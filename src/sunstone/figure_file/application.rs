@@ -1,4 +1,5 @@
-//! Creates panels of applications: images of methods with scores. [`super::curves`] draws charts of scores.
+//! Creates panels of applications, which are images of methods with scores. [`super::curves`] draws charts of
+//! scores.
 
 use apply::application::{Application, Size};
 use apply::catalog;
@@ -38,7 +39,7 @@ struct Run<'a> {
     seeds: u64,
     links: Links,
     fit: Option<Fit>,
-    /// Number of new renders so far.
+    /// Number of new renders up to now.
     rendered: usize,
 }
 
@@ -108,7 +109,7 @@ impl<'a> Applications<'a> {
         self.add(at, (&view.name, String::new()), application, Links::None)
     }
 
-    /// Adds a run under the application's name and the description of its links, unless such a run exists.
+    /// Adds a run under the name of the application and the description of its links, unless this run exists.
     fn add(
         &mut self,
         at: &'a Located<ViewFile>,
@@ -250,8 +251,8 @@ impl<'a> Applications<'a> {
         Ok((tile, self.values(view, run, fit)?))
     }
 
-    /// Returns the images with the same colour scale as `picture`: all images of the same variant
-    /// in the figure, if their units are equal.
+    /// Returns the images that have the same colour scale as `picture`. The result contains all images of the
+    /// same variant in the figure, if the units of these images are equal.
     fn shared<'p>(&self, view: &ApplyFile, picture: &'p Picture, all: &'p [Picture]) -> Vec<&'p Picture> {
         if !picture.shared {
             return vec![picture];
@@ -272,7 +273,7 @@ impl<'a> Applications<'a> {
         all.iter().filter(shown).collect()
     }
 
-    /// Returns size and samples of the renders as values for captions.
+    /// Returns size and samples of the renders, as values for captions.
     fn sizes(&self, run: &Run) -> [(String, Value); 3] {
         let Size { pixels, spp } = run.size(self.settings.preview);
         [("seeds", run.seeds as f64), ("pixels", f64::from(pixels)), ("spp", f64::from(spp))]
@@ -334,7 +335,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
                 "channel {c} does not exist: the image has {channels} channels, numbered from 0"
             ));
         }
-        // Channels are in order of ascending wavelength: blue comes first.
+        // Channels are in order of ascending wavelength, so blue is first.
         (None, 3) => {
             let colours = |p: &Picture| -> Vec<[f32; 3]> {
                 let pixels = p.data.chunks_exact(3);

@@ -1,4 +1,4 @@
-//! Parses and fills captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
+//! Parses captions and inserts values into them, as in `{method}: {peak signal-to-noise ratio:.1} dB`.
 
 use super::source::Fault;
 
@@ -16,7 +16,7 @@ enum Piece {
     Value(String, Option<usize>),
 }
 
-/// Splits a caption at its braces; doubled braces are literal.
+/// Splits a caption at its braces. Doubled braces are literal.
 fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
     let help = "write {name} or {name:.2} for a value, and {{ and }} for braces";
     let fault = |message: &str| (message.to_owned(), help.to_owned());
@@ -58,7 +58,7 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
 /// Checks the syntax of a caption.
 ///
 /// # Errors
-/// [`Fault`] if the braces are invalid.
+/// Returns [`Fault`] if the braces are invalid.
 pub fn check(caption: &str) -> Result<(), Fault> {
     pieces(caption).map(|_| ())
 }
@@ -66,7 +66,7 @@ pub fn check(caption: &str) -> Result<(), Fault> {
 /// Inserts values into a caption.
 ///
 /// # Errors
-/// [`Fault`] if the caption names a value that is not in `known`.
+/// Returns [`Fault`] if the caption names a value that is not in `known`.
 pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, Fault> {
     let mut out = String::new();
     for piece in pieces(caption)? {

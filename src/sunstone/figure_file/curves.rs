@@ -1,5 +1,5 @@
-//! Creates panels with curves of applications: scores of methods over a sweep of a capture chain,
-//! or over the number of captures.
+//! Creates panels with curves of applications. The curves are scores of methods over a sweep of a capture
+//! chain, or over the number of captures.
 
 use apply::application::{Application, Metric};
 use apply::chain::file;
@@ -96,7 +96,8 @@ fn metric(view: &CurvesFile, application: &Application) -> Result<Metric, Fault>
     })
 }
 
-/// Returns a point to draw: the score, or the difference of scores if `difference` is set.
+/// Returns the point to draw. The value is the difference of scores if `difference` is true, otherwise the
+/// score.
 fn drawn(p: &Point, difference: bool) -> curves::Point {
     let [mean, error, less, less_error] = p.numbers;
     let estimate = |mean, error| Estimate { mean, error, counts: [0; 2] };
@@ -175,7 +176,7 @@ pub fn tile(
     Ok((tile, values))
 }
 
-/// Returns the colour index of curve `i`; skips black, the colour of reference lines.
+/// Returns the colour index of curve `i`. Skips black, which is the colour of reference lines.
 fn skipping_black(i: usize) -> usize {
     i + i / BLACK
 }

@@ -6,11 +6,11 @@ use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// A figure: scenes, panels and their layout.
+/// A figure, given by scenes, panels and the layout of the panels.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FigureFile {
-    /// Title in the document's metadata; it is not drawn.
+    /// Title in the document's metadata. The title is not drawn.
     #[serde(default)]
     pub title: String,
     /// Width of the figure: `single` (84 mm), `double` (178 mm), or millimetres such as `120 mm`.
@@ -59,7 +59,7 @@ pub struct SizeFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApplicationEntry {
-    /// Number of seeds; images show the first seed.
+    /// Number of seeds. Images show the first seed.
     pub seeds: u64,
 }
 
@@ -67,9 +67,9 @@ pub struct ApplicationEntry {
 #[serde(deny_unknown_fields)]
 pub struct PanelFile {
     pub scene: Option<Located<String>>,
-    /// The view of the panel; without a view the place stays empty.
+    /// The view of the panel. Without a view, the place of the panel stays empty.
     pub view: Option<Located<ViewFile>>,
-    /// Caption; `{NAME}` inserts a value of the view.
+    /// Caption, in which `{NAME}` inserts a value of the view.
     #[serde(default)]
     pub caption: Located<String>,
     /// Number of columns that the panel spans.
@@ -83,7 +83,7 @@ pub struct PanelFile {
     pub insets: Vec<Located<InsetFile>>,
     #[serde(default)]
     pub arrows: Vec<Located<ArrowFile>>,
-    /// A scale bar: a reference length in the scene.
+    /// A scale bar, which shows a reference length in the scene.
     pub scale_bar: Option<Located<ScaleBarFile>>,
 }
 
@@ -119,15 +119,15 @@ pub enum ViewFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecompositionFile {
-    /// Slice to decompose; it must contain Mueller matrices.
+    /// Slice to decompose. The slice must contain Mueller matrices.
     pub slice: String,
     /// Quantity to draw: `polarizance`, `diattenuation`, `retardance` (degrees), `depolarization` or
     /// `entropy`.
     pub quantity: QuantityFile,
-    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default: the middle
+    /// Wavelength to draw in nanometres. The nearest wavelength of the slice is drawn. Default: the middle
     /// wavelength.
     pub wavelength_nm: Option<f64>,
-    /// Ends of the colour scale; default: 0 to 1, or 0 to 180 degrees.
+    /// Ends of the colour scale. Default: 0 to 1, or 0 to 180 degrees.
     pub limits: Option<[f32; 2]>,
     /// Minimum M00, as a fraction of the 99th percentile of M00. Pixels with less light are grey.
     #[serde(default)]
@@ -154,7 +154,7 @@ pub struct LayerFile {
     /// Whether to use the layer behind smooth interfaces.
     #[serde(default)]
     pub through: bool,
-    /// Ends of the colour scale; default: the range of the values.
+    /// Ends of the colour scale. Default: the range of the values.
     pub limits: Option<[f32; 2]>,
 }
 
@@ -172,7 +172,8 @@ pub struct ApplyFile {
     pub variant: Option<u64>,
     /// Index of the channel to draw, from 0. Default: all three channels as a colour, or the only channel.
     pub channel: Option<usize>,
-    /// Ends of the colour scale; for colours, black (must be 0) and white. Default: the range of the values.
+    /// Ends of the colour scale. For colours, the ends are black (must be 0) and white. Default: the range of
+    /// the values.
     pub limits: Option<[f32; 2]>,
     /// Label of the colour bar.
     #[serde(default)]
@@ -189,20 +190,22 @@ pub struct CurvesFile {
     pub chain: String,
     /// Swept parameter, as for `sunstone apply --sweep`: `photons=30,300,3000`.
     pub sweep: Option<String>,
-    /// Numbers of captures, as for `sunstone apply --captures`: `1-8`. Use it instead of `sweep`.
+    /// Numbers of captures, as for `sunstone apply --captures`: `1-8`. Use this setting instead of `sweep`.
     pub captures: Option<String>,
-    /// Name of the metric; default: the first metric of the application.
+    /// Name of the metric. Default: the first metric of the application.
     pub metric: Option<String>,
-    /// Names of the methods to draw (with `captures`, of the baselines); default: all.
+    /// Names of the methods to draw. With `captures`, the names of the baselines to draw. Default: all
+    /// methods.
     #[serde(default)]
     pub methods: Vec<String>,
-    /// Belief: the element parameters that the reconstruction assumes. Default: the first belief of the
-    /// chain.
+    /// Belief, which is the set of element parameters that the reconstruction assumes. Default: the first
+    /// belief of the chain.
     pub belief: Option<String>,
-    /// Whether to draw score differences: the first method minus each other method, on the same captures.
+    /// Whether to draw score differences. A difference is the first method minus each other method, on the
+    /// same captures.
     #[serde(default)]
     pub difference: bool,
-    /// Ends of the vertical axis; default: the range of all points.
+    /// Ends of the vertical axis. Default: the range of all points.
     pub limits: Option<[f64; 2]>,
     /// Whether to list the names of the lines under the axis.
     #[serde(default = "yes")]
@@ -235,7 +238,7 @@ pub struct ArrowFile {
     pub colour: String,
 }
 
-/// A scale bar: a horizontal reference length at the depth of a point of the scene.
+/// A scale bar, which shows a horizontal reference length at the depth of a point of the scene.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleBarFile {

@@ -1,5 +1,5 @@
-//! Stores results of applications in a cache next to the renders. Methods are fitted again only if
-//! scenes, renders or the program changed.
+//! Stores results of applications in a cache next to the renders. Methods are fitted again only after a
+//! change of scenes, renders or program.
 //!
 //! A cache file contains one run of an application at one size and is written atomically. The first line of
 //! the file has the format and a digest of the rest. A line of JSON with names and shapes follows, then all
@@ -19,10 +19,10 @@ use crate::applications::Report;
 use crate::applications::curves;
 use crate::applications::links::Links;
 
-/// First words of a cache file, with the number of the format.
+/// First words of a cache file, including the number of the format.
 const BEGIN: &str = "sunstone fit 2 ";
 
-/// The results of a run of an application that panels show.
+/// The results that panels show, from one run of an application.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
     /// Scores of all methods for all seeds.
@@ -37,7 +37,7 @@ pub struct Fit {
     pub verdicts: Vec<Verdict>,
 }
 
-/// The score of a method at one point of a curve ([`curves::Point`]).
+/// The score of a method at one point of a curve (see [`curves::Point`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     pub metric: String,
@@ -46,13 +46,13 @@ pub struct Point {
     pub baseline: bool,
     #[serde(skip)]
     pub value: f64,
-    /// Score, standard error of the score, score of the first method minus this score, and standard
-    /// error of the difference. The last two are NaN for the first method.
+    /// Score, standard error of the score, score of the first method minus this score, and standard error of
+    /// the difference. For the first method, the difference and its standard error are NaN.
     #[serde(skip)]
     pub numbers: [f64; 4],
 }
 
-/// A verdict of a metric ([`curves::Verdict`]).
+/// A verdict of a metric (see [`curves::Verdict`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     pub metric: String,
@@ -92,13 +92,14 @@ pub struct Picture {
     pub shared: bool,
     /// Columns, rows, channels.
     pub shape: [usize; 3],
-    /// Values, row-major; the channel varies fastest.
+    /// Values, row-major. The channel varies fastest.
     #[serde(skip)]
     pub data: Vec<f64>,
 }
 
 impl Fit {
-    /// Converts a report; sweeps and reports of few captures have no images.
+    /// Converts a report to the results that the cache stores. Sweeps and comparisons of capture counts have
+    /// no images.
     pub fn of(mut report: Report, application: &Application, links: &Links) -> Self {
         let (mut points, mut verdicts) = (vec![], vec![]);
         for metric in application.metrics.iter().copied() {
@@ -171,14 +172,14 @@ impl Fit {
     }
 }
 
-/// Returns the digest of some bytes in hexadecimal digits.
+/// Returns the digest of the bytes in hexadecimal digits.
 pub fn digest(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Returns a digest of this executable, or `None` if the executable cannot be read. The digest does not
-/// identify the build if code is loaded dynamically, as by Python.
+/// Returns a digest of this executable, or `None` if the executable cannot be read. If code is loaded
+/// dynamically, for example by Python, the digest does not identify the build.
 pub fn program() -> Option<String> {
     // This symbolic link is valid even if another build replaced the executable.
     let own = Path::new("/proc/self/exe");
@@ -193,8 +194,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// Creates the place of a cache file in a folder. `name` identifies the application and the
-    /// size; `program` and `inputs` determine the key.
+    /// Creates the place of a cache file in a folder. `name` identifies the application and the size.
+    /// `program` and `inputs` determine the key.
     pub fn new(folder: &Path, name: &str, program: &str, inputs: &str) -> Self {
         Self {
             path: folder.join(format!("{name}.fit")),
@@ -306,10 +307,10 @@ mod tests {
         assert_eq!(own.read(), None);
         own.write(&mut fit());
         assert_eq!(own.read(), Some(fit()));
-        // The cache of another build, or of other renders, is empty.
+        // The cache does not contain results of another build or of other renders.
         assert_eq!(place("q", "i").read(), None);
         assert_eq!(place("p", "j").read(), None);
-        // New results replace the file: there is one file per run.
+        // New results replace the file, because there is one file per run.
         place("q", "i").write(&mut Fit::default());
         assert_eq!(own.read(), None);
         assert_eq!(place("q", "i").read(), Some(Fit::default()));

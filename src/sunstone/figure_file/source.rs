@@ -1,4 +1,4 @@
-//! Parses a figure file and makes the checks that need neither scenes nor applications.
+//! Parses a figure file, and makes the checks that need neither scenes nor applications.
 
 use base::document;
 use base::locate::{InputError, Located};
@@ -29,16 +29,16 @@ impl Source {
     /// Reads a figure file.
     ///
     /// # Errors
-    /// [`InputError`] at the location of an error, if the file cannot be read or is invalid.
+    /// Returns [`InputError`] at the location of an error, if the file cannot be read or is invalid.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = document::read(path, "figure file", "pass a figure file, or the store of a render")?;
         Self::of_text(path, &text)
     }
 
-    /// Does the same as [`Self::read`] for the text of a file. `path` names the file in messages.
+    /// Parses the text of a figure file. `path` names the file in messages.
     ///
     /// # Errors
-    /// The same errors as [`Self::read`].
+    /// Returns the same errors as [`Self::read`].
     pub fn of_text(path: &Path, text: &str) -> Result<Self, InputError> {
         let file: FigureFile = document::parse(path, text, |message| {
             if message.contains("unknown field") || message.contains("unknown variant") {
@@ -217,7 +217,7 @@ impl Source {
     /// Checks and converts an inset.
     ///
     /// # Errors
-    /// [`InputError`] at the location of the inset if it is invalid.
+    /// Returns [`InputError`] at the location of the inset if it is invalid.
     pub fn inset(&self, at: &Located<InsetFile>) -> Result<Inset, InputError> {
         let corner = Corner::named(&at.at).ok_or_else(|| {
             let help = "use upper left, upper right, lower left or lower right";
@@ -231,7 +231,7 @@ impl Source {
     /// Checks and converts an arrow.
     ///
     /// # Errors
-    /// [`InputError`] at the location of the arrow if it is invalid.
+    /// Returns [`InputError`] at the location of the arrow if it is invalid.
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
         let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));

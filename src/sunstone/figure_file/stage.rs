@@ -16,7 +16,7 @@ use crate::studio::{Studio, StudioError};
 #[derive(Clone, Debug)]
 pub struct Settings {
     pub renders: PathBuf,
-    /// Folder of the applications' scenes; default: `scenes` in a parent folder of the figure file or of the
+    /// Folder of the applications' scenes. Default: `scenes` in a parent folder of the figure file or of the
     /// current folder.
     pub scenes: Option<PathBuf>,
     /// Whether to render at preview size instead of full size.

@@ -1,4 +1,5 @@
-//! Creates panels of a scene: views of slices, decompositions, layers of ground truth, and scale bars.
+//! Creates panels of a scene. A panel shows a view of a slice, a decomposition, a layer of ground truth, or a
+//! scale bar.
 
 use base::locate::{InputError, Located};
 use figure::composite::ScaleBar;
@@ -20,7 +21,7 @@ use super::source::Fault;
 use super::stage::{FigureFileError, Stage};
 use crate::figures;
 
-/// Returns the corresponding view of the `figure` crate, or `None` if there is none.
+/// Returns the corresponding view of the `figure` crate, or `None` if there is no corresponding view.
 fn plain(view: &ViewFile) -> Option<View> {
     Some(match view {
         ViewFile::Photo(v) => View::Photo(v.clone()),
@@ -33,7 +34,7 @@ fn plain(view: &ViewFile) -> Option<View> {
     })
 }
 
-/// Checks before rendering that a panel can be drawn from its scene.
+/// Checks, before rendering, that a panel can be drawn from its scene.
 pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     let Some(view) = &panel.view else { return Ok(()) };
     let slice = view.slice().and_then(|name| scene.slices.iter().find(|s| s.name == name));
@@ -61,7 +62,7 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
             mueller(slice)
         }
         (ViewFile::Layer(v), _) => {
-            // A scene of one pixel has all layers.
+            // A scene with one pixel has all layers.
             let options = layers::Options { side: 1, ..layers::Options::default() };
             let known: Vec<&str> = layers::layers(scene, options).layers.iter().map(|l| l.name).collect();
             if known.contains(&v.layer.as_str()) {

@@ -1,5 +1,5 @@
-//! Prepares a plan and its rig for instruments and for the store of a run; used by `sunstone rig` and by
-//! Python.
+//! Prepares a plan and its rig for instruments and for the store of a run. `sunstone rig` and the Python
+//! package use this module.
 
 use super::{BenchError, tensor_of};
 use base::locate::InputError;
@@ -64,7 +64,7 @@ impl Prepared {
     /// Reads a plan, and the rig file `rig` or the rig file that the plan names.
     ///
     /// # Errors
-    /// [`PrepareError`]: a file is invalid, or no rig is named.
+    /// Returns [`PrepareError`] if a file is invalid or no rig is named.
     pub fn load(path: &Path, rig: Option<&PathBuf>) -> Result<Self, PrepareError> {
         let plan = plan::load(path)?;
         let named = rig.or(plan.rig.as_ref()).cloned().ok_or_else(|| {
@@ -74,16 +74,16 @@ impl Prepared {
         Ok(Self { plan, rig, inputs: vec![path.to_owned(), named] })
     }
 
-    /// Puts a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
+    /// Places a known sample (air, mirror or polarizer) on a simulated bench, and changes the noise seed.
     ///
     /// # Errors
-    /// [`PrepareError::Wrong`]: there is no such sample.
+    /// Returns [`PrepareError::Wrong`] if no sample has this name.
     pub fn put_sample(&mut self, sample: &str) -> Result<(), PrepareError> {
         let mueller = sample_of(sample)
             .ok_or_else(|| wrong(format!("unknown sample `{sample}`; use air, mirror or polarizer")))?;
         if let Some(bench) = &mut self.rig.bench {
             bench.scene = Scene::Sample(mueller);
-            // Each sample gets its own noise.
+            // Each sample has its own noise.
             let letters = std::array::from_fn(|i| sample.as_bytes().get(i).copied().unwrap_or(0));
             bench.seed = bench.seed.wrapping_add(u64::from_le_bytes(letters));
         }
@@ -97,11 +97,11 @@ impl Prepared {
     }
 
     /// Returns the instruments of the rig file, except the instruments in `given`, which the caller provides.
-    /// For a bench with a scene, the scene is first rendered into `folder`. With `dry`, the scene is not
-    /// rendered and the sample is black.
+    /// For a bench with a scene, the scene is first rendered into `folder`. If `dry` is true, the scene is
+    /// not rendered and the sample is black.
     ///
     /// # Errors
-    /// [`PrepareError`] if an instrument or the render of a bench fails.
+    /// Returns [`PrepareError`] if an instrument or the render of a bench fails.
     pub fn assemble(
         &self,
         given: &[String],
@@ -143,7 +143,7 @@ impl Prepared {
     /// Returns the steps of the plan for a rig.
     ///
     /// # Errors
-    /// [`PrepareError::Wrong`]: the rig cannot execute the plan.
+    /// Returns [`PrepareError::Wrong`] if the rig cannot execute the plan.
     pub fn steps(&self, rig: &Rig) -> Result<Steps, PrepareError> {
         let made = match &self.rig.geometry {
             Some(geometry) => geometry.with(|g| Steps::new(self.plan.clone(), rig, Some(g))),
@@ -152,11 +152,11 @@ impl Prepared {
         made.map_err(wrong)
     }
 
-    /// Creates or resumes the store of a run, and returns the store and the frames in it that are intact.
+    /// Creates or resumes the store of a run. Returns the store and its intact frames.
     ///
     /// # Errors
-    /// [`PrepareError`]: the store exists, belongs to another run, is finished, is an input, or cannot be
-    /// written.
+    /// Returns [`PrepareError`] if the store exists, belongs to another run, is finished, is an input, or
+    /// cannot be written.
     pub fn begin(
         &self,
         output: &Path,

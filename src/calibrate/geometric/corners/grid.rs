@@ -1,4 +1,4 @@
-//! Joins neighboring corners of a board into a grid.
+//! Joins neighbouring corners of a board into a grid.
 
 use super::saddle::Saddle;
 use crate::geometric::image::Image;
@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, VecDeque};
 /// and rows downward.
 pub type Place = (i32, i32);
 
-/// Maximum deviation of a neighbor from an edge's direction, as the sine or tangent of the angle between
-/// neighbor and edge.
+/// Maximum deviation of a neighbour from an edge's direction, as the sine or tangent of the angle between the
+/// two directions.
 const ASIDE: f64 = 0.3;
 
 /// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white edge.
@@ -30,8 +30,8 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
     near.into_iter().take(3).map(|(_, i)| i).find(|i| joined(image, here, &all[*i]))
 }
 
-/// Returns whether two corners are connected by the side of a square: along the whole line, the same side
-/// is black and the other white.
+/// Returns whether the side of a square connects two corners. Along the whole line between the corners, the
+/// image must be black on one side and white on the opposite side.
 fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     let d = b.at - a.at;
     let length = d.norm();
@@ -51,10 +51,10 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     aligned && equal && first != 0.0 && signs.all(|s| s == first)
 }
 
-/// Returns all grids of neighboring corners, the largest first. Row and column directions have the
+/// Returns all grids of neighbouring corners, the largest first. Row and column directions have the
 /// orientation of the image's x and y.
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
-    // Returns the four directions of a corner: along e1 and e2, and opposite to e1 and e2.
+    // Returns the four directions of a corner, which are along e1 and e2, and opposite to e1 and e2.
     let ways = |s: &Saddle| {
         let [mut x, mut y] = s.edges;
         // Make x the edge that is closer to the image's x axis. y has the orientation of the image's y axis.
@@ -106,7 +106,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
                     (None, None) => {
                         grid.insert(to, next);
                         places.insert(next, to);
-                        // `back` is opposite to the step.
+                        // `back` is the direction opposite to the step.
                         turns.insert(next, (back + 2 + 4 - step) % 4);
                         queue.push_back(next);
                     }

@@ -1,4 +1,4 @@
-//! Detects chessboard corners: finds saddle points, fits a corner model, and joins the corners into a grid.
+//! Detects chessboard corners. Finds saddle points, fits a corner model, and joins the corners into a grid.
 
 pub mod grid;
 pub mod saddle;

@@ -1,5 +1,5 @@
-//! Detects single corners: finds candidates from the curvature of the image, then fits a blurred corner
-//! model to obtain subpixel positions.
+//! Detects single corners. Finds candidates from the curvature of the image, then fits a blurred corner model
+//! to obtain subpixel positions.
 
 use crate::geometric::image::Image;
 use nalgebra::{SMatrix, SVector, Vector2};
@@ -11,8 +11,8 @@ pub struct Saddle {
     pub at: Vector2<f64>,
     /// Unit vectors along the two edges that cross at the corner.
     pub edges: [Vector2<f64>; 2],
-    /// Half of the brightness difference between white and black; negative if the square between +e1 and
-    /// +e2 is black.
+    /// Half of the brightness difference between white and black. The value is negative if the square between
+    /// +e1 and +e2 is black.
     pub contrast: f64,
 }
 
@@ -64,8 +64,8 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
 /// Maximum number of candidate corners in an image.
 const MOST: usize = 4000;
 
-/// Parameters of a corner's image: position, angles of both edges, blur width, half contrast, and the offset
-/// and gradient of a plane.
+/// Parameters of a corner's image. These are position, angles of both edges, blur width, half contrast, and
+/// the offset and gradient of a plane.
 type Parameters = SVector<f64, 9>;
 
 /// Returns the error function of `x` and its derivative.
@@ -78,7 +78,8 @@ fn erf(x: f64) -> [f64; 2] {
     [(1.0 - tail).copysign(x), std::f64::consts::FRAC_2_SQRT_PI * e]
 }
 
-/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives; d is the offset from the corner.
+/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives, where d is the offset from the
+/// corner.
 fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     let (dx, dy) = (x - p[0], y - p[1]);
     let ((s1, c1), (s2, c2)) = (p[2].sin_cos(), p[3].sin_cos());
@@ -146,7 +147,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         })
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
-    // A saddle is point-symmetric: use the even part of the values on the ring.
+    // A saddle is point-symmetric, so the even part of the values on the ring is used.
     let half: Vec<f64> = (0..RING / 2).map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean).collect();
     let swing = half.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let odd = (0..RING / 2).map(|i| (0.5 * (ring[i] - ring[i + RING / 2])).powi(2)).sum::<f64>();
@@ -282,7 +283,7 @@ mod tests {
             let image = corner(at, angles, if i % 2 == 0 { 1.0 } else { -1.0 }).blurred(SOFT);
             let found = refine(&image, Vector2::new(15.5, 15.5), 6.0).expect("a corner");
             worst = worst.max((found.at - at).norm());
-            // A point in the square between both edges.
+            // A point in the square between the two edges.
             let middle = at + (found.edges[0] + found.edges[1]).normalize() * 5.0;
             let bright = image.between(middle.x, middle.y) > 100.0;
             assert_eq!(bright, found.contrast > 0.0, "{i}");

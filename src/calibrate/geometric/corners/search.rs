@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 pub struct Found {
     /// Corners in continuous pixels, in the order of [`Board::points`].
     ///
-    /// If exactly one candidate corner has a black outer square, that corner is the first.
-    /// Otherwise the corner nearest to the upper left of the image is the first.
+    /// If exactly one candidate corner has a black outer square, that corner is the first. In all other
+    /// cases, the corner nearest to the upper left of the image is the first.
     pub corners: Vec<Vector2<f64>>,
     /// Approximate side length of the smallest square in pixels.
     pub smallest: f64,
@@ -33,13 +33,13 @@ pub enum NotFound {
     Size(usize, usize, usize, usize),
 }
 
-/// Standard deviations of the blurs with which corners are searched, in pixels.
+/// Standard deviations, in pixels, of the blurs that the corner search applies to the image.
 const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 
 /// Finds a board.
 ///
 /// # Errors
-/// [`NotFound`] if the image does not show exactly this board.
+/// Returns [`NotFound`] if the image does not show exactly this board.
 pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     let mut seen = NotFound::Nothing;
     let source = image;
@@ -112,7 +112,7 @@ fn filled(
         .collect()
 }
 
-/// Radius of the fit window of a corner, relative to the distance from this corner to its nearest neighbor.
+/// Radius of the fit window of a corner, relative to the distance from this corner to its nearest neighbour.
 const REACH: f64 = 0.4;
 /// Minimum and maximum radius of the fit window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];

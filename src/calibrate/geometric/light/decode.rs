@@ -11,16 +11,16 @@ pub struct Decoded {
     /// Number of camera pixels per row.
     pub width: usize,
     pub height: usize,
-    /// Continuous column coordinate in the projector; NaN for unreliable pixels.
+    /// Continuous column coordinate in the projector, or NaN for unreliable pixels.
     pub u: Vec<f32>,
-    /// Continuous row coordinate in the projector; NaN for unreliable pixels.
+    /// Continuous row coordinate in the projector, or NaN for unreliable pixels.
     pub v: Vec<f32>,
 }
 
 /// Minimum contrast between white and black, relative to the contrast of the brightest pixels.
 const LEAST: f32 = 0.03;
-/// Minimum difference between a bit and its inverse, relative to the contrast. At edges the difference is
-/// smaller.
+/// Minimum difference between a bit and its inverse, relative to the contrast. At pattern edges the
+/// difference is smaller.
 const SURE: f32 = 0.2;
 
 impl Decoded {
@@ -32,14 +32,14 @@ impl Decoded {
 
 /// Decodes the images of a pattern sequence, in the order of the patterns.
 ///
-/// A pixel is NaN in these cases:
-/// - White is only slightly brighter than black.
+/// The coordinates of a pixel are NaN in these cases:
+/// - The white pattern is only slightly brighter than the black pattern.
 /// - More than one bit of an axis is uncertain, because the pixel receives light from projector pixels that
-///   are not neighbors.
+///   are not neighbours.
 /// - The decoded coordinate is outside the projector's image.
 ///
 /// # Errors
-/// A message if the numbers of images and patterns differ, or if image sizes differ.
+/// Returns a message if the numbers of images and patterns differ, or if image sizes differ.
 pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> {
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
@@ -125,7 +125,8 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let Some(place) = unsure else {
         return if x < length { f64::from(x) + 0.5 } else { f64::NAN };
     };
-    // At an edge both codes must be neighbors. The pixel then observes the border between them.
+    // At an edge, both codes must be neighbours. The pixel then observes the border between two projector
+    // pixels.
     let y = plain(code ^ (1 << (bits - place)));
     if x.abs_diff(y) == 1 && x.max(y) < length { f64::from(x.max(y)) } else { f64::NAN }
 }
@@ -209,8 +210,8 @@ mod tests {
     fn dark_and_mixed_pixels_are_excluded() {
         let sequence = Sequence::gray([64, 64]).unwrap();
         let mut images = seen(&sequence, &[(10.5, 20.5), (10.5, 20.5), (10.5, 20.5)], 0.0);
-        // The second pixel receives light from no projector pixel, the third from two distant projector
-        // pixels.
+        // The second pixel receives light from no projector pixel, and the third receives light from two
+        // distant projector pixels.
         let other = seen(&sequence, &[(53.5, 41.5)], 0.0);
         for (image, far) in images.iter_mut().zip(&other) {
             image.values[1] = 5.0;

@@ -1,5 +1,5 @@
-//! Structured light: finds, for each camera pixel, the projector pixel that illuminates the observed
-//! surface point.
+//! Structured light, which determines the projector pixel that illuminates the surface point of each camera
+//! pixel.
 
 pub mod decode;
 pub mod local;

@@ -1,5 +1,5 @@
-//! Patterns of structured light: white, black, Gray codes of columns and rows with their inverses, and
-//! optional phase-shifted waves.
+//! Patterns of structured light. The patterns are white, black, Gray codes of columns and rows with their
+//! inverses, and optional phase-shifted waves.
 
 use std::f64::consts::TAU;
 
@@ -39,7 +39,7 @@ impl Sequence {
     /// Creates a sequence of Gray codes without waves.
     ///
     /// # Errors
-    /// A message if the width or the height is 0 or above 32,768.
+    /// Returns a message if the width or the height is 0 or above 32,768.
     pub fn gray(size: [u32; 2]) -> Result<Self, String> {
         Self::with_waves(size, 0, 16)
     }
@@ -47,7 +47,7 @@ impl Sequence {
     /// Creates a sequence of Gray codes and of waves, which determine subpixel coordinates.
     ///
     /// # Errors
-    /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.
+    /// Returns a message if the size, the number of shifts or the period (4 to 1024) is out of range.
     pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
         if !size.iter().all(|n| (1..=32768).contains(n)) {
             return Err(format!(

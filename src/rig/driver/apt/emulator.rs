@@ -29,7 +29,7 @@ impl Trouble {
     }
 }
 
-/// A motion of the stage: start position, goal, start time and duration.
+/// A motion of the stage, given by start position, goal, start time and duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,
@@ -50,8 +50,8 @@ struct Controller {
 }
 
 impl Controller {
-    /// Advances the simulated stage to the current time; returns the message that reports the end
-    /// of a motion.
+    /// Advances the simulated stage to the current time. Returns the message that reports the end of a
+    /// motion.
     fn pass(&mut self) -> Option<Message> {
         let motion = self.motion?;
         let share = motion.begun.elapsed().as_secs_f64() / motion.time.as_secs_f64().max(1e-6);

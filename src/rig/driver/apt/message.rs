@@ -1,7 +1,8 @@
-//! Messages: a header of six bytes, followed by data if the highest bit of the fifth byte is set.
+//! Messages of the APT protocol. A header of six bytes is followed by data if the highest bit of the fifth
+//! byte is set.
 //!
-//! - without data: id u16 | parameter u8 | parameter u8 | destination u8 | source u8
-//! - with data: id u16 | length u16 | destination u8 or 0x80 | source u8 | data
+//! - without data: id u16, parameter u8, parameter u8, destination u8, source u8
+//! - with data: id u16, length u16, destination u8 or 0x80, source u8, data
 //!
 //! All numbers are little-endian.
 
@@ -24,20 +25,20 @@ pub mod bits {
     pub const HOMED: u32 = 0x400;
     /// Set if the stage has settled at its goal.
     pub const SETTLED: u32 = 0x2000;
-    /// Set on a motion error: the motor cannot follow.
+    /// Set on a motion error, which means that the motor cannot follow.
     pub const MOTION_ERROR: u32 = 0x4000;
     /// Set if the channel is enabled.
     pub const ENABLED: u32 = 0x8000_0000;
 }
 
-/// Status of a stage: 14 bytes that several messages contain.
+/// Status of a stage. Several messages contain these 14 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
     /// Position, in encoder counts.
     pub position: i32,
-    /// Additional encoder counts. For DC controllers, the velocity (i16) and a reserved word.
+    /// Additional encoder counts. On DC controllers, the velocity (i16) and a reserved word.
     pub extra: u32,
-    /// Status bits, see [`bits`].
+    /// Status bits (see [`bits`]).
     pub bits: u32,
 }
 
@@ -85,10 +86,10 @@ pub enum Message {
     RequestDcStatus,
     /// MGMSG_MOT_GET_DCSTATUSUPDATE: returns the status of a stage with a DC motor.
     DcStatus(Status),
-    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: reports that the host is alive; USB controllers require this message
+    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: reports that the host is alive. USB controllers require this message
     /// every second.
     AckDcStatus,
-    /// Any other message: id, parameters, data.
+    /// Any other message, given by id, parameters and data.
     Other(u16, [u8; 2], Vec<u8>),
 }
 
@@ -165,7 +166,7 @@ impl Message {
         [&id.to_le_bytes()[..], &field, &[destination, source], &data].concat()
     }
 
-    /// Decodes a message from its header's id and parameters and its data.
+    /// Decodes a message from the id and the parameters of its header, and from its data.
     fn of(id: u16, parameters: [u8; 2], data: &[u8]) -> Self {
         let word = |at: usize| Some(i32::from_le_bytes(data.get(at..at + 4)?.try_into().ok()?));
         let status = || Status::of(data);
@@ -201,7 +202,7 @@ impl Message {
 /// Parser of messages in a byte stream. The parser skips bytes until a valid header begins.
 #[derive(Debug)]
 pub struct Parser {
-    /// Address of the receiver; headers with other destinations are invalid.
+    /// Address of the receiver. Headers with other destinations are invalid.
     own: u8,
     held: Vec<u8>,
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// Polling interval of a moving stage.
 const ASK: Duration = Duration::from_millis(100);
-/// Number of consecutive equal positions, different from the goal, after which a stage counts as stalled.
+/// Number of consecutive equal positions away from the goal after which a stage counts as stalled.
 const STANDS: u32 = 3;
 
 /// Units of a stage model, and limits of its motion.
@@ -24,8 +24,8 @@ pub struct Model {
 impl Model {
     /// Returns a model by its product name.
     ///
-    /// PRM1-Z8: 1919.6418578623391 counts per degree, sampled every 2048/6e6 s (protocol, appendix on
-    /// scaling).
+    /// The PRM1-Z8 has 1919.6418578623391 counts per degree and a sampling period of 2048/6e6 s (protocol,
+    /// appendix on scaling).
     pub fn named(name: &str) -> Option<Self> {
         const COUNTS: f64 = 1919.641857862339;
         let family = ["PRM1-Z8", "PRM1Z8", "PRM1/MZ8", "PRMTZ8", "PRMTZ8/M", "KPRM1E", "KPRM1E/M"];
@@ -57,11 +57,11 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Stops automatic status updates and enables the channel, but does not move
-    /// the stage.
+    /// Creates a stage that communicates over a line. Stops automatic status updates and enables the channel,
+    /// but does not move the stage.
     ///
     /// # Errors
-    /// [`Failure`] if the line is disconnected.
+    /// Returns [`Failure`] if the line is disconnected.
     pub fn new(name: &str, line: Box<dyn Line>, model: Model) -> Result<Self, Failure> {
         let mut stage =
             Self { name: name.to_owned(), line, parser: Parser::new(HOST), model, homed: false, goal: None };
@@ -102,7 +102,7 @@ impl AptStage {
         }
     }
 
-    /// Queries the status. Passes every message that arrives to `seen`.
+    /// Queries the status. Passes to `seen` every message that arrives.
     fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
         self.send(&Message::RequestDcStatus)?;
         loop {

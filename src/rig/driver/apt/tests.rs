@@ -1,5 +1,5 @@
-//! Tests of the encoded bytes, of the driver with the emulator (in memory and over a pseudo-terminal),
-//! and of invalid streams.
+//! Tests the encoded bytes, the driver, and invalid streams. The driver runs with the emulator, in memory and
+//! over a pseudo-terminal.
 
 use super::super::line::{MemoryLine, StreamLine};
 use super::emulator::{self, Trouble};
@@ -75,7 +75,8 @@ fn an_unplugged_cable_is_reported_as_disconnected() {
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
-/// The driver works over a serial device of the system: a pseudo-terminal with the emulator at its other end.
+/// The driver works over a serial device of the system. The device is a pseudo-terminal whose other end the
+/// emulator uses.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_driver_works_through_a_serial_device() {
@@ -173,7 +174,7 @@ fn messages_round_trip_in_any_pieces() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
-    /// Invalid streams cause no panic and no hang, and a complete message after them is found.
+    /// Invalid streams cause no panic and no hang, and the parser finds a complete message after them.
     #[test]
     fn arbitrary_streams_never_panic(noise in prop::collection::vec(any::<u8>(), 0..200), damaged in any::<(prop::sample::Index, u8)>()) {
         let mut parser = Parser::new(HOST);

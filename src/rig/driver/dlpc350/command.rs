@@ -1,4 +1,4 @@
-//! Commands of pattern mode with their codes (the guide's CMD2 and CMD3 as one number) and data.
+//! Commands of pattern mode. A command has a code (CMD2 and CMD3 of the guide as one number) and data.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -38,12 +38,12 @@ pub enum Begin {
 pub struct Entry {
     /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Plane of the flash image, 0 to 23 from the lowest bit of green for one-bit patterns, or
-    /// [`Self::WHITE`].
+    /// Plane of the flash image, or [`Self::WHITE`]. Planes of one-bit patterns are numbered from 0 to 23,
+    /// starting at the lowest bit of green.
     pub plane: u8,
     /// Number of bits per pixel, 1 to 8.
     pub bits: u8,
-    /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
+    /// LEDs as a bit mask, with 1 for red, 2 for green and 4 for blue.
     pub leds: u8,
     /// Whether the pattern is inverted.
     pub negative: bool,
@@ -56,8 +56,8 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although it
-    /// numbers planes from 0. This driver uses 24, as TI's own program does.
+    /// Plane that lights all pixels. The guide specifies "25, with a bit depth of 1", although the guide
+    /// numbers planes from 0. The driver uses 24, as TI's own program does.
     pub const WHITE: u8 = 24;
 
     /// Encodes the entry as three bytes.
@@ -98,21 +98,21 @@ pub enum Mailbox {
 /// A command from the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Selects pattern mode if true, video mode if false.
+    /// Selects pattern mode if true, and video mode if false.
     PatternMode(bool),
     /// Selects the source of the patterns.
     Source(Source),
-    /// Sets the trigger mode: 0 if video frames begin sequences, 1 if triggers begin patterns.
+    /// Sets the trigger mode. In mode 0, video frames begin sequences. In mode 1, triggers begin patterns.
     TriggerMode(u8),
-    /// Sets trigger output 1, which is active once per pattern. Edges are 0 to 213 steps of 107.2 ns from
-    /// 20.05 µs before the pattern.
+    /// Sets trigger output 1, which is active once per pattern. Edges are 0 to 213 steps of 107.2 ns after
+    /// the earliest time, which is 20.05 µs before the pattern.
     TriggerOut1 {
         /// Whether the output is active low.
         inverted: bool,
         rise: u8,
         fall: u8,
     },
-    /// Sets trigger output 2, which is active once per sequence. Only its rising edge is set.
+    /// Sets trigger output 2, which is active once per sequence. Output 2 has only a rising edge.
     TriggerOut2 {
         /// Whether the output is active low.
         inverted: bool,
@@ -120,11 +120,13 @@ pub enum Command {
     },
     /// Sets the delay of trigger input 1 in steps of 107.2 ns (19 bits).
     TriggerIn1(u32),
-    /// Sets trigger input 2: whether the sequence resumes at a falling edge (only in trigger mode 2).
+    /// Sets trigger input 2. If true, the sequence resumes at a falling edge. Input 2 is used only in trigger
+    /// mode 2.
     TriggerIn2(bool),
     /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Sets the times of every pattern, µs. The period equals the exposure, or exceeds it by at least 230 µs.
+    /// Sets the times of every pattern, in µs. The period equals the exposure, or exceeds the exposure by at
+    /// least 230 µs.
     Exposure { exposure_us: u32, period_us: u32 },
     /// Configures the sequence. All numbers are at least 1.
     Config {
@@ -141,19 +143,20 @@ pub enum Command {
     Open(Mailbox),
     /// Sets the write offset in the open mailbox.
     Address(u8),
-    /// Sets the numbers of the sequence's images in flash. TI's program writes two numbers in reverse order;
-    /// this driver writes only one.
+    /// Sets the numbers of the sequence's images in flash. TI's program writes two numbers in reverse order.
+    /// This driver writes only one number.
     ImageTable(Vec<u8>),
     /// Sets the patterns of the sequence.
     PatternTable(Vec<Entry>),
-    /// Validates the sequence; [`Question::Validation`] returns the result.
+    /// Validates the sequence. [`Question::Validation`] returns the result.
     Validate,
-    /// Sets the LEDs: 1 red, 2 green, 4 blue under manual control; 8 lets the sequence control the LEDs.
+    /// Sets the LEDs. Under manual control, the bits are 1 for red, 2 for green and 4 for blue. With 8, the
+    /// sequence controls the LEDs.
     Leds(u8),
 }
 
 impl Command {
-    /// Encodes the command: its code and its data.
+    /// Returns the code and the encoded data of the command.
     pub fn encode(&self) -> (u16, Vec<u8>) {
         match self {
             Self::PatternMode(on) => (0x1A1B, vec![u8::from(*on)]),
@@ -188,19 +191,22 @@ impl Command {
 pub enum Question {
     /// Requests the state of initialization and the errors of the sequencer.
     Hardware = 0x1A0A,
-    /// Requests a bit mask: 1 if the mirrors are parked, 2 if the sequence runs, 4 if frames are frozen.
+    /// Requests a bit mask, with 1 if the mirrors are parked, 2 if the sequence runs, and 4 if frames are
+    /// frozen.
     Main = 0x1A0C,
-    /// Requests the result of [`Command::Validate`]: 0x80 while validation runs, then a bit mask of faults.
+    /// Requests the result of [`Command::Validate`]. The reply is 0x80 while validation runs, then a bit mask
+    /// of faults.
     Validation = 0x1A1A,
     /// Requests the number of images in flash.
     Images = 0x1A42,
-    /// Requests four versions of four bytes, the application's first: patch (16 bits), minor, major.
+    /// Requests four versions of four bytes each, the application's version first. Each version consists of
+    /// patch (16 bits), minor and major number.
     Version = 0x0205,
     /// Requests the tag that the firmware's author assigned.
     Tag = 0x1AFF,
 }
 
-/// Returns messages for the bits of a validation result; the first two messages are errors, all other
+/// Returns messages for the bits of a validation result. The first two messages are errors, and all other
 /// messages are warnings.
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [

@@ -47,7 +47,7 @@ struct State {
     table: Vec<u8>,
     list: Vec<u8>,
     leds: u8,
-    /// Number of status queries that the emulator still answers with "in progress" before it reports `valid`.
+    /// Number of status queries that the emulator answers with "in progress" before it reports `valid`.
     busy: u8,
     valid: Option<u8>,
     running: bool,
@@ -55,7 +55,7 @@ struct State {
     answers: VecDeque<[u8; REPORT]>,
 }
 
-/// An emulated controller; clones share its state.
+/// An emulated controller. All clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Emulator(Arc<Mutex<State>>);
 
@@ -85,7 +85,7 @@ impl Emulator {
         self.state().trouble = trouble;
     }
 
-    /// Returns the data last set for a trigger, by command code.
+    /// Returns the data that were last set for a trigger, by command code.
     pub fn trigger(&self, code: u16) -> Option<Vec<u8>> {
         self.state().triggers.get(&code).cloned()
     }
@@ -101,7 +101,7 @@ impl Emulator {
 }
 
 impl State {
-    /// Executes a command; returns `None` if it is unknown or not allowed in this state.
+    /// Executes a command. Returns `None` if the command is unknown or not allowed in the present state.
     fn describe(&mut self, code: u16, data: &[u8]) -> Option<()> {
         let first = *data.first()?;
         // While a sequence runs, only stopping the sequence and switching LEDs are allowed.

@@ -1,8 +1,8 @@
 //! Images of the controller's flash as PNG files. Each image holds 24 one-bit patterns, one per plane.
 //!
-//! TI's program builds the firmware from such images. Planes are numbered as in the controller: 0 to 7 are
-//! the bits of green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide
-//! DLPU010, pattern display LUT).
+//! TI's program builds the firmware from these images. Planes are numbered as in the controller (programmer's
+//! guide DLPU010, pattern display LUT). Planes 0 to 7 are the bits of green, 8 to 15 those of red, and 16 to
+//! 23 those of blue. Each range begins with the lowest bit.
 
 use super::projector::{Flash, SIZE};
 use crate::instrument::Pattern;
@@ -13,15 +13,16 @@ use std::path::Path;
 /// Number of one-bit planes per image.
 const PLANES: usize = 24;
 
-/// Returns the index of the byte of an RGB pixel that contains a plane, and of the bit in this byte.
+/// Returns the index of the byte of an RGB pixel that contains a plane, and the index of the bit in this
+/// byte.
 fn place(plane: usize) -> (usize, usize) {
     ([1, 0, 2][plane / 8], plane % 8)
 }
 
-/// Reads flash images: PNG files with 8 bits per colour and the size of the mirror array.
+/// Reads flash images. Each image is a PNG file with 8 bits per colour and the size of the mirror array.
 ///
 /// # Errors
-/// A message that names the file, if it cannot be read or does not have this format.
+/// Returns a message that names the file, if the file cannot be read or does not have the required format.
 pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
     let image = |path: &P| -> Result<Vec<Pattern>, String> {
         let path = path.as_ref();
@@ -59,8 +60,8 @@ fn rgb(path: &Path) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Packs one-bit patterns into RGB images and returns the bytes of each image. Skips duplicates, and patterns
-/// that the controller generates itself: white, black and negatives of other patterns.
+/// Packs one-bit patterns into RGB images and returns the bytes of each image. Skips duplicates, and also
+/// white, black and negatives of other patterns, which the controller generates itself.
 pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     let mut kept: Vec<&Pattern> = vec![];
     for p in patterns {
@@ -83,7 +84,7 @@ pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     kept.chunks(PLANES).map(image).collect()
 }
 
-/// Encodes an image as PNG; returns `None` if the image's size differs from that of the mirror array.
+/// Encodes an image as PNG. Returns `None` if the image's size differs from that of the mirror array.
 pub fn to_png(rgb: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = vec![];
     let mut encoder = png::Encoder::new(&mut bytes, SIZE[0], SIZE[1]);
@@ -127,8 +128,8 @@ mod tests {
         assert_eq!(held, made.iter().collect::<Vec<_>>());
     }
 
-    /// Planes are numbered as in the controller: plane 0 is the lowest bit of green, 8 the lowest
-    /// of red, 23 the highest of blue.
+    /// Planes are numbered as in the controller. Plane 0 is the lowest bit of green, plane 8 the lowest bit
+    /// of red, and plane 23 the highest bit of blue.
     #[test]
     fn planes_are_numbered_as_in_the_controller() {
         let rgb = &images(&(1..=24).map(|k| pattern(|x, _| x == k)).collect::<Vec<_>>())[0];

@@ -17,27 +17,27 @@ pub trait HidLine: Send {
     /// Sends one report.
     ///
     /// # Errors
-    /// [`LineError`] if the device is disconnected.
+    /// Returns [`LineError`] if the device is disconnected.
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError>;
 
     /// Waits for one report.
     ///
     /// # Errors
-    /// [`LineError`] if no report arrives within the time `within`, or if the device is disconnected.
+    /// Returns [`LineError`] if no report arrives within the time `within`, or if the device is disconnected.
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError>;
 
     /// Reopens the device after a disconnection.
     ///
     /// # Errors
-    /// [`LineError`] if the device cannot be opened.
+    /// Returns [`LineError`] if the device cannot be opened.
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
-/// A message between host and controller. The host's payload begins with the command code; the controller's
+/// A message between host and controller. The host's payload begins with the command code. The controller's
 /// payload is the reply data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// Whether the message requests data or returns them.
+    /// Whether the message requests data or returns data.
     pub read: bool,
     /// Whether the controller refused the command (NACK).
     pub refused: bool,
@@ -55,7 +55,7 @@ impl Message {
         Self { read, refused: false, number, payload }
     }
 
-    /// Encodes reports: flags, number, payload length (little-endian) and payload, padded with zeros.
+    /// Encodes reports with flags, number, payload length (little-endian) and payload, padded with zeros.
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };
         let mut bytes = vec![flags, self.number];
@@ -82,12 +82,13 @@ impl Assembler {
         self.bytes.clear();
     }
 
-    /// Adds a report and returns the message that it completes. Skips reports that do not begin a message.
+    /// Adds a report. Returns the message that the report completes. Skips reports that do not begin a
+    /// message.
     pub fn feed(&mut self, report: &[u8; REPORT]) -> Option<Message> {
         if self.bytes.is_empty() {
             let (flags, length) = (report[0], u16::from_le_bytes([report[2], report[3]]));
-            // Reserved bits, another destination or an impossible length show that this is not a message
-            // header.
+            // Reserved bits, another destination or an impossible length show that the report does not begin
+            // with a message header.
             if flags & 0x1F != 0 || usize::from(length) > LONGEST {
                 return None;
             }

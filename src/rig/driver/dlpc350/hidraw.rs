@@ -11,7 +11,7 @@ use std::time::Duration;
 /// Vendor and product ID of a DLPC350.
 pub const DLPC350: [u16; 2] = [0x0451, 0x6401];
 
-/// A device file whose reports are read by a background thread.
+/// A device file. A background thread reads the reports.
 pub struct HidRaw {
     ids: [u16; 2],
     open: Option<(File, Receiver<[u8; REPORT]>)>,
@@ -21,7 +21,7 @@ impl HidRaw {
     /// Opens the first device with this vendor and product ID.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with advice if no such device is found or the device cannot be opened.
+    /// Returns [`LineError::Gone`] with advice if no device has these IDs or if the device cannot be opened.
     pub fn open(ids: [u16; 2]) -> Result<Self, LineError> {
         let mut line = Self { ids, open: None };
         line.reopen()?;
@@ -29,7 +29,8 @@ impl HidRaw {
     }
 }
 
-/// Returns the sorted device files of a vendor and product ID in a folder such as `/sys/class/hidraw`.
+/// Returns the sorted device files of the devices with a vendor and product ID, in a folder such as
+/// `/sys/class/hidraw`.
 pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
     let wanted = format!("{maker:08X}:{product:08X}");
     let Ok(entries) = std::fs::read_dir(class) else {
@@ -53,7 +54,8 @@ impl HidLine for HidRaw {
         let Some((file, _)) = &mut self.open else {
             return Err(LineError::Gone("the device is not open; connect the device and resume".into()));
         };
-        // The kernel expects the report number first: 0 if the device does not number its reports.
+        // The kernel expects the report number first. The number is 0 if the device does not number its
+        // reports.
         let mut bytes = [0; REPORT + 1];
         bytes[1..].copy_from_slice(report);
         let sent = file.write_all(&bytes);

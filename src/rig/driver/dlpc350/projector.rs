@@ -1,4 +1,4 @@
-//! The projector driver: displays patterns from flash, one at a time.
+//! The projector driver, which displays patterns from flash, one at a time.
 
 use super::super::line::{LineError, left};
 use super::command::{Command, Entry, Mailbox, Question, Run, Source, complaints};
@@ -20,7 +20,8 @@ const IMAGES: usize = 64;
 /// Number of one-bit planes in an image.
 const PLANES: usize = 24;
 
-/// Contents of the flash: `images[i][p]` is plane `p` of image `i`, a one-bit pattern with pixels 0 and 255.
+/// Contents of the flash. `images[i][p]` is plane `p` of image `i`, a one-bit pattern with pixel values 0 and
+/// 255.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Flash(pub Vec<Vec<Pattern>>);
 
@@ -50,7 +51,8 @@ impl Dlpc350 {
     /// A pattern repeats every `period`.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit for too many images, invalid pixel values, no LED, or an invalid period.
+    /// Returns a [`Failure`] of kind limit if there are too many images or no LED, or if a pixel value or the
+    /// period is invalid.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -97,8 +99,8 @@ impl Dlpc350 {
     /// Sets the triggers of the projector.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if a time is out of range, or if the period is too short for an input
-    /// trigger, which requires 230 µs of black after a pattern.
+    /// Returns a [`Failure`] of kind limit if a time is out of range, or if the period is too short for an
+    /// input trigger. An input trigger requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -122,8 +124,8 @@ impl Dlpc350 {
         }
     }
 
-    /// Sends one message and returns the payload of its reply. Replies with other numbers belong to earlier
-    /// messages that timed out and are skipped.
+    /// Sends one message and returns the payload of its reply. Skips replies with other numbers, because
+    /// these replies belong to earlier messages that timed out.
     fn exchange(&mut self, read: bool, code: u16, data: &[u8], until: Instant) -> Result<Vec<u8>, Failure> {
         self.number = self.number.wrapping_add(1);
         self.parser.clear();
@@ -164,7 +166,8 @@ impl Dlpc350 {
         Ok(answer)
     }
 
-    /// Returns the place in flash of a pattern or of its negative, or `None` if the flash contains neither.
+    /// Returns the location in flash of a pattern or of its negative. Returns `None` if the flash contains
+    /// neither the pattern nor its negative.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {
@@ -182,7 +185,8 @@ impl Dlpc350 {
         None
     }
 
-    /// Sets a sequence of one repeating pattern, has the controller validate it, and starts it.
+    /// Sets a sequence of one repeating pattern, makes the controller validate the sequence, and starts the
+    /// sequence.
     fn run(&mut self, place: Place, until: Instant) -> Result<(), Failure> {
         let outside = self.triggers.input.is_some();
         let exposure_us = self.period_us - if outside { BLACK_US } else { 0 };
@@ -196,7 +200,8 @@ impl Dlpc350 {
             fetch: true,
             joined: false,
         };
-        // Follow the order of the guide: set all parameters while the sequence is stopped, then validate.
+        // Follow the order of the guide. Set all parameters while the sequence is stopped, then validate the
+        // sequence.
         let triggers = self.triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         let before = [
             Command::Run(Run::Stop),
@@ -260,7 +265,7 @@ impl Dlpc350 {
     }
 }
 
-/// Returns whether a pattern has the size of the mirror array and is one-bit.
+/// Returns whether a pattern is one-bit and has the size of the mirror array.
 fn fits(p: &Pattern) -> bool {
     [p.width, p.height] == SIZE
         && p.pixels.len() == SIZE[0] as usize * SIZE[1] as usize
@@ -305,7 +310,7 @@ impl PatternProjector for Dlpc350 {
         }
     }
 
-    /// Finds the patterns in flash; the only query that is sent is for the number of images.
+    /// Finds the patterns in flash. The driver sends only one query, for the number of images.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let limit = |what: String| self.fail(Fault::Limit, what);
@@ -348,7 +353,7 @@ impl PatternProjector for Dlpc350 {
         self.stands(until)
     }
 
-    /// Switches to manual control of the LEDs and turns them off first, so that they are dark even if the
+    /// First switches to manual control of the LEDs and turns the LEDs off. The LEDs are then off even if the
     /// sequence still runs.
     fn dark(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;

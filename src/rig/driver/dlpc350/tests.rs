@@ -1,4 +1,4 @@
-//! Tests of packets, of the driver with the emulator, and of invalid report streams.
+//! Tests packets, the driver with the emulator, and invalid report streams.
 
 use super::super::line::LineError;
 use super::command::{Begin, Command, Entry, Question, Run, complaints};
@@ -34,7 +34,7 @@ fn emulated() -> (Dlpc350, Emulator) {
     (Dlpc350::new("dmd", Box::new(emulator.clone()), flash, 2, PERIOD).expect("a projector"), emulator)
 }
 
-/// Compares bytes with the guide: flags, number, length, CMD3, CMD2, data.
+/// Compares bytes with the guide. The order is flags, number, length, CMD3, CMD2, data.
 #[test]
 fn packets_match_the_guide() {
     let (code, data) = Command::Run(Run::Start).encode();
@@ -43,7 +43,7 @@ fn packets_match_the_guide() {
     assert_eq!(reports[0][..8], [0x40, 7, 3, 0, 0x24, 0x1A, 2, 0]);
     let reports = Message::host(true, 0, Question::Main as u16, &[]).reports();
     assert_eq!(reports[0][..7], [0xC0, 0, 2, 0, 0x0C, 0x1A, 0]);
-    // 128 patterns are 384 bytes: the first report holds 58 bytes, each subsequent report 64 bytes.
+    // 128 patterns are 384 bytes. The first report holds 58 bytes, and each subsequent report holds 64 bytes.
     let reports = Message::host(false, 1, 0x1A34, &[0xAB; 384]).reports();
     assert_eq!(reports.len(), 1 + (384_usize - 58).div_ceil(64));
     assert_eq!(reports[0][2..6], [0x82, 0x01, 0x34, 0x1A]);
@@ -130,7 +130,7 @@ fn unsupported_settings_are_refused() {
     assert_eq!(complaints(0b11).len(), 2);
 }
 
-/// The driver sets triggers before it requests validation of the sequence; no other test checks this request.
+/// The driver sets triggers before it requests validation of the sequence. No other test checks the order.
 /// Trigger times are in steps of 107.2 ns, and 0xBB is the start of the pattern (as in TI's own program).
 #[test]
 fn triggers_match_the_guide() {

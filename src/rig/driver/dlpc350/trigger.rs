@@ -1,9 +1,9 @@
-//! Triggers: output pulses of the controller and inputs that begin patterns.
+//! Triggers, which are output pulses of the controller and inputs that begin patterns.
 //!
-//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the
-//! start of the pattern. Output 1 has a rising and a falling edge, output 2 has only a rising edge.
-//! The delay of input 1 is at most 2¹⁹ - 1 of these steps (DLPC350 programmer's guide, DLPU010,
-//! "Trigger controls"; ranges as in TI's own program).
+//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the start of the
+//! pattern. Output 1 has a rising and a falling edge. Output 2 has only a rising edge. The delay of input 1
+//! is at most 2¹⁹ - 1 steps. The source is "Trigger controls" in the DLPC350 programmer's guide (DLPU010).
+//! The ranges are those of TI's own program.
 
 use super::command::{Begin, Command};
 use serde::Deserialize;
@@ -25,7 +25,7 @@ pub struct Output {
     pub active_low: bool,
     /// Time of the rising edge.
     pub rise_us: f64,
-    /// Time of the falling edge; only for output 1.
+    /// Time of the falling edge, for output 1 only.
     pub fall_us: f64,
 }
 
@@ -49,8 +49,8 @@ pub struct Input {
     pub delay_us: f64,
 }
 
-/// All triggers. If an output is absent, the controller keeps its settings. Without an input, the
-/// controller's clock begins patterns.
+/// All triggers. If an output is absent, the controller keeps the settings of this output. Without an input,
+/// the controller's clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {
@@ -83,7 +83,7 @@ impl Triggers {
     /// Returns the commands that set the triggers while the sequence is stopped.
     ///
     /// # Errors
-    /// If a time is out of range; the message names this time.
+    /// Returns a message that names the time, if a time is out of range.
     pub fn commands(&self) -> Result<Vec<Command>, String> {
         let mut all = vec![];
         if let Some(o) = &self.output_1 {

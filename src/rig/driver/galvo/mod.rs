@@ -1,5 +1,5 @@
-//! Galvo mirrors on an analog output card: conversion of degrees to volts, moves as buffers of
-//! samples, and settling.
+//! Galvo mirrors on an analog output card. The driver converts degrees to volts, outputs moves as buffers of
+//! samples, and waits until the mirrors have settled.
 
 pub mod scanner;
 pub mod wiring;

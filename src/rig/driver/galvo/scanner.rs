@@ -1,8 +1,8 @@
 //! A galvo scanner on any analog output.
 //!
 //! The card reports its output voltage but not the mirrors' position. [`GalvoScanner::point`] therefore
-//! converts the present voltage to an angle. After a failure the beam's position is unknown; the next move is
-//! a single step, followed by enough settling time for a move from any position.
+//! converts the present voltage to an angle. After a failure the beam's position is unknown. The next move is
+//! then a single step, followed by enough settling time for a move from any position.
 
 use super::wiring::Wiring;
 use crate::clock::Clock;
@@ -18,7 +18,7 @@ pub struct AnalogGalvo {
     wiring: Wiring,
     limits: AnalogLimits,
     configured: bool,
-    /// Whether a buffer may still be playing.
+    /// Whether a buffer might still be playing.
     running: bool,
     /// Present output in volts, if known.
     at: Option<[f64; 2]>,
@@ -28,7 +28,7 @@ impl AnalogGalvo {
     /// Creates a scanner on `card` with `wiring`. The scanner's name is that of the card.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the card cannot drive the mirrors.
+    /// Returns a [`Failure`] of kind limit if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
         wiring.check(&limits).map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;
@@ -39,8 +39,7 @@ impl AnalogGalvo {
         until.saturating_sub(self.clock.now())
     }
 
-    /// Moves to voltages within the card's range, and returns the time that the mirrors take from now on
-    /// until they have settled.
+    /// Moves to voltages within the card's range. Returns the time from now until the mirrors have settled.
     fn travel(&mut self, goal: [f64; 2], until: Duration) -> Result<Duration, Failure> {
         if self.running {
             let left = self.left(until);

@@ -1,4 +1,4 @@
-//! Compares voltages and paths with closed forms; tests the scanner on a simulated card, with and without
+//! Compares voltages and paths with closed forms, and tests the scanner on a simulated card with and without
 //! failures.
 
 use super::scanner::AnalogGalvo;
@@ -20,7 +20,7 @@ const WITHIN: Duration = Duration::from_secs(5);
 const CARD: AnalogLimits =
     AnalogLimits { channels: 3, volts: [-10.0, 10.0], bits: 16, rate_hz: [1.0, 1e6], samples: 65_536 };
 
-/// Test wiring: y is mounted in reverse and has a smaller gain.
+/// Wiring for the tests, in which the y mirror is mounted in reverse and has a smaller gain.
 const WIRING: Wiring = Wiring {
     channels: [2, 0],
     volts_per_degree: [0.8, -0.5],
@@ -56,8 +56,8 @@ fn scanner(world: &Shared, wiring: Wiring) -> AnalogGalvo {
     AnalogGalvo::new(Box::new(card(world)), world.clock(), wiring).expect("a scanner")
 }
 
-/// The output steps are those of 16 bits over ±10 V: 0 V is an exact step, and the largest output is one
-/// step below 10 V.
+/// The output steps are those of 16 bits over ±10 V. 0 V is an exact step, and the largest output is one step
+/// below 10 V.
 #[test]
 fn steps_match_the_number_of_bits() {
     assert_eq!(CARD.step(), 20.0 / 65_536.0);
@@ -71,8 +71,8 @@ fn steps_match_the_number_of_bits() {
 }
 
 proptest! {
-    /// Volts convert back to degrees. A path ends at its goal, is straight, symmetric and within the speed
-    /// limit.
+    /// Volts convert back to degrees. A path ends at its goal, is straight and symmetric, and does not exceed
+    /// the maximum speed.
     #[test]
     fn moves_end_at_the_goal_within_the_speed_limit(from in [-20.0..20.0, -15.0..15.0], to in [-20.0..20.0, -15.0..15.0]) {
         let (a, b) = (WIRING.volts(from), WIRING.volts(to));
@@ -96,10 +96,10 @@ proptest! {
             last = at;
         }
         prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees per second", fastest);
-        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary.
-        // In the worst case, the fastest sample covers the interval of length 1/n next to the midpoint.
-        // The speed decreases there as (1 - 4x²)² ≥ 1 - 8x², so the mean speed is at least 1 - 8/(3n²) of
-        // the maximum.
+        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. In
+        // the worst case, the fastest sample covers the interval of length 1/n next to the midpoint. Near the
+        // midpoint the speed decreases as (1 - 4x²)² ≥ 1 - 8x². The mean speed is therefore at least 1 -
+        // 8/(3n²) of the maximum.
         let n = n as f64;
         let least = 2000.0 * (1.0 - 1.0 / n) * (1.0 - 8.0 / (3.0 * n * n));
         prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees per second", fastest, least);
@@ -115,8 +115,8 @@ fn card_and_scanner_conform() {
     }
 }
 
-/// Each sample is output at its time and on its channel, rounded to the card's steps. Then the mirrors
-/// settle at the goal.
+/// The card outputs each sample at its time and on its channel, rounded to the card's steps. After the last
+/// sample, the mirrors settle at the goal.
 #[test]
 fn every_sample_is_output_at_its_time() {
     let world = world(&[]);
@@ -128,8 +128,8 @@ fn every_sample_is_output_at_its_time() {
     let at = galvo.point([10.0, -6.0], WITHIN).expect("points");
     assert!((at[0] - 10.0).abs() < 4e-4 && (at[1] + 6.0).abs() < 7e-4, "{at:?}");
     assert_eq!(world.with(|w| w.pointing_deg), at);
-    // The number of samples is 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by half a step, plus
-    // half a step of the goal.
+    // The number of samples is 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by at most half a step, plus
+    // half a step for the rounded goal.
     let n = 94;
     let stood = recording.lock().expect("it")[before..].to_vec();
     assert_eq!(stood.len(), n);
@@ -149,8 +149,8 @@ fn every_sample_is_output_at_its_time() {
     assert_eq!(recording.lock().expect("it").len(), before + n + 1);
 }
 
-/// Each failure of the card is reported with its cause. The next move reaches its goal and waits for the
-/// maximum settling time.
+/// The scanner reports each failure of the card with its cause. The next move reaches its goal and waits for
+/// the maximum settling time.
 #[test]
 fn card_failures_are_reported_and_the_next_move_succeeds() {
     for (mishap, fault) in [
@@ -183,7 +183,7 @@ fn card_failures_are_reported_and_the_next_move_succeeds() {
     assert!((galvo.point([20.0, 0.0], WITHIN).expect("points")[0] - 20.0).abs() < 4e-4);
 }
 
-/// Wiring that the card cannot drive is refused before anything moves.
+/// The scanner refuses wiring that the card cannot drive, before any mirror moves.
 #[test]
 fn invalid_wiring_is_refused() {
     for (wiring, words) in [

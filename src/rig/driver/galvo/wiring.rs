@@ -1,4 +1,4 @@
-//! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths of the beam between
+//! Wiring of galvo mirrors to a card. Converts degrees to volts, and computes paths of the beam between
 //! positions.
 //!
 //! A mirror that rotates by θ deflects the beam by 2θ. Manufacturers specify volts per mechanical degree
@@ -23,7 +23,7 @@ pub enum Travel {
 pub struct Wiring {
     /// Channels of the card.
     pub channels: [usize; 2],
-    /// Volts per mechanical degree of the mirror; negative if the mirror is mounted in reverse.
+    /// Volts per mechanical degree of the mirror. The value is negative if the mirror is mounted in reverse.
     pub volts_per_degree: [f64; 2],
     /// Maximum absolute optical angle, in degrees.
     pub range_deg: [f64; 2],
@@ -63,7 +63,7 @@ impl Wiring {
         GalvoLimits { range_deg: self.range_deg, resolution_deg: steps[0].max(steps[1]), settle: self.settle }
     }
 
-    /// Returns the number of samples of a move between two voltages; at least 1.
+    /// Returns the number of samples of a move between two voltages. The number is at least 1.
     fn samples(&self, from: [f64; 2], to: [f64; 2]) -> usize {
         let Travel::Smooth(speed) = self.travel else {
             return 1;
@@ -78,7 +78,7 @@ impl Wiring {
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
     }
 
-    /// Returns the samples of a path, one list per channel. Both axes start and arrive together; the last
+    /// Returns the samples of a path, one list per channel. Both axes start and arrive together. The last
     /// sample is `to`.
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);
@@ -94,7 +94,7 @@ impl Wiring {
     /// Checks that a card can drive the mirrors over their full range.
     ///
     /// # Errors
-    /// If the card cannot drive the mirrors; the message states the cause and the fix.
+    /// Returns a message that states the cause and the fix, if the card cannot drive the mirrors.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self.volts_per_degree.iter().all(|v| (1e-3..=1e3).contains(&v.abs())) {
             return Err(format!(

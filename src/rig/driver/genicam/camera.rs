@@ -1,6 +1,6 @@
-//! A GenICam camera as an area camera: one frame per trigger.
+//! A GenICam camera as an area camera, with one frame per trigger.
 //!
-//! After [`AreaCamera::configure`] the camera acquires and waits for triggers. An exposure
+//! After [`AreaCamera::configure`], the acquisition runs and the camera waits for triggers. An exposure
 //! therefore starts immediately at its trigger.
 
 use super::nodes::{Control, Nodes};
@@ -20,7 +20,8 @@ pub struct GenICamCamera {
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// Whether the camera acquires or may acquire: an earlier program or connection may not have stopped it.
+    /// Whether the acquisition runs or might run. The acquisition might still run if an earlier program or
+    /// connection did not stop it.
     acquiring: bool,
     /// Whether the frame of a started exposure has not arrived yet.
     pending: bool,
@@ -39,7 +40,9 @@ impl GenICamCamera {
     /// not report.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected, timeout or refused (camera in use or a feature missing).
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - disconnected or timeout
+    /// - refused: the camera is in use, or a feature is missing
     pub fn new(
         name: &str,
         control: Control,
@@ -117,7 +120,7 @@ impl GenICamCamera {
         let stopped = self.frames.stop();
         stopped.map_err(|e| self.of_stream(&e))?;
         match self.nodes.command("AcquisitionStop") {
-            // A camera that is not acquiring may refuse to stop.
+            // A camera whose acquisition does not run may refuse the stop command.
             Err(e) if !matches!(e.fault, Fault::Refused | Fault::Limit) => return Err(e),
             _ => {}
         }
@@ -127,7 +130,7 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// Starts the acquisition in the order of USB3 Vision: sets the stream registers, locks features, sends
+    /// Starts the acquisition in the order of USB3 Vision. Sets the stream registers, locks features, sends
     /// the start command, and starts reception.
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
@@ -141,7 +144,7 @@ impl GenICamCamera {
     fn set(&mut self, settings: &CameraSettings) -> Result<(), Failure> {
         let n = &mut self.nodes;
         let r = settings.region;
-        // Reset the offsets first: the maximum width depends on the offset.
+        // Reset the offsets first, because the maximum width depends on the offset.
         n.set_integer("OffsetX", 0)?;
         n.set_integer("OffsetY", 0)?;
         n.set_integer("Width", i64::from(r.width))?;
@@ -229,7 +232,7 @@ impl Instrument for GenICamCamera {
     }
 
     fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
-        // Ignore errors: a disconnected camera cannot be stopped.
+        // Ignore errors, because a disconnected camera cannot be stopped.
         let _ = self.halt();
         (self.settings, self.acquiring, self.pending) = (None, true, false);
         let _ = self.frames.close();

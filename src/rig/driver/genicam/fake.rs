@@ -1,5 +1,5 @@
-//! A simulated camera in memory: the bootstrap registers of GenCP, a manifest with its XML, and feature
-//! registers that take effect. Pixel k of frame n has the value n + k.
+//! A simulated camera in memory. The camera has the bootstrap registers of GenCP, a manifest with XML, and
+//! feature registers that take effect. Pixel k of frame n has the value n + k.
 
 use super::stream::{Block, Frames};
 use crate::clock::locked;
@@ -36,7 +36,7 @@ pub enum Trouble {
 /// State of the simulated camera.
 pub struct State {
     memory: Vec<u8>,
-    /// Addresses and new values of all registers written, in order.
+    /// Addresses and new values of all registers that the host has written, in order.
     pub written: Vec<(usize, u32)>,
     pub trouble: Trouble,
     pub opened: bool,
@@ -53,7 +53,7 @@ pub struct State {
 pub struct Fake(Arc<Mutex<State>>);
 
 impl Fake {
-    /// Creates an idle camera in its factory state: full sensor, automatic exposure.
+    /// Creates an idle camera in its factory state, with the full sensor and automatic exposure.
     pub fn new() -> Self {
         let mut state = State {
             memory: vec![0; REGISTERS + 0x100],
@@ -180,7 +180,7 @@ impl DeviceControl for Fake {
         let mut state = self.line()?;
         let at = address as usize;
         let locked = state.register(REGISTERS + 0x30) == 1;
-        // Features that define the stream's layout are locked while it runs.
+        // Features that define the stream's layout are locked while the stream runs.
         if at < REGISTERS || data.len() != 4 || (locked && at < REGISTERS + 0x14) {
             return Err(ControlError::InvalidData("this register cannot be written now".into()));
         }
@@ -189,7 +189,7 @@ impl DeviceControl for Fake {
         Ok(())
     }
 
-    /// Finds the XML through the bootstrap registers, as on a real camera.
+    /// Finds the XML through the bootstrap registers, as in a real camera.
     fn genapi(&mut self) -> ControlResult<String> {
         let mut word = |at: u64| -> ControlResult<u64> {
             let mut bytes = [0; 8];

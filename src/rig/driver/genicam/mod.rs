@@ -1,6 +1,6 @@
-//! GenICam cameras (crate `cameleon`, feature `genicam`): features are named as in the Standard Features
-//! Naming Convention, and accessed over any line that reads and writes registers. The Cargo feature
-//! `usb3_vision` adds the USB line.
+//! GenICam cameras (crate `cameleon`, Cargo feature `genicam`). Camera features have the names of the
+//! Standard Features Naming Convention. The driver accesses the features over any line that reads and writes
+//! registers. The Cargo feature `usb3_vision` adds the USB line.
 
 pub mod camera;
 mod nodes;

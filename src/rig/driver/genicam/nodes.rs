@@ -1,4 +1,4 @@
-//! Features of a camera by name. `cameleon` evaluates the camera's XML. Values are not cached.
+//! Features of a camera by name. `cameleon` evaluates the camera's XML. The driver does not cache values.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
@@ -41,7 +41,9 @@ impl Nodes {
     /// Opens the line and reads the camera's feature description.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected, timeout or refused (camera in use, or invalid XML).
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - disconnected or timeout
+    /// - refused: the camera is in use, or its XML is invalid
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
         let message = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
@@ -117,12 +119,13 @@ impl Nodes {
     /// Sets an integer feature.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the value is out of the feature's range, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
     }
 
-    /// Returns the increment of an integer feature; 1 if the feature has no increment.
+    /// Returns the increment of an integer feature, or 1 if the feature has no increment.
     pub fn step(&mut self, feature: &str) -> Result<u32, Failure> {
         let step = self.with(feature, |n, p| n.as_integer(p).map(|n| n.inc(p)))?;
         Ok(u32::try_from(step.unwrap_or(1)).unwrap_or(1).max(1))
@@ -152,7 +155,8 @@ impl Nodes {
     /// Sets a numeric feature.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit if the value is outside the feature's range, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// line.
     pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -179,7 +183,7 @@ impl Nodes {
     ///
     /// # Errors
     ///
-    /// [`Failure`] of kind limit if the feature has no such entry, or an error of the line.
+    /// Returns a [`Failure`] of kind limit if the feature does not have the entry, or an error of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {

@@ -6,7 +6,7 @@ use cameleon::payload::{self, Payload, PayloadReceiver};
 use cameleon::{DeviceControl, PayloadStream, StreamError};
 use std::time::{Duration, Instant};
 
-/// Maximum number of queued frames; further frames are dropped, which causes gaps in the frame numbers.
+/// Maximum number of queued frames. Further frames are dropped, which causes gaps in the frame numbers.
 const WAITING: usize = 8;
 /// Polling interval for frames.
 const POLL: Duration = Duration::from_millis(1);
@@ -33,38 +33,38 @@ pub fn fault(error: &StreamError) -> Fault {
 }
 
 pub trait Frames: Send {
-    /// Opens the line; has no effect if the line is open.
+    /// Opens the line. Has no effect if the line is open.
     ///
     /// # Errors
-    /// [`StreamError`] if the line cannot be opened.
+    /// Returns [`StreamError`] if the line cannot be opened.
     fn open(&mut self) -> Result<(), StreamError>;
 
     /// Closes the line.
     ///
     /// # Errors
-    /// [`StreamError`] if the line cannot be closed.
+    /// Returns [`StreamError`] if the line cannot be closed.
     fn close(&mut self) -> Result<(), StreamError>;
 
     /// Starts receiving frames, and discards earlier frames.
     ///
     /// # Errors
-    /// [`StreamError`] if the line is closed or disconnected.
+    /// Returns [`StreamError`] if the line is closed or disconnected.
     fn start(&mut self, control: &mut dyn DeviceControl) -> Result<(), StreamError>;
 
-    /// Returns the next frame, or `None` if none arrives before the deadline.
+    /// Returns the next frame, or `None` if no frame arrives before the deadline.
     ///
     /// # Errors
-    /// [`StreamError`] if the frame is damaged or the line is disconnected.
+    /// Returns [`StreamError`] if the frame is damaged or the line is disconnected.
     fn next(&mut self, within: Duration) -> Result<Option<Block>, StreamError>;
 
-    /// Stops receiving frames; has no effect if no reception was started.
+    /// Stops receiving frames. Has no effect if no reception was started.
     ///
     /// # Errors
-    /// [`StreamError`] if the line is disconnected.
+    /// Returns [`StreamError`] if the line is disconnected.
     fn stop(&mut self) -> Result<(), StreamError>;
 }
 
-/// A stream of `cameleon`.
+/// A stream of the crate `cameleon`.
 pub struct Streamed<S> {
     stream: S,
     receiver: Option<PayloadReceiver>,
@@ -76,7 +76,7 @@ impl<S> Streamed<S> {
         Self { stream, receiver: None }
     }
 
-    /// Returns the stream itself, for tests.
+    /// Returns the wrapped stream, for tests.
     #[cfg(test)]
     pub(super) fn stream_mut(&mut self) -> &mut S {
         &mut self.stream

@@ -1,4 +1,4 @@
-//! Tests of the driver with a camera in memory: register values, their order, and failures.
+//! Tests the register values of the driver, their order, and failures, with a camera in memory.
 
 use super::camera::GenICamCamera;
 use super::fake::{Fake, Trouble};
@@ -33,8 +33,8 @@ fn a_camera_conforms() {
     conformance::area_camera(&mut camera(&Fake::new())).assert_passed("GenICam camera", 18);
 }
 
-/// Features reach their registers in the registers' units: first the stream layout, then the lock, then the
-/// start command.
+/// The driver writes features to their registers in the registers' units. The stream layout is first,
+/// followed by the lock and the start command.
 #[test]
 fn features_reach_their_registers() {
     let fake = Fake::new();
@@ -50,7 +50,7 @@ fn features_reach_their_registers() {
         [identity.maker, identity.model, identity.serial, identity.firmware],
         ["Sunstone", "Fake 16 x 12", "F-0001", "0.1"]
     );
-    // Automatic exposure was on, and the driver turned it off.
+    // The driver turned off the automatic exposure, which was on.
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20034, 0)]);
     camera.configure(&settings(), WITHIN).expect("sets");
     assert_eq!(
@@ -174,8 +174,8 @@ impl PayloadStream for Broken {
     }
 }
 
-/// The driver handles the outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a
-/// closed sender.
+/// The driver handles three outcomes of `cameleon`'s channel: a damaged frame, no frame in time, and a closed
+/// sender.
 #[test]
 fn outcomes_of_cameleon_streams_are_handled() {
     let mut frames = Streamed::new(Broken(None));

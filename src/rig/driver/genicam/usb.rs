@@ -8,7 +8,8 @@ use std::time::Duration;
 /// Opens the camera with a serial number, or the first camera if `serial` is `None`.
 ///
 /// # Errors
-/// [`Failure`] of kind disconnected (lists the available cameras), and errors of [`GenICamCamera::new`].
+/// Returns errors of [`GenICamCamera::new`], or a [`Failure`] of kind disconnected that lists the available
+/// cameras.
 pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenICamCamera, Failure> {
     let cameras = cameleon::u3v::enumerate_cameras();
     let cameras = cameras.map_err(|e| Failure::new(Fault::Disconnected, name, format!("USB: {e}")))?;

@@ -29,8 +29,9 @@ struct State {
     trouble: Trouble,
 }
 
-/// A laser with pulse rates of 1 Hz to 80 MHz that emits 5 mW when it is on. Commands: `OUTP`, `SOUR:FREQ`,
-/// `MEAS:POW?`, `SYST:INTL?`, `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?`, `*CLS`.
+/// A laser with pulse rates of 1 Hz to 80 MHz that emits 5 mW when it is on. The commands are `OUTP`,
+/// `SOUR:FREQ`, `MEAS:POW?`, `SYST:INTL?`, `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?` and
+/// `*CLS`.
 #[derive(Clone, Debug)]
 pub struct Emulator(Arc<Mutex<State>>);
 
@@ -41,7 +42,7 @@ impl Default for Emulator {
 }
 
 impl Emulator {
-    /// Returns the table of the emulator's commands; `address` is the network address in this table.
+    /// Returns the table of the emulator's commands. The network address in the table is `address`.
     pub fn table(address: &str) -> String {
         format!(
             "address = \"{address}\"\nnm = 635\nrate_hz = [1.0, 8e7]\nset_rate = \"SOUR:FREQ {{hz}}\"\n\
@@ -106,7 +107,7 @@ impl Emulator {
         }
     }
 
-    /// Returns the reply to a command, if it has one.
+    /// Returns the reply to a command, or `None` if the command has no reply.
     pub fn answer(&self, command: &str) -> Option<Vec<u8>> {
         let mut state = locked(&self.0);
         let (head, value) = command.split_once(' ').unwrap_or((command, ""));
@@ -152,7 +153,8 @@ impl Emulator {
                 return None;
             }
             _ => {
-                // As in a real instrument, the error queue is limited; one entry then reports the overflow.
+                // As in a real instrument, the length of the error queue is limited. One entry then reports
+                // the overflow.
                 if state.errors.len() < 20 {
                     state.errors.push((-113, "Undefined header"));
                 }

@@ -1,4 +1,4 @@
-//! A pulsed laser, or a delay generator that triggers one, controlled through a table of commands.
+//! A pulsed laser, or a delay generator that triggers a laser, controlled through a table of commands.
 
 use super::super::line::{Line, StreamLine, left};
 use super::table::LaserTable;
@@ -20,7 +20,7 @@ impl ScpiLaser {
     /// Connects to the table's address.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected if the connection fails.
+    /// Returns a [`Failure`] of kind disconnected if the connection fails.
     pub fn connect(name: &str, table: LaserTable) -> Result<Self, Failure> {
         let line = StreamLine::tcp(&table.address)
             .map_err(|e| Failure::new(Fault::Disconnected, name, e.to_string()))?;
@@ -54,7 +54,7 @@ impl Instrument for ScpiLaser {
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         self.talk.reopen()?;
-        // Discard errors from before the reconnection.
+        // Discard errors that occurred before the reconnection.
         self.talk.tell("*CLS")?;
         self.talk.identity(left(until)).map(drop)
     }

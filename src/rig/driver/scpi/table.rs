@@ -3,7 +3,7 @@
 use crate::instrument::LaserLimits;
 use serde::Deserialize;
 
-/// Description of a laser: its limits and its commands. `{hz}` in [`Self::set_rate`] stands for the rate.
+/// Description of a laser by its limits and commands. `{hz}` in [`Self::set_rate`] stands for the rate.
 ///
 /// ```toml
 /// # Stanford Research DG645, whose output triggers a diode laser.
@@ -21,7 +21,7 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LaserTable {
-    /// Network address, `host:port`; the standard port of SCPI is 5025.
+    /// Network address in the form `host:port`. The standard port of SCPI is 5025.
     pub address: String,
     /// Wavelength, in nanometres.
     pub nm: f64,
@@ -33,7 +33,7 @@ pub struct LaserTable {
     /// Command that switches the light off.
     #[serde(default = "off")]
     pub off: String,
-    /// Command that sets the pulse rate; absent if the rate is fixed.
+    /// Command that sets the pulse rate. Absent if the rate is fixed.
     pub set_rate: Option<String>,
     /// Query that returns whether the light is on.
     #[serde(default = "ask_on")]
@@ -41,7 +41,7 @@ pub struct LaserTable {
     /// Replies that mean that the light is on.
     #[serde(default = "on_answers")]
     pub on_answers: Vec<String>,
-    /// Query that returns the pulse rate in hertz; absent if the rate is fixed.
+    /// Query that returns the pulse rate in hertz. Absent if the rate is fixed.
     pub ask_rate: Option<String>,
     /// Query that returns the mean power, in any unit. If absent, the power is assumed to be nominal.
     pub ask_power: Option<String>,
@@ -80,7 +80,7 @@ impl LaserTable {
     /// Parses and checks a table.
     ///
     /// # Errors
-    /// A message with the position in the text if a key or a value is invalid.
+    /// Returns a message with the position in the text, if a key or a value is invalid.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         table.check()?;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// Longest accepted text reply, in bytes.
 const LONGEST: usize = 1 << 16;
-/// Maximum number of errors read from an instrument's queue; a longer queue is assumed to be invalid.
+/// Maximum number of errors to read from an instrument's queue. A longer queue is assumed to be invalid.
 const ERRORS: usize = 64;
 
 /// The host's side of an exchange.
@@ -15,12 +15,12 @@ pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// Whether a late reply may be pending. A late reply would be mistaken for the reply to the next query.
+    /// Whether a late reply might be pending. A late reply would be mistaken for the reply to the next query.
     out_of_step: bool,
 }
 
 impl Talk {
-    /// Creates an exchange over a line; `name` is the instrument's name in messages.
+    /// Creates an exchange over a line. `name` is the instrument's name in messages.
     pub fn new(name: &str, line: Box<dyn Line>) -> Self {
         Self { name: name.to_owned(), line, held: vec![], out_of_step: false }
     }
@@ -42,7 +42,7 @@ impl Talk {
     /// Reopens the line and discards pending replies.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected or timeout.
+    /// Returns a [`Failure`] of kind disconnected or timeout.
     pub fn reopen(&mut self) -> Result<(), Failure> {
         self.held.clear();
         let opened = self.line.reopen();
@@ -53,7 +53,9 @@ impl Talk {
     /// Sends a command that has no reply.
     ///
     /// # Errors
-    /// [`Failure`] of kind refused (the command is not a single line), disconnected or timeout.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - refused: the command is not a single line
+    /// - disconnected or timeout
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
             let what = format!("{command:?} is not a command: a command must be a single line");
@@ -74,7 +76,9 @@ impl Talk {
     /// Sends a query and returns the reply as text without the newline.
     ///
     /// # Errors
-    /// [`Failure`] of kind timeout (no reply in time) or disconnected (also if the reply is not text).
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - timeout: no reply arrived in time
+    /// - disconnected: the connection is lost, or the reply is not text
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -116,12 +120,15 @@ impl Talk {
         }
     }
 
-    /// Empties the error queue by repeating `question` (SCPI: `SYST:ERR?`); fails with the first error, if
-    /// any.
+    /// Empties the error queue by repeating `question` (SCPI: `SYST:ERR?`). Returns a failure with the first
+    /// error, if there is an error.
     ///
     /// # Errors
-    /// [`Failure`] of kind limit (-222, -224 and similar: value out of range), refused (unknown or currently
-    /// impossible command), disconnected (-400 and below: query errors) or timeout.
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - limit: a value is out of range (-222, -224 and similar errors)
+    /// - refused: the command is unknown or currently impossible
+    /// - disconnected: a query error occurred (-400 and below)
+    /// - timeout
     pub fn errors(&mut self, question: &str, after: &str, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let mut first = None;

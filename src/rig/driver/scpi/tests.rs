@@ -1,4 +1,4 @@
-//! Tests of the laser with the emulator over TCP, of command tables, and of invalid replies.
+//! Tests the laser with the emulator over TCP, command tables, and invalid replies.
 
 use super::super::line::{Line, LineError, MemoryLine};
 use super::emulator::{Emulator, Trouble};
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 const LONG: Duration = Duration::from_secs(5);
 const SHORT: Duration = Duration::from_millis(100);
 
-/// Starts an emulator; returns its command table and the emulator.
+/// Starts an emulator. Returns the emulator and its command table.
 fn served() -> (String, Emulator) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a socket");
     let address = listener.local_addr().expect("bound").to_string();
@@ -60,7 +60,7 @@ fn faults_are_distinguished() {
         assert_eq!(failure.fault, fault, "{trouble:?}: {failure}");
         assert!(begun.elapsed() < 10 * SHORT, "{trouble:?} took {:?}", begun.elapsed());
         emulator.trouble(Trouble::None);
-        // No reconnection is needed: the driver knows that a late reply may be pending.
+        // No reconnection is needed, because the driver knows that a late reply might be pending.
         assert!(laser.state(LONG).expect("answers again").emitting);
     }
     laser.emit(false, 0.0, LONG).expect("goes dark");
@@ -123,7 +123,8 @@ fn tables_are_checked() {
     assert!(failure.fault == Fault::Disconnected && failure.what.contains("127.0.0.1:1"), "{failure}");
 }
 
-/// Tests another vendor's commands: those of the delay generator in the documentation of [`LaserTable`].
+/// Tests another vendor's commands, which are those of the delay generator in the documentation of
+/// [`LaserTable`].
 #[test]
 fn commands_of_another_vendor_work() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\
@@ -157,7 +158,7 @@ fn commands_of_another_vendor_work() {
     assert_eq!(message.concat(), "TRAT 2.5E4\n*OPC?\nLERR?\nTSRC 0\n*OPC?\nLERR?\nTSRC?\n");
 }
 
-/// A line that replies with the same bytes to a number of queries, and then does not reply.
+/// A line that replies with the same bytes to a number of queries, and then stops replying.
 struct Garbage(Vec<u8>);
 
 impl Line for Garbage {
@@ -177,8 +178,8 @@ impl Line for Garbage {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Ten thousand random streams cause no panic and no hang, and the laser never emits without
-    /// reporting it.
+    /// Ten thousand random streams cause no panic and no hang. The laser never emits without reporting the
+    /// emission.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn random_replies_never_panic_or_hang(

@@ -1,4 +1,5 @@
-//! Maps the library's error codes (`errorcodes.h`) to faults, and defines its constants (`th260defin.h`).
+//! Maps the error codes of the library (`errorcodes.h`) to faults, and defines the library's constants
+//! (`th260defin.h`).
 
 use crate::instrument::Fault;
 
@@ -8,11 +9,11 @@ pub const DEVICES: i32 = 4;
 pub const LONGEST_HISTOGRAM: usize = 32_768;
 /// Argument of `TH260_Initialize` for histogramming mode.
 pub const MODE_HISTOGRAM: i32 = 0;
-/// Flag of `TH260_GetFlags`: a histogram bin overflowed.
+/// Flag of `TH260_GetFlags` for the overflow of a histogram bin.
 pub const FLAG_OVERFLOW: i32 = 0x0001;
-/// Flag of `TH260_GetFlags`: a hardware error occurred.
+/// Flag of `TH260_GetFlags` for a hardware error.
 pub const FLAG_SYSTEM_ERROR: i32 = 0x0010;
-/// Flag of `TH260_GetFlags`: a software error occurred.
+/// Flag of `TH260_GetFlags` for a software error.
 pub const FLAG_SOFTWARE_ERROR: i32 = 0x0020;
 /// Longest acquisition time, in milliseconds.
 pub const LONGEST_MS: i32 = 360_000_000;
@@ -21,7 +22,7 @@ pub const GREATEST_OFFSET_NS: i32 = 100_000_000;
 /// Maximum absolute offset of a channel, in picoseconds.
 pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 
-/// Error of `TH260_OpenDevice`: there is no board at this index.
+/// Error of `TH260_OpenDevice` if there is no board at an index.
 pub const OPEN_FAIL: i32 = -1;
 
 /// Returns the fault for an error code. Codes that a reconnection can clear map to [`Fault::Disconnected`].
@@ -31,7 +32,7 @@ pub fn fault(code: i32) -> Fault {
         -2 | -11 | -16 => Fault::Refused,
         // The versions of driver, library and board do not match.
         -9 | -12 | -33 | -52..=-49 => Fault::Refused,
-        // Invalid argument, mode or option, or a function that this board does not support.
+        // An argument, mode or option is invalid, or this board does not support the function.
         -19..=-17 | -80 => Fault::Limit,
         // Memory and pointer errors of the calling program.
         -21 | -20 => Fault::Refused,
@@ -39,13 +40,13 @@ pub fn fault(code: i32) -> Fault {
         -43..=-40 => Fault::Timeout,
         // Defects of the board's modules or EEPROM.
         -56..=-53 | -74..=-64 => Fault::Refused,
-        // The board is not found, not open or not initialized; errors of DMA, FPGA, calibration or
-        // status; unknown codes.
+        // The board is not found, not open or not initialized, or an error of DMA, FPGA, calibration or
+        // status occurred. Unknown codes are handled in the same way.
         _ => Fault::Disconnected,
     }
 }
 
-/// Returns advice on an error code, to be appended to the message; empty if there is none.
+/// Returns advice on an error code, to be appended to the message. The text is empty if there is no advice.
 pub fn fix(code: i32) -> &'static str {
     match code {
         OPEN_FAIL => "; check that the board and its driver are installed",

@@ -1,4 +1,4 @@
-//! A TimeHarp 260 as a photon counter: each acquisition yields one histogram.
+//! A TimeHarp 260 as a photon counter. Each acquisition yields one histogram.
 
 use super::super::line::left;
 use super::code::{self, DEVICES, FLAG_OVERFLOW, FLAG_SOFTWARE_ERROR, FLAG_SYSTEM_ERROR, LONGEST_HISTOGRAM};
@@ -10,7 +10,7 @@ use crate::instrument::{
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Interval at which the end of an acquisition is polled.
+/// Polling interval for the end of an acquisition.
 const POLL: Duration = Duration::from_millis(1);
 /// Time from initialization until the library reports valid rates.
 const FIRST_RATES: Duration = Duration::from_millis(150);
@@ -20,7 +20,7 @@ pub struct Th260Counter {
     name: String,
     library: Box<dyn Th260>,
     settings: Th260Settings,
-    /// Index of the board; negative while no board is open.
+    /// Index of the board. The index is negative while no board is open.
     device: i32,
     serial: String,
     hardware: Hardware,
@@ -40,7 +40,10 @@ impl Th260Counter {
     /// Loads PicoQuant's library, from the given file or from its usual locations, and opens a board.
     ///
     /// # Errors
-    /// [`Failure`] of kind refused (library not found), disconnected (no board) or limit (invalid settings).
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - refused: the library is not found
+    /// - disconnected: no board is found
+    /// - limit: settings are invalid
     pub fn load(name: &str, library: Option<&Path>, settings: Th260Settings) -> Result<Self, Failure> {
         let library = load(library).map_err(|e| Failure::new(Fault::Refused, name, e))?;
         Self::new(name, Box::new(library), settings)
@@ -49,7 +52,10 @@ impl Th260Counter {
     /// Opens a board through a loaded library.
     ///
     /// # Errors
-    /// [`Failure`] of kind disconnected (no board), refused (board in use) or limit (invalid settings).
+    /// Returns a [`Failure`] of one of these kinds:
+    /// - disconnected: no board is found
+    /// - refused: the board is in use
+    /// - limit: settings are invalid
     pub(super) fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()
@@ -119,7 +125,7 @@ impl Th260Counter {
                 }
                 Ok(serial) => {
                     found.push(serial);
-                    // Release this board, because it has another serial number.
+                    // Release the board, because its serial number differs from that in the settings.
                     let _ = self.library.tell(device, Order::Close);
                 }
                 Err(code::OPEN_FAIL) => {}
@@ -150,7 +156,8 @@ impl Th260Counter {
         self.inputs()
     }
 
-    /// Closes the board if this driver opened it. Errors are ignored because the board may be disconnected.
+    /// Closes the board if this driver opened it. Errors are ignored, because the board might be
+    /// disconnected.
     fn close(&mut self) {
         if self.device >= 0 {
             if self.running.take().is_some() {
@@ -190,7 +197,7 @@ impl Th260Counter {
         self.tell(Order::StopAt(u32::MAX))
     }
 
-    /// Returns the sync rate: laser pulses per second.
+    /// Returns the sync rate, which is the number of laser pulses per second.
     fn sync_rate(&mut self) -> Result<i32, Failure> {
         std::thread::sleep(self.rates_from.saturating_duration_since(Instant::now()));
         self.ask(Question::SyncRate)

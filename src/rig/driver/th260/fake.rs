@@ -29,7 +29,7 @@ pub struct State {
 pub struct Fake(Arc<Mutex<State>>);
 
 impl Fake {
-    /// Creates a library with one board of this model.
+    /// Creates a library with one board of the given model.
     pub fn new(model: &'static str) -> Self {
         Self(Arc::new(Mutex::new(State {
             serials: vec!["1000001"],

@@ -1,7 +1,7 @@
 //! Binding to PicoQuant's library, loaded at run time. All unsafe code of the driver is in this module.
 //!
-//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes to is longer than
-//! `th260defin.h` requires, and outlives the call.
+//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes to is longer than `th260defin.h`
+//! requires and outlives the call.
 
 use super::code::LONGEST_HISTOGRAM;
 use libloading::Library;
@@ -9,7 +9,7 @@ use std::error::Error;
 use std::ffi::{c_char, c_double, c_int, c_uint};
 use std::path::{Path, PathBuf};
 
-/// A command to a board. Each variant calls the library's function of the given name.
+/// A command to a board. Each variant calls the library function with the given name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
     /// Calls `CloseDevice`.
@@ -66,7 +66,7 @@ pub(super) struct Hardware {
     pub version: String,
 }
 
-/// The functions of the library. Errors are the library's codes, all negative.
+/// The functions of the library. Errors are the library's codes, which are all negative.
 pub(super) trait Th260: Send {
     fn version(&mut self) -> Result<String, i32>;
     /// Returns the library's text for an error code.
@@ -87,7 +87,7 @@ pub(super) trait Th260: Send {
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
-/// Returns the file names under which the library is searched for.
+/// Returns the file names of the library to try.
 pub(super) fn names() -> Vec<PathBuf> {
     let names: &[&str] = if cfg!(windows) {
         &["th260lib64.dll", "th260lib.dll"]
@@ -112,7 +112,7 @@ type TextOfDevice = unsafe extern "system" fn(c_int, *mut c_char) -> c_int;
 type ThreeTexts = unsafe extern "system" fn(c_int, *mut c_char, *mut c_char, *mut c_char) -> c_int;
 type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_int;
 
-/// Declares the function table and the code that fills it, one entry per name.
+/// Declares the function table with one entry per name, and the code that fills the table.
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
         /// The loaded library. The function pointers are valid while `_library` is loaded.
@@ -125,8 +125,8 @@ macro_rules! functions {
             /// Looks up all functions.
             fn table(library: Library) -> Result<Self, String> {
                 // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it. The pointers are
-                // copied out of their `Symbol`s and used only while `_library`, stored in the same struct,
-                // keeps the code loaded.
+                // copied out of their `Symbol`s. The pointers are used only while `_library`, which is stored
+                // in the same struct, keeps the code loaded.
                 unsafe {
                     $(let $field = *library.get::<$kind>($name).map_err(|_| format!("missing function {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })
@@ -165,10 +165,11 @@ functions! {
     get_elapsed: Number = b"TH260_GetElapsedMeasTime\0",
 }
 
-/// Loads the given library or, if none is given, the first of [`names`] that loads.
+/// Loads the given library. If no library is given, loads the first of [`names`] that can be loaded.
 ///
 /// # Errors
-/// If no library loads; the message lists the files tried, why each failed, and the library's source.
+/// If no library can be loaded, returns a message that lists the files tried, the cause of each failure, and
+/// the library's source.
 pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut message = vec![];
@@ -206,8 +207,8 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
-/// Calls a function that writes `N` texts, and returns these texts. Each buffer has 256 characters, more
-/// than any of these functions writes (at most 40, by `th260defin.h`).
+/// Calls a function that writes `N` texts, and returns the texts. Each buffer has 256 characters. No function
+/// writes more than 40 characters (`th260defin.h`).
 fn texts<const N: usize>(call: impl FnOnce([*mut c_char; N]) -> c_int) -> Result<[String; N], i32> {
     let mut buffers = [[0_u8; 256]; N];
     good(call(buffers.each_mut().map(|b| b.as_mut_ptr().cast())))?;
@@ -232,7 +233,8 @@ impl Th260 for Loaded {
     }
 
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32> {
-        // SAFETY: all arguments are integers, none is a pointer; the library checks their ranges.
+        // SAFETY: all arguments are integers, and none is a pointer. The library checks the ranges of the
+        // arguments.
         good(unsafe {
             match order {
                 Order::Close => (self.close)(device),

@@ -4,7 +4,7 @@ use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOG
 use crate::instrument::CounterSettings;
 use serde::Deserialize;
 
-/// The edge of a pulse that triggers a TimeHarp 260 N; the value is the library's number for this edge.
+/// The edge of a pulse that triggers a TimeHarp 260 N. The value is the library's number for this edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
@@ -17,11 +17,11 @@ pub enum Edge {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Th260Settings {
-    /// Serial number of the board; if absent, the first board is used.
+    /// Serial number of the board. If absent, the first board is used.
     pub serial: Option<String>,
     /// Input channel of the detector, counted from 0.
     pub channel: i32,
-    /// Divider of the sync input, 1, 2, 4 or 8: only every `sync_divider`-th pulse is timed.
+    /// Divider of the sync input: 1, 2, 4 or 8. Only every `sync_divider`-th pulse is timed.
     pub sync_divider: i32,
     /// Trigger level of the sync input.
     pub sync_mv: i32,
@@ -54,7 +54,7 @@ impl Th260Settings {
     /// Checks that a board supports these settings.
     ///
     /// # Errors
-    /// If a setting is invalid; the message names this setting and its range.
+    /// Returns a message that names the setting and its range, if a setting is invalid.
     pub fn check(&self) -> Result<(), String> {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
@@ -78,9 +78,9 @@ impl Th260Settings {
 /// Settings of one measurement in the board's units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measurement {
-    /// Binning code: the bin width is 2^`binning` times the base resolution.
+    /// Binning code. The bin width is 2^`binning` times the base resolution.
     pub binning: i32,
-    /// Length code: the histogram has 1024 · 2^`length_code` bins.
+    /// Length code. The histogram has 1024 · 2^`length_code` bins.
     pub length_code: i32,
     /// Number of bins to return.
     pub bins: usize,
@@ -96,7 +96,7 @@ impl Measurement {
     /// Converts settings for a board with base resolution `base_ps` and `binnings` binnings.
     ///
     /// # Errors
-    /// If the board does not support a setting; the message names this setting.
+    /// Returns a message that names the setting, if the board does not support a setting.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(

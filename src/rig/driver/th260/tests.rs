@@ -1,5 +1,5 @@
-//! Tests of the driver with a simulated board (commands, error codes, failures), and with a library that the
-//! test compiles and loads in place of PicoQuant's.
+//! Tests the commands, error codes and failures of the driver with a simulated board. The test also compiles
+//! a library and loads this library in place of PicoQuant's.
 
 use super::code;
 use super::counter::Th260Counter;
@@ -36,7 +36,8 @@ fn both_boards_conform() {
     }
 }
 
-/// Calls follow the manual's order: initialize, set inputs, apply settings, clear, start, stop, read.
+/// The driver calls the library in the order of the manual: initialize, set inputs, apply settings, clear,
+/// start, stop, read.
 #[test]
 fn calls_follow_the_order_of_the_manual() {
     let fake = Fake::new("P");
@@ -85,7 +86,8 @@ fn calls_follow_the_order_of_the_manual() {
     assert_eq!(board.limits().finest_ps, 250.0);
 }
 
-/// Compares measurement settings with hand-computed values, and checks that unsupported settings are refused.
+/// Compares measurement settings with hand-computed values, and checks that the driver refuses unsupported
+/// settings.
 #[test]
 fn measurement_settings_are_converted_for_the_board() {
     let on = |change: &dyn Fn(&mut CounterSettings)| {
@@ -207,7 +209,8 @@ fn errors_of_the_board_are_reported() {
     board.finish(WITHIN).expect("counts");
 }
 
-/// The driver opens the board that the rig file names, or lists the available boards in the error.
+/// The driver opens the board that the rig file names. If the board is not found, the error lists the
+/// available boards.
 #[test]
 fn boards_are_selected_by_serial_number() {
     let named = |serial: &str| Th260Settings { serial: Some(serial.into()), ..Th260Settings::default() };
@@ -277,7 +280,7 @@ fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
     to
 }
 
-/// Checks names, types and buffers of a library that is loaded like PicoQuant's.
+/// Checks names, types and buffers of a library that is loaded in the same way as PicoQuant's.
 #[test]
 fn a_loaded_library_conforms() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -293,7 +296,7 @@ fn a_loaded_library_conforms() {
     let histogram = board.finish(WITHIN).expect("counts");
     assert_eq!(histogram.counts, (1000..1400).collect::<Vec<u32>>());
     assert_eq!(histogram.pulses, 40_000);
-    // The board is open, so a second program is refused with the library's text.
+    // The board is open, so a second program receives an error with the library's text.
     let second = Th260Counter::load("counter", Some(&file), Th260Settings::default());
     let failure = second.err().expect("it is locked");
     assert!(failure.fault == Fault::Refused && failure.what.contains("fake text of -11"), "{failure}");

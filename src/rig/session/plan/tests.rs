@@ -1,4 +1,4 @@
-//! Tests that valid plans are accepted, that invalid plans are rejected, and that no text causes a panic.
+//! Tests that the parser accepts valid plans, rejects invalid plans, and does not panic on any text.
 
 use super::*;
 use proptest::prelude::*;
@@ -42,7 +42,7 @@ fn errors_name_position_and_fix() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
-    /// Damaged plans are rejected or parsed, without a panic.
+    /// The parser rejects or parses damaged plans, without a panic.
     #[test]
     fn damaged_plans_never_panic(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {
         let at = at.index(GOOD.len());
