@@ -13,7 +13,7 @@ pub(super) const NIB: Nib = Nib { line: 2.2, bar: 1.4, radius: 5.2 };
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChartAxis {
-    /// Label of the axis, with unit; may be empty.
+    /// Label of the axis, with the unit. The label may be empty.
     pub label: String,
     /// Whether the axis is logarithmic to base ten instead of linear.
     pub log: bool,
