@@ -1,8 +1,8 @@
 //! Computes depth from a projector column. The point is the intersection of the camera's ray with the plane
 //! of the column (Hartley & Zisserman 2004, ch. 12).
 //!
-//! The plane of column u contains the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u
-//! - c)/f. The ray o + z·d, with d of depth 1, intersects the plane at z = m·(p - o) / m·d.
+//! The plane of column u contains the projector's centre p and is perpendicular to m = R_p (1, 0, -x),
+//! x = (u - c)/f. The ray o + z·d, with d of depth 1, intersects the plane at z = m·(p - o) / m·d.
 
 use crate::map::Map;
 use crate::pinhole::Rig;
