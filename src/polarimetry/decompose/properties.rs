@@ -6,13 +6,13 @@ use super::lu_chipman::Parts;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
-    /// P = |(m10, m20, m30)|/m00, 0..1: degree of polarization of the output for unpolarized input.
+    /// Degree of polarization of the output for unpolarized input, P = |(m10, m20, m30)|/m00, 0..1.
     pub polarizance: f64,
-    /// D = |(m01, m02, m03)|/m00, 0..1: dependence of transmittance on polarization.
+    /// Dependence of transmittance on polarization, D = |(m01, m02, m03)|/m00, 0..1.
     pub diattenuation: f64,
-    /// R = acos(tr M_R/2 - 1) of the Lu–Chipman retarder in radians, 0..π.
+    /// Retardance of the Lu–Chipman retarder in radians, R = acos(tr M_R/2 - 1), 0..π.
     pub retardance: f64,
-    /// Δ = 1 - |tr m_Δ|/3, 0..1: depolarization power.
+    /// Depolarization power, Δ = 1 - |tr m_Δ|/3, 0..1.
     pub depolarization: f64,
     /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector; zero if R = 0.
     /// If R = π, two axes are valid; this is the axis whose first nonzero component is positive.
