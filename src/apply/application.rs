@@ -1,8 +1,8 @@
-//! Defines an application: the scenes and slices that the application needs, the methods that it compares,
-//! and its metrics.
+//! Defines applications. An application states the scenes and slices that it needs, the methods that it
+//! compares, and its metrics.
 //!
 //! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses only tensors and maps. An application neither reads scenes or files nor renders.
+//! uses tensors and maps. An application neither reads scenes or files nor renders.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -46,7 +46,8 @@ pub struct Plan {
     /// Variants for testing, none of which is in `train`.
     pub test: Vec<u64>,
     /// Names of the slices of every variant. The list is empty if the seeds apply to detector noise, for
-    /// example, instead of renders. With an empty list, only the ground truth is rendered.
+    /// example, instead of renders. With an empty list, the ground truth is rendered and no slice is
+    /// rendered.
     pub slices: Vec<&'static str>,
     pub truth: Vec<Truth>,
     pub preview: Size,
@@ -82,7 +83,8 @@ pub enum Truth {
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a given variant; [`itself`] returns the given variant.
+        /// Returns the variant to render for a given variant. The function [`itself`] returns the given
+        /// variant.
         of: fn(u64) -> u64,
         /// Factor by which the number of samples exceeds the number of samples of other renders.
         samples: u32,

@@ -1,4 +1,5 @@
-//! The data of one variant of a scene with one seed: slices with standard errors, and ground-truth maps.
+//! The data of one variant of a scene with one seed. The data contains slices with standard errors, and
+//! ground-truth maps.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -15,7 +16,7 @@ pub struct Observation {
     pub values: BTreeMap<String, f64>,
     /// Text parameters of the variant.
     pub words: BTreeMap<String, String>,
-    /// Calibrated camera and projector; `None` for a scene without a projector.
+    /// Calibrated camera and projector, or `None` for a scene without a projector.
     pub rig: Option<Rig>,
     pub slices: BTreeMap<String, Slice>,
     /// Ground-truth maps by name.
@@ -36,7 +37,7 @@ pub struct Slice {
 pub struct Pixels {
     pub width: usize,
     pub height: usize,
-    /// Number of time bins; 1 for a slice without a time axis.
+    /// Number of time bins, or 1 for a slice without a time axis.
     pub bins: usize,
     /// Number of matrix elements: 16, or 1 for intensities.
     pub elements: usize,

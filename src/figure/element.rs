@@ -1,8 +1,8 @@
 //! Draws single elements of Mueller matrices. The elements are named as in the paper by Baek & Heide (2021):
 //! `(0,1)`, `-(3,3)`, `±(0,2)`.
 //!
-//! For a name with one sign, only values of that sign are shown, as intensity. All other values are black.
-//! Elements with `±` and normalized elements use the diverging colour map.
+//! For a name with one sign, values of that sign are shown as intensity. All other values are black. Elements
+//! with `±` and normalized elements use the diverging colour map.
 
 use super::colour::{exposure, photo, quotient, rgb_weights, signed};
 use super::error::FigureError;
@@ -101,8 +101,10 @@ fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
 /// Returns the element as a tile.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, if the slice is empty or damaged, or if an
-/// option is out of range.
+/// [`FigureError`] in the following cases:
+/// - The slice lacks an axis that the view needs.
+/// - The slice is empty or damaged.
+/// - An option is out of range.
 pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
@@ -186,7 +188,7 @@ mod tests {
         tile.cells[0].0.pixels().map(|p| p.0).collect()
     }
 
-    /// Tests that a name with one sign shows only values of that sign, and that `±` shows all values. A
+    /// Tests that a name with one sign shows no values of the opposite sign, and that `±` shows all values. A
     /// quotient must have the requested sign.
     #[test]
     fn signs_follow_the_name() {

@@ -55,8 +55,10 @@ mod tests;
 /// Draws one view of a slice under a title.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, if the slice is empty or damaged, or if an
-/// option is out of range.
+/// [`FigureError`] in the following cases:
+/// - The slice lacks an axis that the view needs.
+/// - The slice is empty or damaged.
+/// - An option is out of range.
 pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     match view {
         View::Photo(v) => photo::draw(v, title, panel),

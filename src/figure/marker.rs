@@ -9,8 +9,8 @@ pub const BLACK: usize = 6;
 const PALETTE: [[u8; 3]; 7] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233], [0, 0, 0]];
 
-/// SVG outlines of the markers: disc, square, triangle up, diamond, triangle down, ring, cross and plus. The
-/// radius is about 1. The outlines are scaled so that all markers appear equally large.
+/// SVG outlines of the markers. The markers are disc, square, triangle up, diamond, triangle down, ring,
+/// cross and plus. The radius is about 1. The outlines are scaled so that all markers appear equally large.
 const OUTLINES: [&str; 8] = [
     "M1 0A1 1 0 1 1-1 0A1 1 0 1 1 1 0Z",
     "M-.88-.88H.88V.88H-.88Z",
@@ -35,7 +35,7 @@ pub struct Marker(usize);
 
 impl Marker {
     /// Returns the marker for an index. The numbers of markers and of colours have no common factor. A
-    /// combination of marker and colour therefore repeats only after [`DISTINCT`] indices.
+    /// combination of marker and colour therefore repeats after [`DISTINCT`] indices, and not earlier.
     pub fn of(index: usize) -> Self {
         Self(index % OUTLINES.len())
     }

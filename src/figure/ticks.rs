@@ -57,7 +57,7 @@ impl Ticks {
     /// not overlap. If the coordinates are not evenly spaced, a subset of the coordinates has labels.
     pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
         let ticks = |most: usize| match ruler(coords) {
-            // For whole-number coordinates, ticks are at whole numbers only.
+            // If all coordinates are whole numbers, all ticks are at whole numbers.
             Some((low, high)) if coords.len() > 1 && coords.iter().all(|c| c.fract() == 0.0) => {
                 Self::linear(low, high, most.min((high - low) as usize))
             }

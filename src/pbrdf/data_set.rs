@@ -2,8 +2,8 @@
 //! analytic materials.
 //!
 //! Materials are processed one at a time, with the φ_d slabs of a material in parallel. For a file, memory
-//! holds only the pages that are being read. For an analytic material, memory holds one slab per thread. The
-//! angles of the axes are not used, so files with empty axes are accepted.
+//! holds no pages except those that are being read. For an analytic material, memory holds one slab per
+//! thread. The angles of the axes are not used, so files with empty axes are accepted.
 
 use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;

@@ -328,8 +328,8 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Errors are correct for three pixels: one with an error of 0.1 in one of 16 elements, one that is not
-    /// determined, and one of unknown truth.
+    /// Errors are correct for three pixels. The first has an error of 0.1 in one of 16 elements, the second
+    /// is not determined, and the third has an unknown truth.
     #[test]
     fn errors_of_three_known_pixels() {
         let mut truth = vec![0.0; 48];

@@ -166,9 +166,9 @@ impl Laboratory {
 }
 
 impl Detectors {
-    /// Returns the noise model for `light`: the counter's model if there are time bins, otherwise the
-    /// camera's model. For a slice of intensities, the model assumes the same optical elements with the same
-    /// loss of light.
+    /// Returns the noise model for `light`. The model is the counter's model if there are time bins,
+    /// otherwise the camera's model. For a slice of intensities, the model assumes the same optical elements
+    /// with the same loss of light.
     ///
     /// # Errors
     /// [`ChainError::Detector`] if the counter's settings do not match the bins.

@@ -9,7 +9,7 @@ use tensor::axes::{Axis, AxisKind};
 
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// The matrices. Intensities are matrices in which only T00 is nonzero.
+    /// The matrices. Intensities are matrices in which all elements except T00 are zero.
     pub image: MuellerImage,
     /// Whether the slice contains complete matrices.
     pub polarized: bool,
@@ -49,7 +49,7 @@ impl Light {
         Ok(Self { image, polarized })
     }
 
-    /// Converts matrices in the pixel order of the image to a tensor with the axes of `like`.
+    /// Converts matrices in the pixel order of the image to a tensor with the axes of the tensor `like`.
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
         let lanes = like.extent(AxisKind::Wavelength);

@@ -281,8 +281,7 @@ fn captures_are_optimized_for_the_functional() {
     }
 }
 
-/// The photograph is the sum over time bins of a time-resolved slice if and only if no other slice is
-/// suitable.
+/// The photograph is the sum over time bins of a time-resolved slice if no other slice is suitable.
 #[test]
 fn the_sum_over_time_bins_replaces_a_missing_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));

@@ -5,8 +5,8 @@
 //! A decomposition gives a retardance between 0 and π, so the true retardance is folded to this range. Three
 //! wavelengths together determine the number of whole waves ([`predicted::order`]).
 //!
-//! Each method learns one number from the training variants: the error that is not due to Monte Carlo noise.
-//! This systematic error has three sources:
+//! Each method learns one number from the training variants. This number is the error that is not due to
+//! Monte Carlo noise. This systematic error has three sources:
 //! - changes of retardance within a pixel,
 //! - internal reflections,
 //! - light from the plate next to the observed point.
@@ -52,7 +52,7 @@ const METHODS: [(Method, Probe); 6] = [
 /// Maximum optical path difference of the search, in wavelengths at [`MIDDLE`].
 const MOST_WAVES: f64 = 12.0;
 
-/// Maximum error of a path difference that counts as correct, in wavelengths.
+/// Maximum error of a correct path difference, in wavelengths.
 const NEAR_WAVES: f64 = 0.1;
 
 /// Number of standard deviations that contain half of normally distributed errors.
@@ -172,8 +172,8 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Draws the measured retardance in degrees, polarizance and diattenuation, with one channel per wavelength.
-/// Draws the theoretical retardance as well.
+/// Draws the measured retardance in degrees, the theoretical retardance, polarizance and diattenuation. The
+/// images have one channel per wavelength.
 fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
     let draw = |name, value: &dyn Fn(usize, usize) -> Option<f64>| {
         let channels = seen.wavelengths.len();

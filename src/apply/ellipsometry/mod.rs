@@ -7,9 +7,9 @@
 //! application, the true matrices are known. Errors are computed with respect to the true matrices and to the
 //! pseudo truth. The difference between these two errors is due to the error of the pseudo truth.
 //!
-//! The renderer computes only the light. The detector noise is 5e-4 of an intensity, as in the paper, and the
-//! seeds select this noise. Angles and the prior are learned from the training variants. The prior is the
-//! second moment of the matrices, whose principal components the paper shows.
+//! The renderer computes the light without detector noise. The detector noise is 5e-4 of an intensity, as in
+//! the paper, and the seeds select this noise. Angles and the prior are learned from the training variants.
+//! The prior is the second moment of the matrices, whose principal components the paper shows.
 
 mod bench;
 mod errors;

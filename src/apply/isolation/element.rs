@@ -3,8 +3,8 @@
 
 use std::fmt;
 
-/// The light component by origin: light from all projector pixels, from the projector pixels near the
-/// epipolar line of a camera pixel, or from all other projector pixels.
+/// The light component by origin. The origin is one of three sets of projector pixels: all pixels, the pixels
+/// near a camera pixel's epipolar line, or all other pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
     /// Light from all projector pixels.

@@ -53,7 +53,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Replaces `best` by a candidate if the candidate is better. If `either` is true, both signs are tried.
+/// Replaces `best` by a candidate if the candidate is better. If `either` is true, positive and negative
+/// signs are tried.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };

@@ -1,5 +1,5 @@
-//! The data of one variant for detectors: the images of all elements of every light component, and the ground
-//! truth of each task.
+//! The data of one variant for detectors. The data contains the images of all elements of every light
+//! component, and the ground truth of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -135,7 +135,8 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     Ok((parts, size))
 }
 
-/// Returns the image size and the images of a coaxial rig: one per time bin, and one of all light.
+/// Returns the image size and the images of a coaxial rig. There is one image per time bin, and one image of
+/// all light.
 fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
     let transient = o.pixels(TRANSIENT, true)?;
     let mut parts = BTreeMap::new();

@@ -2,14 +2,14 @@
 //! dark) / (bright + dark).
 //!
 //! The ground truth selects bright and dark pixels. If the evaluated image selected these pixels, noise would
-//! count as contrast.
+//! be treated as contrast.
 
 use crate::map::Map;
 
 /// Returns the contrast of `image` at the bright and dark pixels of `truth`, in `bins` equal intervals of
 /// `depth`. The intervals range from the minimum to the maximum depth within the mask. The contrast of an
-/// interval is NaN in two cases: the truth's contrast is below `least`, or the interval has fewer than four
-/// bright or four dark pixels.
+/// interval is NaN if the truth's contrast is below `least`. The contrast is also NaN if the interval has
+/// fewer than four bright or four dark pixels.
 pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: usize, least: f64) -> Vec<f64> {
     let mean = |m: &Map, i: usize| {
         let pixel = &m.data[i * m.channels..(i + 1) * m.channels];

@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_photograph_has_lower_scores() {
-        // Over a uniform background, the only error of a photograph is the background. The gain is 6/10, and
+        // Over a uniform background, the background is the only error of a photograph. The gain is 6/10, and
         // the residual is (0.2, 0.6) for light (2, 0).
         let [light, all] = columns(|_| 1.0);
         let g = gain([(&all[..], &light[..])]);

@@ -1,5 +1,5 @@
 //! Computes the area under the receiver operating characteristic. The area is the probability that a positive
-//! has a higher score than a negative. Ties count as one half.
+//! has a higher score than a negative. A tie contributes one half.
 //!
 //! The variance of the area is computed with the equation of DeLong, DeLong & Clarke-Pearson (1988, eq. 5).
 //! The placements are computed from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one
@@ -42,8 +42,8 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
 }
 
 /// Returns two lists of fractions. The first contains, for each positive, the fraction of negatives with
-/// lower scores. The second contains, for each negative, the fraction of positives with higher scores. Ties
-/// count as one half.
+/// lower scores. The second contains, for each negative, the fraction of positives with higher scores. A tie
+/// contributes one half.
 fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let sorted = |v: &[f64]| {
         let mut v = v.to_vec();

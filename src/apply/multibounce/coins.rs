@@ -4,8 +4,9 @@
 //! The captions name no elements for coins. The elements that the captions name for corresponding light of
 //! the disco ball are used instead. Each reflection by metal reverses the handedness of circular
 //! polarization. The sign of (3,3) therefore separates odd from even numbers of reflections. Light is
-//! epipolar if camera and projector both view the scene directly or both view it via the mirror. Light is not
-//! epipolar if only one of the two devices views the scene via the mirror.
+//! epipolar if camera and projector view the scene directly. Light is also epipolar if the two devices view
+//! the scene via the mirror. Light is not epipolar if one device views the scene directly and one device
+//! views the scene via the mirror.
 
 use super::methods::{METHODS, application};
 use crate::application::{Application, Truth};

@@ -1,5 +1,7 @@
-//! Isolates multi-bounce light (Baek & Heide 2021, section 6.4, Fig. 13). The scenes are a disco ball between
-//! painted walls, coins in front of a mirror, and a statue and a mirror in front of a coaxial rig.
+//! Isolates multi-bounce light (Baek & Heide 2021, section 6.4, Fig. 13). The scenes are:
+//! - a disco ball between painted walls,
+//! - coins in front of a mirror,
+//! - a statue and a mirror in front of a coaxial rig.
 //!
 //! The paper names an element of the tensor for each kind of light. This application compares each element
 //! with the renderer's labels, as a detector and as an image of the isolated light. The sign of an element is

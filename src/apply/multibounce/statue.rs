@@ -3,9 +3,9 @@
 //! metallic surfaces as T(s,s,3,3,t2)".
 //!
 //! The paper shows two times, but does not state how these times were chosen. This application learns the bin
-//! of travel time of each task, like all free parameters. Every reflection by metal reverses the handedness
-//! of circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), both when seen
-//! directly and when seen via the mirror (three reflections). The caption's positive (3,3) cannot isolate
+//! of travel time of each task, as for all free parameters. Every reflection by metal reverses the handedness
+//! of circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), whether the
+//! light is seen directly or via the mirror (three reflections). The caption's positive (3,3) cannot isolate
 //! this light.
 
 use super::methods::any;

@@ -1,5 +1,5 @@
-//! Tests with two kinds of synthetic light: light for which the paper's element is correct, and light for
-//! which the element is not correct.
+//! Tests with two kinds of synthetic light. The paper's element is correct for the first kind, and is not
+//! correct for the second kind.
 
 use super::*;
 use crate::application::{Application, Outcome, Truth};

@@ -19,8 +19,8 @@ pub struct Discriminant {
 }
 
 impl Discriminant {
-    /// Computes the discriminant from examples of both classes, each a vector of features. Returns `None`
-    /// if a class has fewer than two examples, or if the classes cannot be separated.
+    /// Computes the discriminant from examples of the two classes. Each example is a vector of features.
+    /// Returns `None` if a class has fewer than two examples, or if the classes cannot be separated.
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {

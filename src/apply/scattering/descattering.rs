@@ -171,8 +171,8 @@ fn best_window(all: &Moments) -> Option<Linear> {
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(fit, _)| fit)
 }
 
-/// Returns Σₑ wₑ Tₑ over the elements of a pixel, summed over all bins. Returns the standard error of the sum
-/// as well. The errors of the elements are treated as independent.
+/// Returns Σₑ wₑ Tₑ over the elements of a pixel, summed over all bins. The function also returns the
+/// standard error of the sum. The errors of the elements are treated as independent.
 pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, f64)]) -> (f64, f64) {
     let (mut sum, mut variance) = (0.0, 0.0);
     for bin in 0..p.bins {

@@ -1,8 +1,9 @@
 //! The application of Fig. 11. Every method reconstructs the normals and depths of statues of translucent
 //! stone.
 //!
-//! All methods process only the pixels that the statue covers completely. Errors are means over those pixels
-//! for which a method has a result. `coverage` is the fraction of pixels with a result.
+//! All methods process the pixels that the statue covers completely, and ignore all other pixels. Errors are
+//! means over those pixels for which a method has a result. `coverage` is the fraction of pixels with a
+//! result.
 
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;

@@ -101,9 +101,9 @@ fn gray_code_ties_on_a_diffuse_object() {
     assert!(normals(METHODS[0].0.name) < 3.0, "{}", normals(METHODS[0].0.name));
 }
 
-/// A method has errors only if the method uses the light that causes the errors. Two thirds of the light come
-/// from neighbouring columns, off the epipolar lines. Gray code and phase shift fail. The results of the
-/// epipolar codes, Sunstone's method and the scan of the sprayed twin do not change.
+/// A method has no errors if the method does not use the light that causes the errors. Two thirds of the
+/// light come from neighbouring columns, off the epipolar lines. Gray code and phase shift fail. The results
+/// of the epipolar codes, Sunstone's method and the scan of the sprayed twin do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_from_neighbouring_columns_affects_only_methods_that_use_it() {

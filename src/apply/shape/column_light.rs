@@ -2,8 +2,8 @@
 //! patterns of columns.
 //!
 //! Light is linear in the drive. If a pattern P is equal in all rows, the capture is therefore I(s) = Σ_u
-//! T(s, u) P(u). T(s, u) is a sum over all projector rows. For epipolar structured light, the sum includes
-//! only the rows near the epipolar line of s (O'Toole et al. 2012, 2014).
+//! T(s, u) P(u). T(s, u) is a sum over all projector rows. For epipolar structured light, the sum is
+//! restricted to the rows near the epipolar line of s (O'Toole et al. 2012, 2014).
 
 use crate::map::Map;
 use thiserror::Error;

@@ -102,7 +102,7 @@ fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
 }
 
 /// Reconstructs the surface from a scan and from Stokes vectors of diffuse light. The scan consists of
-/// `depth` and its standard deviation `sigma_depth`, both in metres.
+/// `depth` and its standard deviation `sigma_depth`, which are in metres.
 pub fn reconstruct(
     camera: &Pinhole,
     depth: &Map,
@@ -155,8 +155,8 @@ mod tests {
     }
 
     /// For a sphere with depth noise of 1 mm, the normals of the scan have errors of tens of degrees. With
-    /// exact Stokes vectors, depths and normals of the joint method are accurate. This is true for a given
-    /// index and for a fitted index.
+    /// exact Stokes vectors, depths and normals of the joint method are accurate. The refractive index is
+    /// given in one part of the test and fitted in another part.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn a_noisy_scan_and_exact_polarization_reconstruct_a_sphere() {

@@ -38,7 +38,7 @@ pub enum Light {
 pub enum Method {
     /// Structured light. A code yields the depth, and planes that are fitted to the depth yield the normals.
     StructuredLight(Code, Light),
-    /// Shape from polarization only, which yields normals but no depth (Atkinson & Hancock 2006).
+    /// Shape from polarization alone. This method yields normals but no depth (Atkinson & Hancock 2006).
     Polarization(Light),
     /// Joint optimization of structured light and polarization. The light is all light (Baek et al. 2018) or
     /// epipolar light (Baek & Heide 2021).
@@ -202,8 +202,8 @@ fn masked(map: &Map, mask: &Map) -> Map {
 /// Runs a method. Shape from polarization alone yields a depth of NaN.
 ///
 /// # Errors
-/// Returns an error if a map and the camera have different resolutions, or if the light has too many or too
-/// few columns for the code.
+/// Returns an error if the resolution of a map differs from that of the camera. Also returns an error if the
+/// light has too many or too few columns for the code.
 pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
     check(inputs)?;
     let camera = &inputs.rig.camera;

@@ -1,6 +1,6 @@
 //! Measures shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11). Structured light
 //! yields depth, and polarization yields normals. The third method combines depth and normals. Each quantity
-//! is computed from all light or from epipolar light only.
+//! is computed from all light or from epipolar light.
 //!
 //! > T(s, u) ─ pattern ─► captures ─ code ─► projector column ─ triangulation ─► depth ─► normals
 //! >                                                                       └─ with Stokes images ─► fused depth ─► normals

@@ -5,11 +5,11 @@
 //! light. Hence -T33 > 0 is "circular-inverting" light, and T33 > 0 is "circular-keeping" light. The
 //! handedness of s3 is defined looking toward the source for each of the two directions (CONVENTIONS.md).
 //!
-//! The renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had
-//! only specular reflections. The number of reflections is odd for inverting light and even for keeping
-//! light. (With s' = s, an even number occurs only between two sides of a crease within one pixel. All longer
-//! paths end at their start point, after an odd number of reflections.) Thresholds, and signs that physics
-//! does not determine, are learned from the training variants.
+//! The renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had no
+//! reflections other than specular reflections. The number of reflections is odd for inverting light and even
+//! for keeping light. With s' = s, an even number of reflections is rare and occurs between two sides of a
+//! crease within one pixel. All longer paths end at their start point, after an odd number of reflections.
+//! Thresholds, and signs that physics does not determine, are learned from the training variants.
 
 mod judge;
 mod score;

@@ -89,9 +89,9 @@ const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
 /// The light is physically plausible. Circular polarization then separates all kinds, and one pair of
-/// captures separates them as well. Linear polarization separates specular from diffuse light, but does not
-/// separate odd from even numbers of reflections. Intensity separates no kinds. Without time, all kinds are
-/// mixed.
+/// captures is sufficient for the same separation. Linear polarization separates specular from diffuse light,
+/// but does not separate odd from even numbers of reflections. Intensity separates no kinds. Without time,
+/// all kinds are mixed.
 #[test]
 fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);
@@ -159,7 +159,7 @@ fn labels_and_reflections_are_counted() {
         let k = kind(place / BINS, place % BINS, true);
         assert_eq!(seen.is(Target::Inverting, *place), k == 0);
         assert_eq!(seen.is(Target::Keeping, *place), k == 1);
-        // Light that interacted with both microfacets and diffuse surfaces (label 12) belongs to no target.
+        // Light that interacted with microfacets and with diffuse surfaces (label 12) belongs to no target.
         assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
     }
 }

@@ -1,5 +1,5 @@
-//! Draws the legend of a chart in the corner of the plot where the legend covers the least data, or to the
-//! right of the plot.
+//! Draws the legend of a chart. The legend is in the corner of the plot where the legend covers the least
+//! data, or to the right of the plot.
 
 use image::Rgb;
 

@@ -1,4 +1,5 @@
-//! Computes the scale of a chart's axis: the range, the positions of values along the axis, and the ticks.
+//! Computes the scale of a chart's axis. The scale consists of the range, the positions of values along the
+//! axis, and the ticks.
 
 use super::series::ChartAxis;
 use crate::drawing::{Point, Rect};

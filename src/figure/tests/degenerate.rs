@@ -49,8 +49,8 @@ proptest! {
                 let (w, h) = (d.width(), d.height());
                 prop_assert!((300..=2300).contains(&w) && h <= 2300, "{w} × {h}");
                 prop_assert!(numbers(&d.svg()), "{view:?}: {}", d.svg());
-                // Rasterizing is slow. Of all figures, only figures with strokes at extreme coordinates are
-                // rasterized.
+                // Rasterizing is slow. Therefore no figures except those with strokes at extreme coordinates
+                // are rasterized.
                 prop_assert!(!matches!(view, View::Profile(_)) || d.pixels().is_ok());
             }
         }

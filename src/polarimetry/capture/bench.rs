@@ -109,8 +109,8 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Frames of the bench equal those of [`simulate`] for two kinds of rays: rays along the axis and rays
-    /// through a pinhole.
+    /// For rays along the axis and for rays through a pinhole, frames of the bench equal frames of
+    /// [`simulate`].
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };
@@ -127,7 +127,7 @@ mod tests {
                     Bench { optics: scheme.clone(), nm: 550.0, camera: view, projector: Directions::Axial };
                 for k in 0..3 {
                     let sets = scheme.sets(k);
-                    // [`simulate`] uses the ray of the camera pixel for the generator as well.
+                    // [`simulate`] uses the ray of the camera pixel for the generator and for the analyzer.
                     let lit: Vec<[f64; 4]> = (0..24)
                         .map(|i| {
                             let ray = view.ray(i % 6, i / 6, [6, 4], 550.0);

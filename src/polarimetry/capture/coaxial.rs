@@ -1,5 +1,5 @@
-//! The optics that the outgoing and returning paths of a coaxial rig share: a beamsplitter and a pair of
-//! galvo mirrors.
+//! The optics that the outgoing and returning paths of a coaxial rig share. These optics are a beamsplitter
+//! and a pair of galvo mirrors.
 //!
 //! According to Baek & Heide (2021, eqs. 12 and 14), the scene receives G B_t Q p, and the detector measures
 //! [L Q B_r G' …]_0. In these equations, p is the source, and Q and L are polarizing elements. The shared
@@ -212,8 +212,8 @@ mod tests {
         }
     }
 
-    /// Perfect undeflected mirrors only rotate the frame. The s axes of the two mirrors are perpendicular,
-    /// and the two mirror images cancel.
+    /// Perfect undeflected mirrors rotate the frame and have no other effect. The s axes of the two mirrors
+    /// are perpendicular, and the two mirror images cancel.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();

@@ -1,9 +1,9 @@
 //! The forward model. Intensities are the product of the design matrix and the elements of a Mueller matrix.
 //!
-//! Row (k, c) of the design matrix A combines the analyzer row a of channel c and the generator state g of
-//! capture k: A[(k, c), 4i + j] = a_i g_j. For a Mueller matrix T, A vec(T) contains the intensities a·T·g of
-//! Baek & Heide (2021, eqs. 3 and 6). The elements `T[i][j]` (Stokes out i, in j) are in row-major order.
-//! Simulation, the search for angles and reconstruction all use this matrix.
+//! Row (k, c) of the design matrix A combines the analyzer row a of channel c with the generator state g of
+//! capture k. The elements of this row are A[(k, c), 4i + j] = a_i g_j. For a Mueller matrix T, A vec(T)
+//! contains the intensities a·T·g of Baek & Heide (2021, eqs. 3 and 6). The elements `T[i][j]` (Stokes out i,
+//! in j) are in row-major order. Simulation, the search for angles and reconstruction all use this matrix.
 
 use super::element::{Ray, Set};
 use super::scheme::{Scheme, Sensor};

@@ -2,10 +2,9 @@
 //! Mueller matrices.
 //!
 //! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use the
-//! same model, and noise is the only cause of differences between their results. Rays are given per
-//! wavelength along the optical axis, or per pixel and wavelength. In the second case, the simulation
-//! includes errors of plates and mirrors that depend on direction. An example is the error of the galvo of a
-//! coaxial rig.
+//! same model, and differences between the two results are due to noise alone. Rays are given per wavelength
+//! along the optical axis, or per pixel and wavelength. In the second case, the simulation includes errors of
+//! plates and mirrors that depend on direction. An example is the error of the galvo of a coaxial rig.
 //!
 //! Readings are in the units of the matrices, after subtraction of the dark signal. Saturated readings are
 //! NaN. Every number depends on the seed, the pixel and the measurement, but not on the number of threads.

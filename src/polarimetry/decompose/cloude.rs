@@ -2,8 +2,9 @@
 //! Mueller matrix is to a single Jones matrix.
 //!
 //! The coherency matrix is H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5).
-//! H is Hermitian with trace m00. A Mueller matrix is realizable if it is a mixture of Jones matrices. This
-//! is the case if and only if H has no negative eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with
+//! H is Hermitian with trace m00. A Mueller matrix is realizable if it is a mixture of Jones matrices. A
+//! Mueller matrix is realizable if and only if H has no negative eigenvalue. For a single Jones matrix J, H =
+//! ½ |J⟩⟨J| with
 //! |J⟩ = (J00, J01, J10, J11).
 //!
 //! Pauli matrices are in the order of the Stokes elements of CONVENTIONS.md:
@@ -77,8 +78,8 @@ pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
 }
 
 /// Returns the realizable matrix with the smallest sum of squared element differences. Returns `None` if an
-/// element is not finite. Negative eigenvalues are set to zero. This is optimal, because the map from M to H
-/// preserves lengths up to a factor.
+/// element is not finite. Negative eigenvalues are set to zero. The result is the nearest matrix, because the
+/// map from M to H preserves lengths up to a factor.
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
     eigen.eigenvalues.apply(|v| *v = v.max(0.0));

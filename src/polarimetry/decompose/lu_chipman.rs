@@ -18,8 +18,9 @@
 //! - m' of rank 1, s·u vᵀ: m_R is the smallest rotation from v to u. If u = -v, m_R is a rotation by 180°
 //!   about a perpendicular axis.
 //! - m' = 0 (an ideal depolarizer): m_R is the identity.
-//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single polarization state, so only
-//!   the effect of m_Δ and m_R on D matters. m_R is the smallest rotation from D to P, and m_Δ = |P|·1.
+//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single polarization state. Effects of
+//!   m_Δ and m_R on directions other than D are therefore irrelevant. m_R is the smallest rotation from D to
+//!   P, and m_Δ = |P|·1.
 //! - D > 1, m00 ≤ 0, or a non-finite element: no physical matrix has these properties, and there is no
 //!   decomposition.
 

@@ -3,8 +3,8 @@
 //!
 //! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative to
 //! this standard error, the pixel does not differ from other pixels. A weighted mean therefore includes the
-//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in both
-//! renders, but an outlier appears in a single render. A pixel of one render is an outlier if at some
+//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in each
+//! render, but an outlier appears in a single render. A pixel of one render is an outlier if at some
 //! wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
@@ -110,8 +110,11 @@ mod tests {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
-        // The following values are not outliers: a highlight in both renders, a value with a small error,
-        // slightly more light, and pixels of a single render.
+        // The following values are not outliers:
+        // - a highlight in the two renders,
+        // - a value with a small error,
+        // - slightly more light,
+        // - pixels of a single render.
         for renders in [
             &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
             &[spot(50.0, 2.0), plain.clone()],

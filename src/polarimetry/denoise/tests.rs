@@ -125,8 +125,8 @@ fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
     average(&weights_of(renders, axes), renders)
 }
 
-/// Returns two numbers: the root mean square of (estimate - truth) / stated error, and the RMS error after
-/// denoising divided by the RMS error before denoising.
+/// Returns two numbers. The first number is the root mean square of (estimate - truth) / stated error. The
+/// second number is the RMS error after denoising divided by the RMS error before denoising.
 fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     let out = denoised(renders, &mueller());
     let [mut z, mut n, mut after, mut before] = [0.0; 4];
@@ -186,7 +186,7 @@ fn matrices_stay_realizable() {
         let (before, after) = (least(&renders[0]), least(&out));
         println!("least eigenvalue over m00: {before:e} before, {after:e} after");
         assert!(after > -1e-6 && before > -1e-6);
-        // This error is deliberate: with a separate weight for one element, the mean is not realizable.
+        // This error is deliberate. With a separate weight for one element, the mean is not realizable.
         let mut broken = out.clone();
         broken.mean.iter_mut().skip(1).step_by(16).for_each(|m| *m *= 1.1);
         assert!(least(&broken) < -1e-3);
@@ -205,7 +205,7 @@ fn weights_are_nonnegative_and_sum_to_one() {
     }
 }
 
-/// A contribution of a hundred times the light, in one render only, causes no bright spot. The removal of the
+/// A contribution of a hundred times the light in a single render causes no bright spot. The removal of the
 /// contribution increases the stated errors. With a single render, the contribution remains, because nothing
 /// distinguishes the contribution from a highlight.
 #[test]
@@ -221,8 +221,7 @@ fn an_outlier_is_removed_and_stated_in_the_error() {
     let renders = [met.clone(), other.clone()];
     let weights = weights_of(&renders, &mueller());
     let (without, with) = (denoised(&[plain, other], &mueller()), average(&weights, &renders));
-    // The weight of the outlier for a pixel, and the pixel for which the outlier has the greatest weight
-    // except itself.
+    // The weight of the outlier for a pixel, and the neighbour for which this weight is greatest.
     let weight_for = |p: usize| {
         let o = (0..WINDOW).find(|o| neighbour(p, *o, SIZE) == Some(spot));
         weights.of[0][p * WINDOW + o.expect("within reach")]

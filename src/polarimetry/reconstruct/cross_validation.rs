@@ -98,8 +98,8 @@ pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
 
 /// Learns the settings of a template for `objective`, and validates the settings with `folds`. The second
 /// moment of the objective is that of all materials. Each fold learns again with a quarter of the starts and
-/// without Adam, because the optimum of a fold is close to the optimum of all materials. `onlooker` observes
-/// the progress. Pass `&()` for no observer.
+/// without Adam. The optimum of a fold is close to the optimum of all materials. `onlooker` observes the
+/// progress. Pass `&()` for no observer.
 pub fn learn_and_validate(
     template: &Scheme,
     objective: &Objective,

@@ -3,7 +3,7 @@
 //!
 //! Baek & Heide (2021, eq. 8) learn angles by minimizing the mean squared error over samples of noise and
 //! data. Estimates are linear in the intensities, t̂ = W I, and I = A t + η. The expectation therefore
-//! depends on two quantities only: the second moment S = E[t tᵀ] of the data and the covariance Σ of η:
+//! depends on the second moment S = E[t tᵀ] of the data and on the covariance Σ of η:
 //!
 //! ```text
 //! E|t̂ - t|² = tr (1 - WA) S (1 - WA)ᵀ + tr W Σ Wᵀ
@@ -13,13 +13,13 @@
 //! ```
 //!
 //! Independent angle errors of the stages with variance σ_θ² add noise in proportion to the light. The
-//! covariance of this noise in capture k is σ_θ² Σ_m D_m S D_mᵀ, where D_m is the derivative of the
-//! capture's rows with respect to the angle of motor m. Matrices are normalized to T00 = 1.
+//! covariance of this noise in capture k is σ_θ² Σ_m D_m S D_mᵀ. D_m is the derivative of the capture's rows
+//! with respect to the angle of motor m. Matrices are normalized to T00 = 1.
 //!
-//! Applications often need a few linear functionals w·t of the matrices only. The sum of the expected squared
-//! errors E|wᵀ(t̂ - t)|² of the functionals is tr M E[(t̂ - t)(t̂ - t)ᵀ]. The metric M = Σ w wᵀ is a factor
-//! in every trace above. M = 1 weights all elements equally. The estimate with a prior is optimal for every
-//! functional, so M affects the choice of angles only.
+//! Applications often need no more than a few linear functionals w·t of the matrices. The sum of the expected
+//! squared errors E|wᵀ(t̂ - t)|² of the functionals is tr M E[(t̂ - t)(t̂ - t)ᵀ]. The metric M = Σ w wᵀ is a
+//! factor in every trace above. M = 1 weights all elements equally. The estimate with a prior is optimal for
+//! every functional, so M affects nothing but the choice of angles.
 
 use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
@@ -231,7 +231,7 @@ impl Objective {
     }
 
     /// Returns loss and derivatives for W = A⁺ of any rank. Nearby settings are assumed to have the same
-    /// rank. The derivative of A⁺ is that of Golub & Pereyra (1973, eq. 4.12): dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ
+    /// rank. The derivative of A⁺ is given by Golub & Pereyra (1973, eq. 4.12), dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ
     /// (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
     fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
         let w = minimum_norm(a);

@@ -56,7 +56,7 @@ const METHODS: [(Method, Image); 7] = [
 /// Minimum fraction of surface-reflected light in a positive pixel.
 const SHARE: f64 = 0.1;
 
-/// Minimum coverage of a pixel that counts as crystal.
+/// Minimum coverage of a pixel that is evaluated as crystal.
 const WHOLE: f64 = 0.999;
 
 /// Minimum cosine between the normals of two pixels of the same face (1°).

@@ -1,8 +1,8 @@
 //! The reflection of circularly polarized light by a face of known normal: −(3,3) of one reflection from
 //! microfacets.
 //!
-//! The half vector h bisects the directions to the camera and to the projector. θ is the angle between h and
-//! either direction, and r_s and r_p are the Fresnel amplitude coefficients at θ. Then
+//! The half vector h bisects the directions to the camera and to the projector. The angle between h and
+//! either direction is θ. The Fresnel amplitude coefficients at θ are r_s and r_p. With these symbols,
 //!
 //! > −M33 = −r_s r_p · D(h) G2 / (4 cosθ_o) · 1/(cos³θ_p d²),
 //!
@@ -32,8 +32,8 @@ impl Glass {
     }
 
     /// Returns D(h) G2 / (4 cosθ_o), in 1/sr. For perfectly reflecting facets, this value is the radiance
-    /// divided by the irradiance perpendicular to the beam. The result is 0 unless both unit directions are
-    /// on the side of the normal `n`.
+    /// divided by the irradiance perpendicular to the beam. The result is 0 unless the two unit directions
+    /// are on the side of the normal `n`.
     pub fn facets(self, n: Vector3<f64>, wo: Vector3<f64>, wi: Vector3<f64>) -> f64 {
         let (co, ci) = (n.dot(&wo), n.dot(&wi));
         if !(co > 0.0 && ci > 0.0) {

@@ -108,7 +108,8 @@ fn circular_polarization_isolates_the_faces() {
     assert_eq!(outcome.pictures.len(), 8);
 }
 
-/// The metrics detect two deliberate errors: wrong normals, and a surface that does not reverse handedness.
+/// The metrics detect wrong normals, and a surface that does not reverse handedness. These errors are
+/// deliberate.
 #[test]
 fn wrong_normals_and_missing_reversal_are_detected() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));

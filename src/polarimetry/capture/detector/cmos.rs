@@ -2,9 +2,12 @@
 //!
 //! > e = Poisson(η Φ t L) + Poisson(I_d t),  DN = round((min(e, e_full) + N(0, σ_r²))/K + b)
 //!
-//! The symbols are the quantum efficiency η, photons Φ per second and unit of radiance L, exposure t, dark
-//! current I_d, full well e_full, read noise σ_r, gain K in e⁻/DN and black level b. DN is clipped to 0 to
-//! 2^bits - 1. Without clipping,
+//! The symbols are:
+//! - quantum efficiency η, photons Φ per second and unit of radiance L, exposure t,
+//! - dark current I_d, full well e_full, read noise σ_r,
+//! - gain K in e⁻/DN, black level b.
+//!
+//! DN is clipped to 0 to 2^bits - 1. Without clipping,
 //!
 //! > E DN = (ηΦtL + I_d t)/K + b,  Var DN = (ηΦtL + I_d t + σ_r²)/K² + 1/12
 //!
@@ -25,7 +28,7 @@ const CERTAIN: f64 = 4.0;
 
 /// The settings of a camera. The defaults are close to the data sheets of cameras with Sony's IMX250 sensor.
 /// These cameras have 12 bits, and a full well of 10.7 ke⁻ (from the maximum SNR of 40.3 dB).
-/// `photons_per_unit` depends on scene and lens. Its default is only a placeholder.
+/// `photons_per_unit` depends on scene and lens. The default of `photons_per_unit` is a placeholder.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cmos {
@@ -132,8 +135,8 @@ impl Cmos {
         self.gain_e_per_dn.unwrap_or(self.full_well_e / self.top())
     }
 
-    /// Returns two expected values for an exposure: the electrons per unit of radiance, and the dark
-    /// electrons.
+    /// Returns two expected values for an exposure. The first is the number of electrons per unit of
+    /// radiance, and the second is the number of dark electrons.
     fn electrons(&self, nm: f64, factor: f64) -> (f64, f64) {
         let t = self.exposure_s * factor;
         let per_unit = self.quantum_efficiency.at(nm) * self.photons_per_unit * t;

@@ -7,8 +7,8 @@
 //! photons_per_unit = 2e6
 //! ```
 //!
-//! A calibration file ([`base::calibration_file`]) is also accepted. Of a calibration file, only the tables
-//! `[detector.cmos]` and `[detector.spad]` are read.
+//! A calibration file ([`base::calibration_file`]) is also accepted. In a calibration file, all tables except
+//! `[detector.cmos]` and `[detector.spad]` are ignored.
 
 use super::cmos::Cmos;
 use super::error::{DetectorError, demand, positive};
@@ -74,7 +74,7 @@ struct DetectorFile {
     analyzer: Option<IgnoredAny>,
 }
 
-/// The `[detector]` table of a calibration, which may contain both detectors.
+/// The `[detector]` table of a calibration. The table may contain a camera and a photon counter.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Calibrated {
@@ -82,8 +82,8 @@ struct Calibrated {
     spad: Option<Located<Spad>>,
 }
 
-/// Reads a detector file. A calibration may have both a camera and a photon counter. In this case, `timed`
-/// (data with time bins) selects the photon counter. Otherwise the camera is used.
+/// Reads a detector file. A calibration may have a camera and a photon counter. In this case, `timed` (data
+/// with time bins) selects the photon counter. Otherwise the camera is used.
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read or a setting is invalid. The error states the file, the location

@@ -160,9 +160,8 @@ mod tests {
         assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
-    /// The live-time correction is unbiased for dead times of part of a bin, several bins, part of a period,
-    /// and more than one and two periods. There are 0.95 photons per pulse. The test uses 300 captures of 10
-    /// 000 pulses.
+    /// The live-time correction is unbiased for dead times from part of a bin to more than two periods. There
+    /// are 0.95 photons per pulse. The test uses 300 captures of 10 000 pulses.
     #[test]
     fn live_time_corrects_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();

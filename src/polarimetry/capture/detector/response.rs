@@ -4,15 +4,15 @@
 //! > h(t) = (1 - a) N(t; σ) + a ∫₀^∞ N(t - s; σ) exp(-s/τ)/τ ds
 //!
 //! The response combines a Gaussian and an exponential tail. The Gaussian models the jitter of laser, diode
-//! and clock. The tail models carriers that diffuse into the junction. This is the usual model of SPADs
-//! (Lacaita, Cova, Ghioni & Zappa 1993, "Single-photon avalanche diode with ultrafast pulse response free
-//! from slow tails"). The cumulative response is
+//! and clock. The tail models carriers that diffuse into the junction. The response is the usual model of
+//! SPADs (Lacaita, Cova, Ghioni & Zappa 1993, "Single-photon avalanche diode with ultrafast pulse response
+//! free from slow tails"). The cumulative response is
 //!
 //! > H(t) = Φ(t/σ) - a exp(σ²/2τ² - t/τ) Φ(t/σ - σ/τ),
 //!
-//! The cumulative response is a mixture of two distribution functions: that of the exponentially modified
-//! Gaussian (Grushka 1972, Anal. Chem. 44:1733) and that of the normal distribution, Φ. Light is assumed to
-//! arrive in the middle of its bin.
+//! The cumulative response is a mixture of two distribution functions. The first is that of the exponentially
+//! modified Gaussian (Grushka 1972, Anal. Chem. 44:1733). The second is that of the normal distribution, Φ.
+//! Light is assumed to arrive in the middle of its bin.
 
 /// Ratio of the FWHM of a Gaussian to its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;

@@ -49,7 +49,7 @@ pub enum Mode {
 }
 
 /// The settings of a diode and its counter. The defaults are typical of silicon SPADs with a 10 MHz laser.
-/// `photons_per_unit` depends on scene, laser and lens. Its default is only a placeholder.
+/// `photons_per_unit` depends on scene, laser and lens. The default of `photons_per_unit` is a placeholder.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spad {
@@ -195,7 +195,7 @@ impl Spad {
         let response = self.response()?;
         let bins = response.len();
         let (per_unit, dark) = (self.per_unit(nm), self.dark());
-        // The response is zero in most bins. The light is often zero as well.
+        // The response is zero in most bins. The light is also zero in many bins.
         let taps: Vec<_> = response.iter().enumerate().filter(|(_, share)| **share > 0.0).collect();
         let mut rates = vec![0.0; bins];
         for (j, radiance) in histogram.iter().enumerate().filter(|(_, radiance)| **radiance != 0.0) {

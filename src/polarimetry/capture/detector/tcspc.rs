@@ -224,12 +224,12 @@ mod tests {
         }
     }
 
-    /// Counts of constant light saturate as in theory, for a rate r per bin and dead times τ from a fraction
-    /// of a period to several periods. The count in a time T is that of a renewal process with intervals τ +
-    /// Exp(r). The intervals have mean μ = τ + 1/r and standard deviation 1/r. The diode is armed at the
-    /// start, as if the last event had occurred at time -τ. The mean count is therefore (T + τ)/μ + ((1/r)² -
-    /// μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ). The variance is r T/(1 + rτ)³. The
-    /// test uses 400 captures of 10 000 bins.
+    /// Counts of constant light saturate as predicted by theory. The rate is r per bin, and the dead times τ
+    /// are a fraction of a period to several periods. The count in a time T is that of a renewal process with
+    /// intervals τ + Exp(r). The intervals have mean μ = τ + 1/r and standard deviation 1/r. The diode is
+    /// armed at the start, as if the last event had occurred at time -τ. The mean count is therefore (T +
+    /// τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ). The variance is r
+    /// T/(1 + rτ)³. The test uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {

@@ -64,7 +64,7 @@ impl Moments {
         }
         let after: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
         // `before` and `after` are parallel, so the product is symmetric except for rounding errors. The
-        // computation of only one half would be slower.
+        // computation of one half alone would be slower.
         for (c, a) in self.about_mean.iter_mut().zip(&after) {
             for (c, b) in c.iter_mut().zip(&before) {
                 *c += a * b;

@@ -59,7 +59,7 @@ fn every_wavelength_has_its_own_optics() {
     assert!(worst(&out) > 1e-2);
 }
 
-/// Saturated and missing measurements affect their own pixel only. A pixel with too few measurements is not
+/// Saturated and missing measurements do not affect other pixels. A pixel with too few measurements is not
 /// determined, but the neighbours of the pixel are determined.
 #[test]
 fn saturated_values_are_excluded_per_pixel() {
