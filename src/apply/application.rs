@@ -167,8 +167,8 @@ pub struct Picture {
     pub name: &'static str,
     /// Variant of the image, or `None` for an image of learned quantities.
     pub variant: Option<u64>,
-    /// Whether the images of all methods have the same unit. Such images are drawn side by side on a common
-    /// scale.
+    /// Whether the images of all methods have the same unit. Images with the same unit are drawn side by side
+    /// on a common scale.
     pub shared: bool,
     pub map: Map,
 }

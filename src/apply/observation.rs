@@ -68,8 +68,8 @@ impl Observation {
     ///
     /// # Errors
     /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice has no camera rows
-    /// and columns. The same error if the slice has no matrices although `mueller` requires matrices.
-    /// [`ApplyError::Sizes`] if the standard errors and the means have different shapes.
+    /// and columns, or lacks the matrices that `mueller` requires. [`ApplyError::Sizes`] if the standard
+    /// errors and the means have different shapes.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
         let axis = |axis| ApplyError::Axis { variant: self.variant, slice: name.to_owned(), axis };

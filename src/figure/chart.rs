@@ -140,7 +140,7 @@ pub(crate) fn markers(
     }
 }
 
-/// Checks that a chart can be drawn, and returns an error with a fix otherwise.
+/// Checks that a chart can be drawn. If not, returns an error that states a fix.
 pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56 (the number of distinguishable styles)";

@@ -1,16 +1,16 @@
 //! Maps values to colours by wavelength, exposure and colour maps.
 //!
 //! The wavelength rule assigns wavelengths to primaries (660 nm red, 550 nm green, 450 nm blue). Each primary
-//! shows the mean of the wavelengths for which the primary is the nearest. A primary without such wavelengths
-//! shows the single nearest wavelength. There are two exceptions. Three wavelengths are assigned by order
-//! (lowest blue, middle green, highest red), and a single wavelength is grey. The weights of each primary sum
-//! to 1, so a spectrally flat image is grey.
+//! shows the mean of the wavelengths for which the primary is the nearest. A primary that is nearest to no
+//! wavelength shows the single nearest wavelength. There are two exceptions. Three wavelengths are assigned
+//! by order (lowest blue, middle green, highest red), and a single wavelength is grey. The weights of each
+//! primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
-/// Colour of undefined values. These values are not finite, or are divided by an M00 that is not positive.
+/// Colour of values that are not finite, and of values that are divided by an M00 that is not positive.
 pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
 
 /// Wavelengths in nanometres shown as red, green and blue.

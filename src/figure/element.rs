@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(drawn("±(2,3)", false, &t)[..2], [red, blue]);
         assert_eq!(drawn("(2,3)", true, &t), [red, blue, UNDEFINED.0]);
         assert_eq!(drawn("-(2,3)", true, &t), [blue, red, UNDEFINED.0]);
-        // A different element has a different image.
+        // An image of a different element is a different image.
         assert_eq!(drawn("(3,2)", false, &t)[..2], [black, black]);
     }
 

@@ -13,7 +13,7 @@ use super::white::White;
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
 /// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-/// Minimum width of a page in pixels. This width leaves space for titles and notes.
+/// Minimum width of a page in pixels. A page of this width has space for titles and notes.
 const PAGE_LEAST: f64 = 480.0;
 /// Maximum plot width, in pixels, for text of the nominal size. On wider plots, the text is enlarged by a
 /// factor of at most [`LARGEST`].

@@ -33,7 +33,7 @@ pub(super) enum Scale {
 
 impl Scale {
     /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio` times the
-    /// 5th percentile. Otherwise returns a square-root scale.
+    /// 5th percentile. If not, returns a square-root scale.
     pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);

@@ -45,8 +45,8 @@ pub(super) fn white(
     }
 }
 
-/// Returns the value at the ends of a signed scale. The value is the user's choice if any. Otherwise the
-/// value is 1 if normalized, or the exposure of the magnitudes.
+/// Returns the value at the ends of a signed scale. The value is the user's choice if there is one. The
+/// default is 1 for normalized values, and the exposure of the magnitudes for other values.
 pub(super) fn limit(
     wish: Option<f32>,
     normalized: bool,

@@ -15,8 +15,8 @@ pub struct Grid {
     /// Number of columns of each of the sixteen images.
     pub width: usize,
     /// Mueller matrices of all pixels, row by row from the top, with `width` columns. A matrix is row-major,
-    /// and rows are outgoing Stokes elements. M00 is shown as intensity. The other elements are divided by
-    /// M00.
+    /// and rows are outgoing Stokes elements. M00 is shown as intensity. All elements except M00 are divided
+    /// by M00.
     pub data: Vec<[f32; 16]>,
 }
 

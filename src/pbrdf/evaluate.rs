@@ -3,9 +3,10 @@
 //!
 //! The surface normal is +z, and the tangent is +x. Directions point away from the surface. The incoming
 //! direction points to the source of the light, and the outgoing direction to the destination. The horizontal
-//! axis of a Stokes frame is (-sin φ, cos φ, 0). This axis is perpendicular to the plane of the normal and
-//! the direction, so "s" is the first axis. The renderer's frames ([`optics::polarization::scatter`]) are
-//! therefore rotated for each of the two directions. For transmission, radiance is converted to power.
+//! axis of a Stokes frame is (-sin φ, cos φ, 0). The horizontal axis is perpendicular to the plane of the
+//! normal and the direction, so "s" is the first axis. The renderer's frames
+//! ([`optics::polarization::scatter`]) are therefore rotated for each of the two directions. For
+//! transmission, radiance is converted to power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;

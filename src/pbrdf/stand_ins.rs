@@ -68,8 +68,8 @@ impl BandedMaterials {
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent. These materials have a lobe that is not
-    /// specular.
+    /// Returns the names of the materials that a table can represent. Materials without lobes other than
+    /// specular lobes are omitted.
     pub fn tabulable(&self) -> Vec<String> {
         self.names().filter(|name| self.has_extended_lobe(name) == Some(true)).cloned().collect()
     }

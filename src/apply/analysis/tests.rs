@@ -65,7 +65,7 @@ fn each_dimension_separates_the_expected_tasks() {
     // random.
     let matt = area(ours, "several matt");
     assert!((matt - 0.875).abs() < 0.03, "{matt}");
-    // Time alone separates light of the mirrored room as well as all dimensions together do. Polarization
+    // Time alone and all dimensions together separate light of the mirrored room equally well. Polarization
     // alone separates the two kinds of reflection by metal.
     assert!((area("time only", "mirror and matt") - area(ours, "mirror and matt")).abs() < 0.02);
     for task in ["one specular", "several specular"] {

@@ -2,8 +2,9 @@
 //!
 //! A method may need no more than a few linear functionals w·t of a pixel's matrix. The relevant error is
 //! then tr M C with M = Σ w wᵀ ([`Objective::metric`]), where C is the error covariance of the estimate.
-//! Below rank 16, the estimator is linear. Its expected squared error is minimal for the second moment of the
-//! matrices of the training variants. The same linear estimator is optimal for every functional.
+//! Below rank 16, the estimator is linear. The expected squared error of this estimator is minimal for the
+//! second moment of the matrices of the training variants. The same linear estimator is optimal for every
+//! functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};

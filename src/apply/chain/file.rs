@@ -53,7 +53,7 @@ impl Belief {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sample {
-    /// No sample. Air transmits light unchanged.
+    /// The sample is air, which transmits light unchanged.
     Air,
     /// A metal mirror at normal incidence. Different metals have the same matrix up to a factor.
     Mirror,
@@ -81,7 +81,7 @@ pub struct Chain {
     /// The assumed sets of elements. The report has one table for each set.
     pub beliefs: Vec<Belief>,
     pub samples: Vec<Sample>,
-    /// Seed of rigs and noise. This seed is combined with the seed of the render.
+    /// Seed of rigs and noise. The seed of the render is combined with this seed.
     pub seed: u64,
 }
 

@@ -6,8 +6,8 @@
 //!
 //! Elements of a matrix are estimated from the same samples. An error that is common to all elements is an
 //! error of the intensity, which does not change a decomposition. The variance of an element therefore
-//! excludes the common error: σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are treated as independent. They are
-//! propagated by finite differences with steps of one standard error, as in
+//! excludes the common error: σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are assumed to be independent.
+//! Finite differences propagate the remaining errors, with steps of one standard error, as in
 //! `polarimetry::decompose::maps::errors`.
 
 use nalgebra::Matrix4;

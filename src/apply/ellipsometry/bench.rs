@@ -1,7 +1,7 @@
 //! Simulates the captures of a variant's light by a scheme with detector noise, and estimates the Mueller
 //! matrices.
 //!
-//! The light is a slice with many samples per pixel. This slice is treated as exact, so all errors are due to
+//! The light is a slice with many samples per pixel. The light is treated as exact, so all errors are due to
 //! the instrument. The noise is normally distributed with a standard deviation of 5e-4 of the mean T00.
 
 use super::family::{NOISE, Ready, determines};

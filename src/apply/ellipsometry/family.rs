@@ -19,7 +19,7 @@ const SEARCH: Search = Search { starts: 3, iterations: 200, adam_steps: 0, seed:
 pub(super) struct Family {
     /// Whether the sensor has a polarizer array.
     pub array: bool,
-    /// Whether all four elements rotate by learned angles. Otherwise two retarders rotate by 5° and 25° per
+    /// Whether all four elements rotate by learned angles. If false, two retarders rotate by 5° and 25° per
     /// capture.
     pub learnt: bool,
     /// Whether the estimator uses the second moment of the training images.

@@ -160,7 +160,7 @@ fn a_named_element_depends_on_its_sign() {
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
-    // This error is deliberate: the metal preserves the handedness of circular polarization.
+    // As a deliberate error, the metal preserves the handedness of circular polarization.
     let kept = Kind { shares: &[(15, 0.8)], ..turned };
     let all = observations(&[Kind::new(8, 1), kept], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");

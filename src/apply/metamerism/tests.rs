@@ -113,7 +113,7 @@ fn each_score_separates_its_own_difference() {
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_fruit_inverts_the_scores() {
-    // This error is deliberate: real and fake fruit are exchanged.
+    // As a deliberate error, real and fake fruit are exchanged.
     let d = Difference { element22: -0.05, ..Difference::default() };
     let table = areas(d);
     assert!(table[0].1 < 0.1, "{table:?}");

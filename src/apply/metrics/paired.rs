@@ -105,7 +105,8 @@ mod tests {
         // The estimated variance agrees with the variance of the means. The relative standard error of a
         // variance from n samples is √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
-        // This error is deliberate. If all numbers are treated as independent, the variance is far too small.
+        // As a deliberate error, all numbers are treated as independent. The resulting variance is far too
+        // small.
         assert!(truth > 2.0 * (sa * sa + sb * sb + se * se) / 30.0);
     }
 

@@ -146,8 +146,8 @@ fn time_and_handedness_together_separate_metal_in_a_mirror() {
     assert!((wrong - 2.0 / 3.0).abs() < 0.08, "{wrong}");
     assert!(area(&outcome, either, metal) > 0.95);
     assert!(area(&outcome, either, "metal, direct") > 0.95);
-    // Without time, metal that is seen directly is not distinguished. Such metal is one negative in three.
-    // Without polarization, paint in the mirror is not distinguished from metal.
+    // Without time, metal that is seen directly is not distinguished. Metal that is seen directly is one
+    // negative in three. Without polarization, paint in the mirror is not distinguished from metal.
     for (method, expected) in [("(3,3) without time, either sign", 5.0 / 6.0), ("time only", 5.0 / 6.0)] {
         let found = area(&outcome, method, metal);
         assert!((found - expected).abs() < 0.08, "{method}: {found}");

@@ -5,8 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Fraction of the diagonal of the within-class covariance. This fraction of the diagonal is added to the
-/// covariance.
+/// Ridge parameter. This fraction of the diagonal of the within-class covariance is added to the covariance.
 const RIDGE: f64 = 1e-6;
 
 /// Ratio of variance to squared mean. A variance with a smaller ratio is due to rounding errors.

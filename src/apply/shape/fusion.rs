@@ -9,7 +9,7 @@
 //! Weights are inverse variances. The weight of a depth is (z/σ_z)². Let h be the angle between the rays and
 //! α the angle between normal and ray. Rotation of the normal by σ_n changes the step log z_j - log z_i by h
 //! σ_n/cos²α. Cauchy's weights 1/(1 + r²/(c²σ²)), c = 2.385, suppress outlier depths and steps across edges.
-//! These weights are updated iteratively.
+//! Cauchy's weights are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -41,8 +41,8 @@ pub struct Believed {
     pub robust: bool,
 }
 
-/// Returns the step in log z between two pixels. The step is computed from the normals of the pixels, one of
-/// which may be unknown.
+/// Returns the step in log z between two pixels. The step is computed from the normals of the two pixels. One
+/// of the normals may be unknown.
 fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: f64) -> Step {
     let of =
         |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());

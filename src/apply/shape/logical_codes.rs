@@ -10,7 +10,7 @@
 //! The base of XOR-02 has stripes of 2 columns. The base of XOR-04 has stripes of 4 columns, which are more
 //! robust to short-range blur. [`consensus`] keeps columns on which two of three codes agree: XOR-02, XOR-04
 //! and the conventional Gray code. The ensemble of Gupta et al. contains a fourth code, all of whose stripes
-//! are wide. This code is omitted.
+//! are wide. The fourth code is omitted.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};

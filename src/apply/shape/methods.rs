@@ -38,7 +38,7 @@ pub enum Light {
 pub enum Method {
     /// Structured light. A code yields the depth, and planes that are fitted to the depth yield the normals.
     StructuredLight(Code, Light),
-    /// Shape from polarization alone. This method yields normals but no depth (Atkinson & Hancock 2006).
+    /// Shape from polarization alone, which yields normals but no depth (Atkinson & Hancock 2006).
     Polarization(Light),
     /// Joint optimization of structured light and polarization. The light is all light (Baek et al. 2018) or
     /// epipolar light (Baek & Heide 2021).
@@ -267,7 +267,7 @@ pub(super) mod tests {
 
     /// Returns the inputs and the true shape of a sphere of diffuse glass. Each lit pixel receives direct
     /// light from one or two columns. All other pixels are dark. The fraction `blurred` of all light comes
-    /// uniformly from 36 columns to the left. This fraction is not epipolar.
+    /// uniformly from 36 columns to the left. The light from the left is not epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);

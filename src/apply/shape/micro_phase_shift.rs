@@ -32,7 +32,7 @@ fn distance2(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Returns the minimum distance between the code vectors of columns that are at least half a period apart.
-/// This distance limits the permissible noise.
+/// The minimum distance limits the permissible noise.
 pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
     let apart = periods.first().map_or(1, |p| (p / 2.0) as usize).max(1);

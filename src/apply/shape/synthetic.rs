@@ -76,8 +76,8 @@ pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
 }
 
 /// Returns a camera of `size` × `size` pixels and a projector of `columns` columns. The camera is to the left
-/// of the origin, and the projector is 60 mm to the right of the camera. The two devices are directed at a
-/// point 0.2 m away.
+/// of the origin, and the projector is 60 mm to the right of the camera. Camera and projector are directed at
+/// a point 0.2 m away.
 pub fn rig(size: usize, columns: usize) -> Rig {
     let toward = |x: f64, n: usize| Pinhole {
         resolution: [n, n],

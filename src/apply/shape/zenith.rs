@@ -15,7 +15,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-/// Number of bisection steps for angles. This number gives an accuracy of 1e-15 rad.
+/// Number of bisection steps for angles. With 52 steps, angles are accurate to 1e-15 rad.
 const HALVINGS: usize = 52;
 
 /// Returns ρ_d for light that leaves a medium of index `n` at `zenith` radians from the normal.

@@ -7,9 +7,10 @@
 //!
 //! The renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had no
 //! reflections other than specular reflections. The number of reflections is odd for inverting light and even
-//! for keeping light. With s' = s, an even number of reflections is rare and occurs between two sides of a
-//! crease within one pixel. All longer paths end at their start point, after an odd number of reflections.
-//! Thresholds, and signs that physics does not determine, are learned from the training variants.
+//! for keeping light. With s' = s, an even number of reflections occurs between two sides of a crease within
+//! one pixel, and nowhere else. All longer paths end at their start point, after an odd number of
+//! reflections. Thresholds, and signs that physics does not determine, are learned from the training
+//! variants.
 
 mod judge;
 mod score;

@@ -55,9 +55,9 @@ impl Scale {
     /// # Errors
     /// [`FigureError::Option`] with the name `option` if the given range is invalid. A range is invalid in
     /// the following cases:
-    /// - It is not finite or is empty.
-    /// - It is narrower than a billionth of its values.
-    /// - It is not positive and the axis is logarithmic.
+    /// - The range is not finite or is empty.
+    /// - The range is narrower than a billionth of its values.
+    /// - The range is not positive, and the axis is logarithmic.
     pub fn new(
         axis: &ChartAxis,
         option: &'static str,

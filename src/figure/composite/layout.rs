@@ -2,9 +2,9 @@
 //!
 //! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1)
 //! gap) / n. An image that spans k columns also covers the space between these columns. The space next to a
-//! column is the sum of two widths. These widths are the width of the widest axis to the left of the column,
-//! and the width of the widest colour bar to the right of the column. The space above and below a row is
-//! computed in the same way.
+//! column is the sum of two widths. The first is the width of the widest axis to the left of the column. The
+//! second is the width of the widest colour bar to the right of the column. The space above and below a row
+//! is computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};

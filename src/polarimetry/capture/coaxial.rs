@@ -1,5 +1,5 @@
-//! The optics that the outgoing and returning paths of a coaxial rig share. These optics are a beamsplitter
-//! and a pair of galvo mirrors.
+//! The optics that the outgoing and returning paths of a coaxial rig share. The shared optics are a
+//! beamsplitter and a pair of galvo mirrors.
 //!
 //! According to Baek & Heide (2021, eqs. 12 and 14), the scene receives G B_t Q p, and the detector measures
 //! [L Q B_r G' …]_0. In these equations, p is the source, and Q and L are polarizing elements. The shared
@@ -59,8 +59,8 @@ impl Coaxial {
     }
 
     /// Scales the efficiency of the transmitting arm. After scaling, the brightness along the axis equals the
-    /// brightness of `before`. This function is intended for parameters that were fitted to captures that do
-    /// not determine the brightness.
+    /// brightness of `before`. Use this function after fitting parameters to captures that do not determine
+    /// the brightness.
     pub fn keep_brightness(&mut self, before: &Self, wavelengths: &[f64]) {
         let efficiency = |nm: f64| {
             let as_before = before.brightness(nm) / self.brightness(nm);

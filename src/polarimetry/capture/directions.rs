@@ -11,8 +11,8 @@ pub enum Directions {
     Axial,
     /// Light passes through a pinhole on the axis.
     Pinhole {
-        /// Half of the image's width and height at unit distance. These values are tangents of the angles to
-        /// the image's edges in x and y.
+        /// Half of the image's width and height at unit distance, which are tangents of the angles to the
+        /// image's edges in x and y.
         half: [f64; 2],
     },
 }

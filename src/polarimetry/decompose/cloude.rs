@@ -206,8 +206,8 @@ mod tests {
 
     #[test]
     fn the_nearest_realizable_matrix_is_known_for_a_flip() {
-        // The eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0. This replacement changes all four diagonal elements
-        // of H.
+        // The eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0. The replacement of -½ by 0 changes all four diagonal
+        // elements of H.
         let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
         assert!(distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12, "{near:?}");
     }

@@ -18,7 +18,7 @@ const LIT: f64 = 0.25;
 /// Maximum number of groups of a profile.
 const PROFILE: usize = 256;
 
-/// The channels of each render by which pixels are compared.
+/// The channels of each render. Pixels are compared by these channels.
 pub struct Guide {
     pub size: Size,
     /// One or two renders. The renders are scaled so that the largest value is at most 1.
@@ -33,8 +33,9 @@ pub struct Guide {
     /// For each render, whether each pixel is replaced by the mean of the pixel's neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Whether a pixel has zero standard error and is not averaged. The value is false for a dark pixel if
-    /// more than a quarter of the pixel's neighbours received light. Such a pixel is dark because no sampled
-    /// path carried light to the pixel. Without averaging, the pixel would remain a black dot.
+    /// more than a quarter of the pixel's neighbours received light. A dark pixel among lit pixels is dark
+    /// because no sampled path carried light to the pixel. Without averaging, the dark pixel would remain a
+    /// black dot.
     pub still: Vec<bool>,
 }
 

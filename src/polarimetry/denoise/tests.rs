@@ -186,7 +186,7 @@ fn matrices_stay_realizable() {
         let (before, after) = (least(&renders[0]), least(&out));
         println!("least eigenvalue over m00: {before:e} before, {after:e} after");
         assert!(after > -1e-6 && before > -1e-6);
-        // This error is deliberate. With a separate weight for one element, the mean is not realizable.
+        // As a deliberate error, one element has a separate weight. The mean is then not realizable.
         let mut broken = out.clone();
         broken.mean.iter_mut().skip(1).step_by(16).for_each(|m| *m *= 1.1);
         assert!(least(&broken) < -1e-3);

@@ -41,8 +41,8 @@ pub struct Weights {
     pub known: Vec<bool>,
     /// For each render, whether each pixel is replaced by the mean of the pixel's neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that are averaged. These pixels are known pixels with a nonzero standard error, and dark pixels
-    /// among lit pixels. Other pixels do not change.
+    /// Pixels that are averaged: known pixels with a nonzero standard error, and dark pixels among lit
+    /// pixels. Other pixels do not change.
     pub moved: Vec<bool>,
 }
 

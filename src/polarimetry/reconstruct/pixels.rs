@@ -1,5 +1,5 @@
-//! Reconstructs whole images. If all measurements have equal weight, a fast matrix product is used. Otherwise
-//! each pixel is solved individually.
+//! Reconstructs whole images. If all measurements have equal weight, the images are reconstructed by a fast
+//! matrix product. If weights differ, each pixel is solved individually.
 //!
 //! A pixel is any item with one intensity per measurement: a position in an image, a time bin or a
 //! wavelength. If the last axis is the wavelength, consecutive pixels cycle through the design matrices.

@@ -108,8 +108,8 @@ fn circular_polarization_isolates_the_faces() {
     assert_eq!(outcome.pictures.len(), 8);
 }
 
-/// The metrics detect wrong normals, and a surface that does not reverse handedness. These errors are
-/// deliberate.
+/// Wrong normals, and a surface that does not reverse handedness, are deliberate errors. The metrics detect
+/// these errors.
 #[test]
 fn wrong_normals_and_missing_reversal_are_detected() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));

@@ -153,8 +153,8 @@ impl Cmos {
         if self.shot_noise { mean } else { 0.0 }
     }
 
-    /// Returns the smallest DN of a saturated reading. This value is the maximum of the output, or a possible
-    /// reading of a full well.
+    /// Returns the smallest DN of a saturated reading. The smallest saturated DN is the maximum of the
+    /// output, or a possible reading of a full well.
     ///
     /// A threshold at the full well itself would keep the readings with low noise and discard the readings
     /// with high noise. The mean estimate of the kept readings would be too low by a fraction of a standard

@@ -82,8 +82,8 @@ struct Calibrated {
     spad: Option<Located<Spad>>,
 }
 
-/// Reads a detector file. A calibration may have a camera and a photon counter. In this case, `timed` (data
-/// with time bins) selects the photon counter. Otherwise the camera is used.
+/// Reads a detector file. A calibration may have a camera and a photon counter. In this case, `timed` selects
+/// the photon counter for data with time bins. For other data, the camera is selected.
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read or a setting is invalid. The error states the file, the location

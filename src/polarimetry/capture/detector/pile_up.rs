@@ -18,7 +18,8 @@
 //! The two results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
 //! neglects three effects:
 //!
-//! - After-pulses remain in the counts. They are interpreted as light that arrives a dead time later.
+//! - After-pulses remain in the counts. The model interprets after-pulses as light that arrives a dead time
+//!   later.
 //! - Counts are distributed nonuniformly within a bin. The effect is of relative order λ_i².
 //! - Dead times are cut off at the end of the capture. The effect is of relative order D over the capture's
 //!   length.

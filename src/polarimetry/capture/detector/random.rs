@@ -14,8 +14,8 @@ const SALT: u64 = 0x6465_7465_6374_6f72;
 /// double precision (rust-random/rand issue 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
-/// Returns the random stream of pixel `pixel` in capture `key`. This stream is separate from all streams of
-/// the renderer.
+/// Returns the random stream of pixel `pixel` in capture `key`. The random streams of captures are separate
+/// from all streams of the renderer.
 pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }

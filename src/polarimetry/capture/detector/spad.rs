@@ -1,15 +1,15 @@
 //! A single-photon avalanche diode with time-correlated single-photon counting (TCSPC).
 //!
-//! Light of radiance L_j in time bin j of a laser's period causes detections in bin i. Their number per
-//! pulse, while the diode is armed, is
+//! Light of radiance L_j in time bin j of a laser's period causes detections in bin i. While the diode is
+//! armed, the number of detections per pulse is
 //!
 //! > λ_i = η Φ Σ_j h_{i-j} L_j + d Δ
 //!
 //! where η is the detection efficiency and Φ the photons per pulse and unit of radiance. The instrument's
 //! response h is cyclic in the period (`response.rs`). The dark counts per second are d, and Δ is the length
 //! of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and [`super::pile_up`]
-//! corrects for dead time. The estimates do not remove the response. They estimate h ∗ L, which is delayed by
-//! [`Spad::response_mean_ps`] on average.
+//! corrects for dead time. The estimates do not remove the response. The estimated quantity is h ∗ L, which
+//! is delayed by [`Spad::response_mean_ps`] on average.
 //!
 //! The jitter is applied to the rates, before the dead time. The resulting relative error is of the order
 //! of the jitter divided by the dead time.
@@ -244,8 +244,8 @@ impl Spad {
     /// Returns radiance estimates in the first `bins` bins from the counts in all bins of the period. The
     /// dead time is corrected, and dark counts are subtracted (see [`pile_up`] for the neglected effects).
     ///
-    /// The variances are unbiased and therefore 0 in bins without counts. They are unsuitable as weights of
-    /// single bins.
+    /// The variances are unbiased and therefore 0 in bins without counts. Such variances are unsuitable as
+    /// weights of single bins.
     ///
     /// # Errors
     /// The same errors as [`Self::check`], and [`DetectorError::Count`] unless there is one count per bin of

@@ -102,7 +102,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     }
 }
 
-/// A time in periods and bins. This representation stays exact in long captures.
+/// A time in periods and bins. Times in periods and bins stay exact in long captures.
 #[derive(Clone, Copy)]
 struct Time {
     pulse: u64,

@@ -73,7 +73,7 @@ fn element_out(e: &Element) -> ElementOut {
 /// Returns a scheme as TOML.
 ///
 /// # Errors
-/// Returns an error if a number cannot be serialized. This error does not occur for a checked scheme.
+/// Returns an error if a number cannot be serialized. Checked schemes do not cause this error.
 pub fn to_toml(scheme: &Scheme) -> Result<String, toml::ser::Error> {
     let sensor = match &scheme.sensor {
         Sensor::Intensity => {

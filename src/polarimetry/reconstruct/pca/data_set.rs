@@ -4,8 +4,8 @@ use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Number of slabs between two merges. This number is large enough for many threads, and small enough to
-/// limit memory.
+/// Number of slabs between two merges. The number is large enough for many threads, and small enough to limit
+/// memory.
 const BATCH: u32 = 64;
 
 /// Settings for the data that is kept for each material.

@@ -3,9 +3,9 @@
 //! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive.
 //! A valid entry is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible
 //! for passive materials. The T00 of such an entry is noise around 0, so the quotient is arbitrarily large. A
-//! few such entries would dominate the second moments. They are therefore excluded and counted. Entries that
-//! are slightly unphysical because of noise are not changed. There is no lower limit of T00, because a dark
-//! bin is a valid measurement and the paper uses all bins.
+//! few such entries would dominate the second moments. Entries above [`GREATEST`] are therefore excluded and
+//! counted. Entries that are slightly unphysical because of noise are not changed. There is no lower limit of
+//! T00, because a dark bin is a valid measurement and the paper uses all bins.
 //!
 //! Slabs of entries are processed in parallel. The data of each slab is bounded in size. The data is merged
 //! in the order of slabs. The result therefore does not depend on threads or on the split of a file into

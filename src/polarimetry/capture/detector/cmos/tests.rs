@@ -36,8 +36,8 @@ fn readings_have_the_expected_mean_and_variance() {
 }
 
 /// The slope of variance over mean (photon transfer) is 1/K. The test fits the slope by least squares over 8
-/// levels of 100 000 readings. The relative error of each variance is √(2/n). This error determines the error
-/// of the slope.
+/// levels of 100 000 readings. The relative error of each variance is √(2/n). The errors of the variances
+/// determine the error of the slope.
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
