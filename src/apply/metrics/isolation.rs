@@ -166,8 +166,8 @@ mod tests {
         let classes = classes(&light, &all, 0.5);
         let (p, n) = parted(&all, &classes);
         assert_eq!((p.len(), n.len()), (16, 48));
-        // Positives have the value 3. Of the negatives, 16 have the value 1, 16 have the value 4 and 16 have the
-        // value 6. A third of the negatives is therefore below 3.
+        // Positives have the value 3. Of the negatives, 16 have the value 1, 16 have the value 4 and 16 have
+        // the value 6. A third of the negatives is therefore below 3.
         approx::assert_relative_eq!(area(&p, &n), 1.0 / 3.0, epsilon = 1e-12);
         // The best decision is "at least 3", with 16 true and 32 false positives.
         let c = decided(&all, &classes, threshold(&p, &n).expect("one"));
