@@ -1,8 +1,8 @@
-//! The interface of an application: the scenes and slices that it needs, the methods that it
+//! Defines applications. An application states the scenes and slices that it needs, the methods that it
 //! compares, and its metrics.
 //!
 //! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses only tensors and maps. An application does not read scenes or files, and does not render.
+//! uses tensors and maps. An application neither reads scenes or files nor renders.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
@@ -12,28 +12,29 @@ use crate::observation::Observation;
 /// An application of the tensor, with the published methods for the same task.
 #[derive(Clone, Debug)]
 pub struct Application {
-    /// Name on the command line, one word.
+    /// Name of the application on the command line, a single word.
     pub name: &'static str,
-    /// A sentence on what the application shows.
+    /// A sentence that states what the application shows.
     pub shows: &'static str,
     pub plan: Plan,
     /// All methods. The first method is compared with all other methods.
     pub methods: Vec<Method>,
     /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
     pub drawn: Vec<&'static str>,
-    /// All metrics. The first is the main metric.
+    /// All metrics. The first metric is the main metric.
     pub metrics: Vec<Metric>,
     pub run: Run,
-    /// Function that learns the task of the first method from training observations. `None` unless this
-    /// method computes a few linear functionals of Mueller matrices. Captures can be optimized for this task.
+    /// Function that learns the task of the first method from training observations. Captures can be
+    /// optimized for this task. The value is `None` unless the first method computes a few linear functionals
+    /// of Mueller matrices.
     pub task: Option<Learn>,
 }
 
 /// A function that learns a task from training observations.
 pub type Learn = fn(&[Observation]) -> Result<Task, ApplyError>;
 
-/// A function that fits every method to the first observations and tests the methods on the second
-/// observations. All observations have the same seed.
+/// A function that fits every method to the first list of observations and tests the methods on the second
+/// list. All observations have the same seed.
 pub type Run = fn(&[Observation], &[Observation]) -> Result<Outcome, ApplyError>;
 
 /// The renders that an application needs.
@@ -44,12 +45,13 @@ pub struct Plan {
     pub train: Vec<u64>,
     /// Variants for testing, none of which is in `train`.
     pub test: Vec<u64>,
-    /// Names of the slices of every variant. Empty if the seeds do not apply to renders but, for example,
-    /// to detector noise. In this case only the ground truth is rendered.
+    /// Names of the slices of every variant. The list is empty if the seeds apply to detector noise, for
+    /// example, instead of renders. With an empty list, the ground truth is rendered and no slice is
+    /// rendered.
     pub slices: Vec<&'static str>,
     pub truth: Vec<Truth>,
     pub preview: Size,
-    /// Size of a render for the results.
+    /// Size of the renders from which the results are computed.
     pub full: Size,
 }
 
@@ -63,39 +65,40 @@ pub enum Truth {
         /// Names of the materials.
         of: &'static [&'static str],
     },
-    /// Index of the object, from 0, at each pixel's centre, or NaN if there is no object. Smooth glass and
-    /// water in front of the object are ignored.
+    /// Index of the object at each pixel's centre, counted from 0. The index is NaN if there is no object.
+    /// Smooth glass and water in front of the object are ignored.
     Object(&'static str),
     /// Texture coordinates, in two channels, of the surface that [`Truth::Object`] refers to.
     Texture(&'static str),
-    /// A layer of `sunstone layers`: the value of the object that most of the 4 x 4 rays per pixel hit.
-    /// Pixels without an object are NaN, or -1 in layers of object indices.
+    /// A layer of `sunstone layers`. A pixel has the value of the object that most of the 4 x 4 rays of the
+    /// pixel hit. Pixels without an object are NaN, or -1 in layers of object indices.
     Layer {
         name: &'static str,
         layer: &'static str,
         /// Whether the layer shows the surfaces behind smooth interfaces and sheets.
         through: bool,
     },
-    /// A slice of this or another variant, rendered with a separate seed. The slice is added to the
-    /// observation under its name.
+    /// A slice of the same variant or of another variant, rendered with a separate seed. The slice is added
+    /// to the observation under the slice's name.
     Slice {
         name: &'static str,
         slice: &'static str,
-        /// Returns the variant to render for a given variant; [`itself`] returns the given variant.
+        /// Returns the variant to render for a given variant. The function [`itself`] returns the given
+        /// variant.
         of: fn(u64) -> u64,
-        /// Factor by which the number of samples exceeds that of the other renders.
+        /// Factor by which the number of samples exceeds the number of samples of other renders.
         samples: u32,
     },
 }
 
-/// Returns the variant itself, for [`Truth::Slice`].
+/// Returns the given variant, for use in [`Truth::Slice`].
 pub fn itself(variant: u64) -> u64 {
     variant
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Number of pixels of the longer side of the camera image. The aspect ratio is that of the scene.
+    /// Number of pixels of the longer side of the camera image. The scene defines the aspect ratio.
     pub pixels: u32,
     /// Samples per pixel.
     pub spp: u32,
@@ -104,12 +107,12 @@ pub struct Size {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
     pub name: &'static str,
-    /// Publication of the method, or a note that the method is new.
+    /// Publication of the method, or a note that states that the method is new.
     pub source: &'static str,
 }
 
 impl Method {
-    /// Returns a method of this name and publication.
+    /// Returns a method with the given name and publication.
     pub const fn new(name: &'static str, source: &'static str) -> Self {
         Self { name, source }
     }
@@ -118,7 +121,7 @@ impl Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Metric {
     pub name: &'static str,
-    /// Unit of the metric; empty for a number without unit.
+    /// Unit of the metric, empty for a number without a unit.
     pub unit: &'static str,
     pub more_is_better: bool,
 }
@@ -135,7 +138,7 @@ pub struct Score {
     pub method: &'static str,
     pub metric: &'static str,
     pub variant: u64,
-    /// Value; NaN if the metric is undefined for this variant.
+    /// Value of the score, NaN if the metric is undefined for this variant.
     pub value: f64,
 }
 
@@ -162,9 +165,10 @@ pub struct Picture {
     pub method: &'static str,
     /// Short description of the content, suitable for a file name.
     pub name: &'static str,
-    /// Variant of the image; `None` for images of learned quantities.
+    /// Variant of the image, or `None` for an image of learned quantities.
     pub variant: Option<u64>,
-    /// Whether all methods have the same unit, so that their images are drawn side by side on a common scale.
+    /// Whether the images of all methods have the same unit. Images with the same unit are drawn side by side
+    /// on a common scale.
     pub shared: bool,
     pub map: Map,
 }

@@ -1,5 +1,5 @@
-//! Tables of an application: the score of each method, and the difference between the scores of the first
-//! method and of each other method.
+//! Tables of an application. The tables contain the score of each method, and the difference between the
+//! first method's score and each other method's score.
 
 use crate::application::{Application, Method, Metric, Score};
 use crate::metrics::paired::{Estimate, difference, estimate};
@@ -11,13 +11,13 @@ pub struct Row {
     pub metric: Metric,
     /// Mean score over variants and seeds.
     pub value: Estimate,
-    /// Score of the first method minus the score of this method on the same renders; `None` for the
-    /// first method.
+    /// Score of the first method minus the score of this method on the same renders, or `None` for the first
+    /// method.
     pub ours_less_this: Option<Estimate>,
 }
 
 /// Returns the scores of a method by a metric, from scores with their seeds. The table has one row per
-/// variant and one column per seed; missing scores are NaN.
+/// variant and one column per seed. Missing scores are NaN.
 pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
     let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
     let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
@@ -34,8 +34,8 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
     variants.iter().map(|v| seeds.iter().map(|s| value(*v, *s)).collect()).collect()
 }
 
-/// Returns the rows of all methods and metrics from scores with their seeds: sorted by metric, then by
-/// method, in the order of the application.
+/// Returns the rows of all methods and metrics, from scores with their seeds. The rows are sorted by metric,
+/// then by method, in the order of the application.
 pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = &application.methods;
     let mut rows = vec![];

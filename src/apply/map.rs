@@ -1,7 +1,7 @@
-//! The image type of all methods.
+//! The type of the images that all methods use.
 
-/// An image of `height × width` camera pixels with `channels` values per pixel (colours, or the components of
-/// a vector), row-major. Unknown pixels are NaN.
+/// An image of `height × width` camera pixels with `channels` values per pixel, row-major. The values of a
+/// pixel are colours, or the components of a vector. Unknown pixels are NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     pub width: usize,
@@ -9,12 +9,12 @@ pub struct Map {
     pub height: usize,
     /// Values per pixel.
     pub channels: usize,
-    /// Values; channels vary fastest.
+    /// Values of all pixels. The channel index varies fastest.
     pub data: Vec<f64>,
 }
 
 impl Map {
-    /// Returns the map of a function of column and row, which fills a pixel's channels.
+    /// Returns the map of a function that fills the channels of the pixel at a column and row.
     pub fn from_fn(
         width: usize,
         height: usize,
@@ -33,7 +33,7 @@ impl Map {
     /// Returns the channels of a pixel.
     ///
     /// # Panics
-    /// If the pixel is outside the map.
+    /// Panics if the pixel is outside the map.
     pub fn at(&self, x: usize, y: usize) -> &[f64] {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside");
         let first = (y * self.width + x) * self.channels;

@@ -1,4 +1,5 @@
-//! The data of one variant of a scene with one seed: slices with standard errors, and ground-truth maps.
+//! The data of one variant of a scene with one seed. The data contains slices with standard errors, and
+//! ground-truth maps.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -15,7 +16,7 @@ pub struct Observation {
     pub values: BTreeMap<String, f64>,
     /// Text parameters of the variant.
     pub words: BTreeMap<String, String>,
-    /// Calibrated camera and projector; `None` for a scene without a projector.
+    /// Calibrated camera and projector, or `None` for a scene without a projector.
     pub rig: Option<Rig>,
     pub slices: BTreeMap<String, Slice>,
     /// Ground-truth maps by name.
@@ -36,7 +37,7 @@ pub struct Slice {
 pub struct Pixels {
     pub width: usize,
     pub height: usize,
-    /// Number of time bins; 1 for a slice without a time axis.
+    /// Number of time bins, or 1 for a slice without a time axis.
     pub bins: usize,
     /// Number of matrix elements: 16, or 1 for intensities.
     pub elements: usize,
@@ -67,8 +68,8 @@ impl Observation {
     ///
     /// # Errors
     /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice has no camera rows
-    /// and columns, or has no matrices although `mueller` requires matrices. [`ApplyError::Sizes`] if the
-    /// standard errors and the means have different shapes.
+    /// and columns, or lacks the matrices that `mueller` requires. [`ApplyError::Sizes`] if the standard
+    /// errors and the means have different shapes.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
         let axis = |axis| ApplyError::Axis { variant: self.variant, slice: name.to_owned(), axis };
@@ -117,7 +118,7 @@ impl Observation {
         Ok(pixels)
     }
 
-    /// Returns the calibrated camera and projector, or an error if the scene has none.
+    /// Returns the calibrated camera and projector, or an error if the scene has no calibration.
     pub(crate) fn rig(&self) -> Result<&Rig, ApplyError> {
         self.rig.as_ref().ok_or_else(|| self.missing("calibrated rig", "camera and projector"))
     }
@@ -135,7 +136,7 @@ impl Observation {
         ApplyError::Sizes { variant: self.variant, what: what.into() }
     }
 
-    /// Returns the error for a variant in which no pixel shows only the material or object `what`.
+    /// Returns the error for a variant in which no pixel shows the material or object `what` alone.
     pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
         let variant = self.variant;
         let cause = format!("variant {variant} has no pixel that shows {what}");
@@ -146,7 +147,7 @@ impl Observation {
 /// Converts the training and the test variants with `see`.
 ///
 /// # Errors
-/// Those of `see`; [`ApplyError::Empty`] if there are no training or no test variants.
+/// The errors of `see`, and [`ApplyError::Empty`] if there are no training or no test variants.
 pub fn seen<S>(
     train: &[Observation],
     test: &[Observation],
@@ -171,7 +172,7 @@ impl Pixels {
         ((pixel * self.bins + bin) * self.elements + element) * self.wavelengths + lane
     }
 
-    /// Returns the mean of element 4 i + j at a pixel, in a bin, at a wavelength.
+    /// Returns the mean of element 4 i + j at a given pixel, bin and wavelength.
     pub fn at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
         self.mean[self.place(pixel, bin, element, lane)]
     }
@@ -220,8 +221,8 @@ pub(crate) mod tests {
         run(std::slice::from_ref(&o), std::slice::from_ref(&o)).expect_err("it lacks something")
     }
 
-    /// Returns a slice of matrices from a function of pixel, bin, element and wavelength, with errors
-    /// `error`.
+    /// Returns a slice of matrices from a function of pixel, bin, element and wavelength. All standard errors
+    /// are `error`.
     pub(crate) fn slice(
         [width, height, bins, wavelengths]: [usize; 4],
         error: f64,

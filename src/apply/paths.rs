@@ -1,8 +1,8 @@
-//! Light by path type: sums over a slice that has axes for labels ([`tensor::label`]) and for numbers of
-//! surface interactions.
+//! Computes light by path type. The light is a sum over a slice that has axes for labels ([`tensor::label`])
+//! and for numbers of surface interactions.
 //!
-//! Light components are sets of pairs (label, bounces). A label does not contain the order of
-//! interactions: light from a mirror to a wall and light from a wall to a mirror have the same path type.
+//! Light components are sets of pairs (label, bounces). A label does not contain the order of interactions.
+//! Light from a mirror to a wall and light from a wall to a mirror therefore have the same path type.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -20,7 +20,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// Returns whether the path has exactly one reflection, by a matte surface.
+    /// Returns whether the path consists of a single reflection by a matte surface.
     pub fn single_diffuse(self) -> bool {
         self.label == DIFFUSE && self.bounces == 1
     }
@@ -35,7 +35,7 @@ impl Path {
         self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
     }
 
-    /// Returns whether the path has exactly one reflection, by a mirror or by microfacets.
+    /// Returns whether the path consists of a single reflection by a mirror or by microfacets.
     pub fn single_specular(self) -> bool {
         self.all_specular() && self.bounces == 1
     }
@@ -45,13 +45,15 @@ impl Path {
         self.all_specular() && self.bounces > 1
     }
 
-    /// Returns whether the path includes reflections by a smooth and by a matte surface.
+    /// Returns whether the path includes a reflection by a smooth surface and a reflection by a matte
+    /// surface.
     pub fn mirror_and_diffuse(self) -> bool {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// Returns whether the path has one reflection by a mirror and one by a matte surface, in any order.
-    /// Examples are light from a mirror on a wall, and light from a wall that a mirror reflects.
+    /// Returns whether the path has one reflection by a mirror and one reflection by a matte surface, in any
+    /// order. One example is light that a mirror reflects to a wall. Another example is light that a wall
+    /// scatters to a mirror.
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
     }
@@ -71,7 +73,7 @@ impl<'a> Labelled<'a> {
     /// Returns the labelled slice of an observation.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice lacks rows and
+    /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice lacks rows and
     /// columns, labels or bounces.
     pub fn of(o: &'a Observation, name: &str) -> Result<Self, ApplyError> {
         let tensor = &o.slice(name)?.mean;
@@ -88,8 +90,11 @@ impl<'a> Labelled<'a> {
         Ok(Self { tensor, kinds, camera, bin: tensor.find(AxisKind::T), path: [bounces, label] })
     }
 
-    /// Calls `f` for each value with pixel index, bin of travel time (0 without a time axis), index
-    /// of the path in `kinds`, and light. For matrices, the light is M00.
+    /// Calls `f` for each value with four arguments:
+    /// - the pixel index,
+    /// - the bin of travel time (0 without a time axis),
+    /// - the index of the path in `kinds`,
+    /// - the light (M00 for matrices).
     pub fn walk(&self, mut f: impl FnMut(usize, usize, usize, f64)) {
         let t = self.tensor;
         let ([y, x], [bounces, label]) = (self.camera, self.path);
@@ -105,13 +110,14 @@ impl<'a> Labelled<'a> {
     }
 }
 
-/// The intensity of a slice by path, summed over wavelengths and all axes except camera, label and bounces.
+/// The intensity of a slice by path. The intensity is summed over wavelengths and over all axes except
+/// camera, label and bounces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paths {
     pub width: usize,
     pub height: usize,
     kinds: Vec<Path>,
-    /// The light, `[pixel][kind]`.
+    /// The light of each path type in each pixel, `[pixel][kind]`.
     light: Vec<f64>,
 }
 
@@ -119,7 +125,7 @@ impl Paths {
     /// Sums a slice of an observation by path.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`] if the slice is missing; [`ApplyError::Axis`] if the slice lacks rows and
+    /// [`ApplyError::Missing`] if the slice is missing. [`ApplyError::Axis`] if the slice lacks rows and
     /// columns, labels or bounces.
     pub fn read(o: &Observation, name: &str) -> Result<Self, ApplyError> {
         let slice = Labelled::of(o, name)?;
@@ -181,8 +187,8 @@ pub(crate) mod tests {
 
     #[test]
     fn sums_contain_exactly_the_named_paths() {
-        // Every path contributes a unique power of two at every wavelength, so a sum identifies the paths
-        // that it contains.
+        // Every path contributes a unique power of two at every wavelength, so a sum identifies the paths in
+        // the sum.
         let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
         let even = |p: Path| p.label.is_multiple_of(2);
         let o =

@@ -1,7 +1,7 @@
-//! Calibrations of camera and projector as pinhole devices without distortion. The caller must remove
+//! Calibrations of a camera and a projector as pinhole devices without distortion. The caller must remove
 //! distortion from images beforehand.
 //!
-//! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, metres. The pixel of p is
+//! A world point p has the coordinates q = Rᵀ(p - o) in the device's frame, in metres. The pixel of p is
 //! f·(q_x/q_z, q_y/q_z) + c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
@@ -9,15 +9,15 @@ use nalgebra::{Matrix3, Vector3};
 /// A pinhole camera or projector with its pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pinhole {
-    /// Number of columns and rows.
+    /// Number of columns and number of rows.
     pub resolution: [usize; 2],
-    /// Focal lengths, pixels.
+    /// Focal lengths in pixels.
     pub focal: [f64; 2],
-    /// Principal point, pixels; the image's upper left corner is (0, 0).
+    /// Principal point in pixels. The image's upper left corner is (0, 0).
     pub principal: [f64; 2],
-    /// Centre of projection in world coordinates, metres.
+    /// Centre of projection in world coordinates, in metres.
     pub origin: Vector3<f64>,
-    /// Axes of the device as columns: image right, image down and forward, in world coordinates.
+    /// Axes of the device in world coordinates. The columns are image right, image down and forward.
     pub axes: Matrix3<f64>,
 }
 
@@ -39,7 +39,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns (x, y, 1) for a pixel coordinate: the point of its ray at depth 1, in the device's frame.
+    /// Returns (x, y, 1) for a pixel coordinate. This vector is the point at depth 1 on the pixel's ray, in
+    /// the device's frame.
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let at = |k: usize| (pixel[k] - self.principal[k]) / self.focal[k];
         Vector3::new(at(0), at(1), 1.0)

@@ -1,7 +1,7 @@
-//! Draws the angles of rotating elements over the captures of a scheme, as in figure 4(c, d) of Baek &
-//! Heide 2021. Each element has its own panel.
+//! Draws the angles of rotating elements over the captures of a scheme, as in figure 4(c, d) of Baek & Heide
+//! (2021). Each element has its own panel.
 //!
-//! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
+//! Angles are drawn modulo the period of the element, which is 180° for polarizers and retarders.
 
 use super::drawing::{Drawing, Point, Rect};
 use super::error::FigureError;
@@ -14,19 +14,22 @@ use super::ticks::{Ticks, brief};
 const SIZE: (f64, f64) = (900.0, 140.0);
 /// Space above a panel for the name, in pixels.
 const HEAD: f64 = 34.0;
-/// Fraction of the period by which a panel extends beyond both ends, so that markers at the ends are not
-/// clipped.
+/// Fraction of the period by which a panel extends beyond each end. The extension prevents clipping of
+/// markers at the ends.
 const BEYOND: f64 = 0.08;
 /// Maximum number of panels on a page.
 const MOST: usize = 8;
 
-/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and
-/// the period of its angle. `values[capture][element]` is the angle in the unit of the label. Non-finite
-/// angles leave gaps.
+/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and the
+/// period of its angle. `values[capture][element]` is the angle in the units of the label. Non-finite angles
+/// leave gaps.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no capture, no element or more than eight, if a capture has the wrong
-/// number of angles, or if a period is not a finite positive number.
+/// [`FigureError::Option`] in the following cases:
+/// - There is no capture.
+/// - There is no element, or there are more than eight.
+/// - A capture has the wrong number of angles.
+/// - A period is not a finite positive number.
 pub fn draw(
     title: &str,
     elements: &[(&str, &str, f64)],
@@ -35,8 +38,8 @@ pub fn draw(
     check(elements, values)?;
     let panels = Panels { size: SIZE, head: HEAD, gap: 0.0, columns: 1 };
     let (wide, high) = panels.extent(elements.len());
-    // The page has one long axis with the ticks of all panels. The labels of the panels take the place of
-    // the label of this axis.
+    // The page has one long axis with the ticks of all panels. The labels of the panels replace the label of
+    // this axis.
     let quarters = || (0..=4).map(|quarter| f64::from(quarter) / 4.0);
     let ticks = |i: usize| {
         let (top, period) = (panels.corner(i).1, elements[i].2);
@@ -72,18 +75,19 @@ pub fn draw(
     Ok(page)
 }
 
-/// Returns the position on the page of capture `k` of `n`, at a fraction `part` of the element's period.
+/// Returns the position on the page of capture `k` of `n`. `part` is the angle as a fraction of the element's
+/// period.
 fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
     (panel.x + (k as f64 + 0.5) / n as f64 * panel.w, panel.y + row(part))
 }
 
-/// Returns an angle as a fraction of its period, 0 to below 1.
+/// Returns an angle as a fraction of the period, from 0 to below 1.
 fn part(angle: f64, period: f64) -> Option<f64> {
     let part = angle.rem_euclid(period) / period;
     part.is_finite().then_some(if part < 1.0 { part } else { 0.0 })
 }
 
-/// Returns the distance of a fraction of the period from the upper edge of its panel, in pixels.
+/// Returns the distance of a fraction of the period from the upper edge of the panel, in pixels.
 fn row(part: f64) -> f64 {
     (1.0 + BEYOND - part) / (1.0 + 2.0 * BEYOND) * SIZE.1
 }
@@ -129,8 +133,8 @@ mod tests {
     const TWO: [(&str, &str, f64); 2] =
         [("polarizer 1", "angle / °", 180.0), ("retarder 2", "angle / °", 180.0)];
 
-    /// Tests that every angle has a marker in the correct panel, column and row, and that an angle plus one
-    /// period has the same position.
+    /// Tests that every angle has a marker in the correct panel, column and row. An angle plus one period
+    /// must have the same position.
     #[test]
     fn angles_are_drawn_at_their_positions() {
         let values = vec![vec![45.0, 0.0], vec![f64::NAN, 90.0], vec![-45.0, 270.0], vec![0.0, 180.0]];

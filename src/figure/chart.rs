@@ -1,8 +1,9 @@
 //! Draws an x–y chart of named series, with lines, markers and error bars on linear or logarithmic axes.
 //!
-//! Series differ in colour and marker, so that the chart is also readable in greyscale. Non-finite points
-//! leave gaps. Points at or below zero on a logarithmic axis also leave gaps, and a note under the chart
-//! counts these points. A reference line is a series of two points; a bound is a dashed series in [`BLACK`].
+//! Series differ in colour and marker, so that the chart is also readable in grayscale. Non-finite points
+//! leave gaps. Points at or below zero on a logarithmic axis also leave gaps. A note under the chart states
+//! the number of these points. A reference line is a series of two points. A bound is a dashed series in
+//! [`BLACK`].
 
 use image::Rgb;
 
@@ -32,11 +33,11 @@ const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
-    /// Title of the chart; may be empty.
+    /// Title of the chart. The title may be empty.
     pub title: String,
     pub x: ChartAxis,
     pub y: ChartAxis,
-    /// The series; later series are drawn over earlier series.
+    /// The series. Later series are drawn over earlier series.
     pub series: Vec<Series>,
     /// Notes under the chart, one paragraph each.
     pub notes: Vec<String>,
@@ -64,8 +65,11 @@ pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error:
 /// Draws a chart of 900 × 520 pixels with its axes and legend.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no series, a series has no points or a wrong number of errors, there
-/// are too many series to distinguish, the axes can show no point, or a range is invalid.
+/// [`FigureError::Option`] in the following cases:
+/// - There is no series, or there are too many series to distinguish.
+/// - A series has no points, or the number of its errors is wrong.
+/// - The axes cannot show any point.
+/// - A range is invalid.
 pub fn draw(chart: &Chart) -> Result<Drawing, FigureError> {
     check(chart)?;
     Ok(draw_in(chart, &palette)?.0)
@@ -136,7 +140,7 @@ pub(crate) fn markers(
     }
 }
 
-/// Checks that a chart can be drawn, and returns an error with a fix otherwise.
+/// Checks that a chart can be drawn. If not, returns an error that states a fix.
 pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56 (the number of distinguishable styles)";
@@ -163,8 +167,8 @@ fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
 
-/// Returns the points that both axes can show, with their standard errors (0 for points without a standard
-/// error).
+/// Returns the points that lie in the domain of the two axes, with standard errors. A point without a
+/// standard error has the error 0.
 fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     chart.series.iter().flat_map(|s| {
         let all = s.points.iter().enumerate();
@@ -172,8 +176,8 @@ fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     })
 }
 
-/// Returns scales that contain all points and their error bars; on a logarithmic axis, an error bar
-/// extends downward by at most one decade.
+/// Returns scales that contain all points and their error bars. On a logarithmic axis, an error bar extends
+/// downward by at most one decade.
 pub(crate) fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     let reach = |((_, y), e): ((f64, f64), f64)| {
         let low = if chart.y.log { (y - e).max(y / 10.0) } else { y - e };
@@ -223,8 +227,8 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     }
 }
 
-/// Returns the page coordinates of a series' points, with their standard errors (0 if there are none), or
-/// `None` for a gap.
+/// Returns the page coordinates and standard errors of a series' points. A point without a standard error has
+/// the error 0. The result is `None` for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
     let all = series.points.iter().enumerate();
     all.map(move |(i, &p)| scales.point(p).map(|at| (at, [p.0, p.1], series.error(i))))
@@ -263,8 +267,8 @@ fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, n
     }
     let pen = Pen { width: nib.bar, dashed: false, ..pen };
     for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
-        // On a logarithmic axis, an error bar that reaches zero extends beyond the chart and has no cap
-        // there.
+        // On a logarithmic axis, an error bar that reaches zero extends beyond the chart and has no cap at
+        // this end.
         let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);
         let plot = scales.plot;
         let (top, bottom) = (end(y + e, plot.y - plot.h), end(y - e, plot.y + 3.0 * plot.h));

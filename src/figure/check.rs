@@ -1,4 +1,4 @@
-//! Checks before rendering that a view of a slice can be drawn.
+//! Checks, before rendering, that a view of a slice can be drawn.
 
 use crate::error::{FigureError, WAVELENGTH};
 use crate::flight::MOST;
@@ -14,8 +14,8 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
     }
 }
 
-/// Checks the options of a view, and that the slice resolves the axes that the view needs; `nm` are
-/// the scene's wavelengths.
+/// Checks the options of a view. Also checks that the slice resolves the axes that the view needs. `nm` are
+/// the scene's wavelengths in nanometres.
 ///
 /// # Errors
 /// The same [`FigureError`] as for drawing the view.

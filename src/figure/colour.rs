@@ -1,16 +1,16 @@
-//! Maps values to colours: wavelengths to RGB, exposure, and colour maps.
+//! Maps values to colours by wavelength, exposure and colour maps.
 //!
-//! Wavelength rule: each primary (660 nm red, 550 nm green, 450 nm blue) shows the mean of the wavelengths
-//! for which it is the nearest primary. A primary without such wavelengths shows the single nearest
-//! wavelength. Three wavelengths are assigned by order instead (lowest blue, middle green, highest red), and
-//! a single wavelength is grey. The weights of each primary sum to 1, so a spectrally flat image is grey.
+//! The wavelength rule assigns wavelengths to primaries (660 nm red, 550 nm green, 450 nm blue). Each primary
+//! shows the mean of the wavelengths for which the primary is the nearest. A primary that is nearest to no
+//! wavelength shows the single nearest wavelength. There are two exceptions. Three wavelengths are assigned
+//! by order (lowest blue, middle green, highest red), and a single wavelength is grey. The weights of each
+//! primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
-/// Colour of undefined values: values that are not finite, or that are normalized by an M00 that is not
-/// positive.
+/// Colour of values that are not finite, and of values that are divided by an M00 that is not positive.
 pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
 
 /// Wavelengths in nanometres shown as red, green and blue.
@@ -51,14 +51,14 @@ pub fn primary(nm: f64) -> usize {
     nearest(&PRIMARIES_NM, nm)
 }
 
-/// Returns the index of the value nearest to `wanted`; if there are several, the first. Returns 0 for an
-/// empty list.
+/// Returns the index of the value nearest to `wanted`. Of several nearest values, the first is used. Returns
+/// 0 for an empty list.
 pub fn nearest(values: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
-/// Returns line colours that are distinct on white: the primary's colour for several wavelengths
-/// (darker for the second wavelength of a primary), dark grey for a single wavelength.
+/// Returns line colours that are distinct on white. For several wavelengths, the colour is that of the
+/// primary, darker for the second wavelength of a primary. A single wavelength is dark grey.
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
     const SHADES: [[[u8; 3]; 2]; 3] =
         [[[204, 44, 38], [120, 20, 50]], [[40, 140, 60], [10, 82, 70]], [[38, 96, 190], [92, 48, 150]]];
@@ -91,8 +91,8 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     Some(*finite.select_nth_unstable_by(rank, f32::total_cmp).1)
 }
 
-/// Returns the white level of an image: the 99th percentile of its values, or the maximum if that
-/// percentile is not positive.
+/// Returns the white level of an image. The white level is the 99th percentile of the image's values, or the
+/// maximum if that percentile is not positive.
 pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
     percentile(values.clone(), 0.99).filter(positive).or_else(|| percentile(values, 1.0)).into()
@@ -110,8 +110,8 @@ pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     if rgb.iter().all(|v| v.is_finite()) { Rgb(rgb.map(|v| srgb(v / white))) } else { UNDEFINED }
 }
 
-/// Returns the colour of a value in a diverging colour map: -1 is blue, 0 nearly white, +1 red. Other values
-/// are clamped to -1..1.
+/// Returns the colour of a value in a diverging colour map. The colour is blue for -1, nearly white for 0 and
+/// red for +1. Other values are clamped to -1..1.
 pub fn signed(v: f32) -> Rgb<u8> {
     gradient(colorous::RED_BLUE, v, 0.5 - 0.5 * v.clamp(-1.0, 1.0))
 }
@@ -121,8 +121,8 @@ pub fn quotient(element: f32, m00: f32, limit: f32) -> Rgb<u8> {
     if m00 > 0.0 && m00.is_finite() { signed(element / m00 / limit) } else { UNDEFINED }
 }
 
-/// Returns the colour of a value in a perceptually uniform sequential colour map: 0 is black, 1 pale yellow.
-/// Other values are clamped to 0..1.
+/// Returns the colour of a value in a perceptually uniform sequential colour map. The colour is black for 0
+/// and pale yellow for 1. Values outside 0..1 are clamped.
 pub fn sequential(v: f32) -> Rgb<u8> {
     gradient(colorous::INFERNO, v, v.clamp(0.0, 1.0))
 }

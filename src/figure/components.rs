@@ -1,8 +1,8 @@
-//! Draws matrices of 16 numbers, such as principal components, as 4×4 coloured cells with printed values, on
-//! one common scale.
+//! Draws matrices of 16 numbers, such as principal components. Each matrix is drawn as 4×4 coloured cells
+//! with printed values. All matrices have one common scale.
 //!
-//! The design follows figure 5 of Baek & Heide 2021. Rows of a map are outgoing Stokes elements; columns are
-//! incoming Stokes elements.
+//! The design follows figure 5 of Baek & Heide (2021). Rows of a map are outgoing Stokes elements, and
+//! columns are incoming Stokes elements.
 
 use image::Rgb;
 
@@ -16,17 +16,17 @@ use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
 pub struct Map {
     /// Name above the map.
     pub label: String,
-    /// Second line of the name, in a smaller font; may be empty.
+    /// Second line of the name, in a smaller font. The line may be empty.
     pub caption: String,
     /// The 16 elements of the matrix, row-major.
     pub values: [f64; 16],
 }
 
-/// Size of a cell in pixels; the last pixel separates it from the next cell.
+/// Size of a cell in pixels. The last pixel separates the cell from the next cell.
 const CELL: (f64, f64) = (62.0, 46.0);
 
-/// Draws maps, `columns` per row, on the common scale ± the largest magnitude; `quantity` labels the colour
-/// bar. Non-finite values are grey.
+/// Draws maps, `columns` per row. The common scale is ± the largest magnitude, and `quantity` labels the
+/// colour bar. Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Empty`] if there is no map.
@@ -75,13 +75,14 @@ impl Map {
     }
 }
 
-/// Returns a dark text colour for a light background, or white for a dark background (luma of ITU-R BT.601).
+/// Returns white for a dark background, and a dark text colour for a light background. The luma of ITU-R
+/// BT.601 measures the brightness of the background.
 fn ink_on(ground: Rgb<u8>) -> Rgb<u8> {
     let [r, g, b] = ground.0.map(f32::from);
     if 0.299 * r + 0.587 * g + 0.114 * b < 120.0 { Rgb([255; 3]) } else { INK }
 }
 
-/// Formats a value to a hundredth of the scale's end `limit`; negative zero becomes 0.
+/// Formats a value with a precision of a hundredth of `limit`, the end of the scale. Negative zero becomes 0.
 fn number(v: f64, limit: f64) -> String {
     if !v.is_finite() {
         return "–".into();
@@ -130,7 +131,7 @@ mod tests {
         }
     }
 
-    /// Tests that empty input, zeros and non-finite values are drawn or rejected without a panic.
+    /// Tests that empty input is rejected without a panic. Zeros and non-finite values must be drawn.
     #[test]
     fn degenerate_maps_never_panic() {
         assert!(draw("T", &[], 3, "T", &[]).is_err());

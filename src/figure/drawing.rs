@@ -1,8 +1,9 @@
-//! Defines a drawing: an SVG document of a few primitives, from which all output formats are produced.
+//! Defines a drawing, which is an SVG document of a few primitives. All output formats are produced from this
+//! document.
 //!
-//! Lengths are in pixels of the PNG; x points right, y down. Text is SVG text, data are embedded
-//! images with sharp pixels, and all other items are paths. Images are below all other items,
-//! because [`super::output`] draws images first.
+//! Lengths are in pixels of the PNG. The x axis points right, and the y axis points down. Text is SVG text,
+//! data are embedded images with sharp pixels, and all other items are paths. Images are below all other
+//! items, because [`super::output`] draws images first.
 
 use std::fmt::{self, Write as _};
 
@@ -25,8 +26,8 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Returns a rectangle of size `(w, h)` whose upper left corner is offset by `(dx, dy)` from the
-    /// upper left corner of `self`.
+    /// Returns a rectangle of size `(w, h)`. The upper left corner of the result is offset by `(dx, dy)` from
+    /// the upper left corner of `self`.
     pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
         let (x, y) = (self.x + dx, self.y + dy);
         Self { x, y, w, h }
@@ -63,7 +64,8 @@ pub struct Pen {
 /// Lengths of dashes and of gaps, as multiples of the line width.
 const DASHES: [f64; 2] = [7.0 / 2.2, 9.0 / 2.2];
 
-/// An image made of paths, text and embedded images; [`Drawing::svg`] returns its SVG.
+/// An image that consists of paths, text and embedded images. [`Drawing::svg`] returns the image's SVG
+/// document.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     width: f64,
@@ -71,7 +73,7 @@ pub struct Drawing {
     title: String,
     body: String,
     clips: usize,
-    /// Pixels per inch; `None` for a drawing without a physical size.
+    /// Pixels per inch, or `None` for a drawing without a physical size.
     per_inch: Option<f64>,
     /// Rectangle of the data on the page.
     pub(crate) data: Rect,
@@ -86,7 +88,7 @@ fn hex(Rgb([r, g, b]): Rgb<u8>) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Escapes a text for XML; line breaks and characters that XML does not allow become spaces.
+/// Escapes a text for XML. Line breaks and characters that XML does not allow become spaces.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -126,7 +128,7 @@ impl Drawing {
         self.height.ceil() as u32
     }
 
-    /// Returns the drawing with a physical size, `per_inch` pixels per inch.
+    /// Returns the drawing with a physical size of `per_inch` pixels per inch.
     pub(crate) fn printed_at(mut self, per_inch: f64) -> Self {
         self.per_inch = Some(per_inch);
         self
@@ -168,7 +170,7 @@ impl Drawing {
         self.width = self.width.max(width);
     }
 
-    /// Appends one element; writing to a string cannot fail.
+    /// Appends one element. Writing to a string cannot fail.
     fn put(&mut self, element: fmt::Arguments) {
         let _ = writeln!(self.body, "{element}");
     }
@@ -179,13 +181,13 @@ impl Drawing {
         self.put(format_args!("<rect {r} fill=\"{colour}\" fill-opacity=\"{opacity}\"/>"));
     }
 
-    /// Draws a frame of one pixel around a rectangle, directly outside its edge.
+    /// Draws a frame of one pixel around a rectangle, directly outside the rectangle's edge.
     pub(crate) fn frame(&mut self, r: Rect, colour: Rgb<u8>) {
         let (r, colour) = (r.within((-0.5, -0.5), (r.w + 1.0, r.h + 1.0)), hex(colour));
         self.put(format_args!("<rect {r} fill=\"none\" stroke=\"{colour}\"/>"));
     }
 
-    /// Draws a line of one pixel from a point by `(dx, dy)`.
+    /// Draws a line that is one pixel wide from a point to the point offset by `(dx, dy)`.
     pub(crate) fn tick(&mut self, (x, y): Point, (dx, dy): Point, colour: Rgb<u8>) {
         // A line through the centre of a pixel is sharp.
         let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
@@ -239,7 +241,7 @@ impl Drawing {
         ));
     }
 
-    /// Draws a text; `y` is at half the height of the capital letters.
+    /// Draws a text. The coordinate `y` is at half the height of the capital letters.
     pub(crate) fn text(&mut self, text: &str, (x, y): Point, align: Align, style: Style) {
         let baseline = y + CAP_PER_EM * style.em / 2.0;
         let place = format!("x=\"{}\" y=\"{}\"", n(x), n(baseline));
@@ -271,7 +273,7 @@ impl Drawing {
     /// Draws an image that fills a rectangle, with sharp pixels.
     pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
         let mut png = Vec::new();
-        // Use a fixed PNG filter, because adaptive filters would take longer than the rest of the drawing.
+        // The PNG filter is fixed, because adaptive filters would take longer than the rest of the drawing.
         PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
             .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
             .expect("memory takes every PNG of at least one pixel");

@@ -1,8 +1,8 @@
-//! Draws single elements of Mueller matrices, named as in the paper by Baek & Heide 2021: `(0,1)`, `-(3,3)`,
-//! `±(0,2)`.
+//! Draws single elements of Mueller matrices. The elements are named as in the paper by Baek & Heide (2021):
+//! `(0,1)`, `-(3,3)`, `±(0,2)`.
 //!
-//! For a name with one sign, only values of that sign are shown, as intensity; other values are black.
-//! Elements with `±` and normalized elements use the diverging colour map.
+//! For a name with one sign, values of that sign are shown as intensity. All other values are black. Elements
+//! with `±` and normalized elements use the diverging colour map.
 
 use super::colour::{exposure, photo, quotient, rgb_weights, signed};
 use super::error::FigureError;
@@ -20,7 +20,7 @@ use tensor::axes::AxisKind;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Element {
-    /// Displayed sign: +1 or -1; 0 for both signs.
+    /// Displayed sign. The value is +1 or -1, or 0 for both signs.
     pub sign: i8,
     /// Row (Stokes out) and column (Stokes in), 0 to 3.
     pub at: [usize; 2],
@@ -65,15 +65,15 @@ impl TryFrom<String> for Element {
 pub struct ElementView {
     pub slice: String,
     pub element: Element,
-    /// Wavelength to draw, in nanometres; the nearest one is used. `None` combines all wavelengths into a
-    /// colour image, or selects the middle wavelength for signed values.
+    /// Wavelength to draw, in nanometres. The nearest wavelength of the slice is used. `None` combines all
+    /// wavelengths into a colour image. For signed values, `None` selects the middle wavelength.
     pub wavelength_nm: Option<f64>,
     /// Whether to divide the element by M00. The values are then signed.
     #[serde(default)]
     pub normalized: bool,
-    /// Time in picoseconds that selects the time bin to draw; `None` sums all bins.
+    /// Time in picoseconds that selects the time bin to draw. `None` sums all bins.
     pub time_ps: Option<f64>,
-    /// Value shown as white, or at the ends of the signed scale. `None` selects 1 if normalized,
+    /// Value shown as white, or value at the ends of the signed scale. `None` selects 1 if normalized,
     /// otherwise the 99th percentile.
     pub limit: Option<f32>,
 }
@@ -101,8 +101,10 @@ fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
 /// Returns the element as a tile.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or if an option is
-/// out of range.
+/// [`FigureError`] in the following cases:
+/// - The slice lacks an axis that the view needs.
+/// - The slice is empty or damaged.
+/// - An option is out of range.
 pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
@@ -131,7 +133,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     }
     let lane = source.wavelength(view.wavelength_nm)?;
     let element = of(view.element.at, Some(lane))?;
-    // The sign is applied to the quotient, not to M00.
+    // The sign is applied to the quotient instead of M00.
     let m00 = of([0, 0], Some(lane))?;
     let pairs = element.data.iter().zip(&m00.data);
     let raster = Raster::new(&view.slice, w, pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect())?;
@@ -186,8 +188,8 @@ mod tests {
         tile.cells[0].0.pixels().map(|p| p.0).collect()
     }
 
-    /// Tests that a name with one sign shows only values of that sign, that `±` shows all values, and that a
-    /// quotient has the requested sign.
+    /// Tests that a name with one sign shows no values of the opposite sign, and that `±` shows all values. A
+    /// quotient must have the requested sign.
     #[test]
     fn signs_follow_the_name() {
         let with = |m00: f32, m23: f32| {
@@ -203,7 +205,7 @@ mod tests {
         assert_eq!(drawn("±(2,3)", false, &t)[..2], [red, blue]);
         assert_eq!(drawn("(2,3)", true, &t), [red, blue, UNDEFINED.0]);
         assert_eq!(drawn("-(2,3)", true, &t), [blue, red, UNDEFINED.0]);
-        // Another element gives another image.
+        // An image of a different element is a different image.
         assert_eq!(drawn("(3,2)", false, &t)[..2], [black, black]);
     }
 

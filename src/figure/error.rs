@@ -1,6 +1,6 @@
 //! Defines the errors of drawing and saving figures.
 
-/// Description of valid wavelengths.
+/// Description of the valid wavelengths.
 pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometres";
 
 #[derive(Debug, thiserror::Error)]
@@ -11,7 +11,7 @@ pub enum FigureError {
         slice: String,
         /// Name of the missing axis.
         axis: &'static str,
-        /// The line of a slice definition that adds the axis.
+        /// The line of a slice definition that adds the missing axis.
         fix: &'static str,
     },
     #[error(
@@ -32,7 +32,7 @@ pub enum FigureError {
         /// Axes and their lengths.
         axes: String,
     },
-    /// An index of a row or an element that the slice does not have.
+    /// The index of a row or an element does not exist in the slice.
     #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; use 0 to {}", len.saturating_sub(1))]
     Index {
         slice: String,
@@ -65,7 +65,7 @@ impl FigureError {
         Self::Option { option, value, must }
     }
 
-    /// Returns the error for an empty list of items under a title.
+    /// Returns the error for an empty list of items with a title.
     pub(crate) fn nothing(title: &str, axis: &'static str) -> Self {
         let slice = title.to_owned();
         Self::Empty { slice, axis }

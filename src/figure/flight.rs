@@ -1,8 +1,8 @@
-//! Draws light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
+//! Draws light in flight. Time bins are colour images of M00, on a contact sheet or as an animation.
 //!
-//! The frames are distributed evenly over the time bins between 0.1 % and 99.9 % of the cumulative light
-//! (positive M00, summed over pixels and wavelengths). All frames have the same exposure, for which white
-//! is the 99.5th percentile of the positive channel values.
+//! The frames are distributed evenly over the time bins between 0.1 % and 99.9 % of the cumulative light.
+//! Light is the positive M00, summed over pixels and wavelengths. All frames have the same exposure. White is
+//! the 99.5th percentile of the positive channel values.
 
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
@@ -18,12 +18,13 @@ use super::white::White;
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
-/// Fraction of the light that is before the first frame, and fraction that is after the last frame.
+/// Fraction of the light that is before the first frame. The same fraction is after the last frame.
 const TAIL: f64 = 0.001;
 /// Maximum number of frames on a sheet.
 pub(crate) const MOST: usize = 400;
 
-/// Returns the indices of the bins to show, ascending: `frames` bins, or fewer if fewer bins contain light.
+/// Returns the indices of the bins to show, in ascending order. There are `frames` bins, or fewer if fewer
+/// bins contain light.
 pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
     let total: f64 = light.iter().map(|v| f64::from(*v)).sum();
     let bins = light.len();
@@ -48,8 +49,8 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the number of columns for which the aspect ratio of a sheet of `n` frames with `w` × `h`
-/// pixels is closest to 4:3. Full rows are preferred.
+/// Returns a number of columns for a sheet of `n` frames with `w` × `h` pixels. The aspect ratio of the sheet
+/// is as close as possible to 4:3. Full rows are preferred.
 fn columns(n: usize, w: usize, h: usize) -> usize {
     let cost = |c: usize| {
         let rows = n.div_ceil(c);
@@ -65,7 +66,7 @@ pub(super) struct Frames<'a> {
     ys: &'a [f64],
     /// Note that describes the contents of the frames.
     note: String,
-    /// Value shown as white, in the camera's unit.
+    /// Value shown as white, in the camera's units.
     pub white: White,
     /// Time label and unscaled image of every frame.
     pub shown: Vec<(String, Raster<3>)>,

@@ -1,5 +1,5 @@
-//! Lays out one plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with
-//! fitting margins.
+//! Lays out one plot on a white page. The page has a title, a frame, ticks, axis labels, a colour bar and
+//! notes. The margins fit these items.
 
 use image::{Rgb, RgbImage};
 
@@ -9,13 +9,13 @@ use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap}
 use super::ticks::{Ticks, brief};
 use super::white::White;
 
-/// Unit of camera values: spectral radiance.
+/// Unit of camera values, which are spectral radiances.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
 /// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-/// Minimum width of a page in pixels, which leaves space for titles and notes.
+/// Minimum width of a page in pixels. A page of this width has space for titles and notes.
 const PAGE_LEAST: f64 = 480.0;
-/// Maximum plot width, in pixels, for text of the nominal size. On wider plots the text is enlarged, by a
+/// Maximum plot width, in pixels, for text of the nominal size. On wider plots, the text is enlarged by a
 /// factor of at most [`LARGEST`].
 const NOMINAL: f64 = 900.0;
 const LARGEST: f64 = 1.6;
@@ -24,13 +24,13 @@ const EDGE: f64 = 18.0;
 /// Number of colours in a colour bar.
 pub const BAR_STEPS: u32 = 256;
 
-/// Returns the scale factor of text and distances for a plot of width `plot_width`, in pixels.
+/// Returns the scale factor of text and distances for a plot that is `plot_width` pixels wide.
 pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
 
-/// Returns the text of a note on the value shown as white, in the camera's unit, and the origin of this
-/// value.
+/// Returns the text of a note on the value shown as white. The note contains the value in the camera's units,
+/// and the origin of the value.
 pub fn white_words(white: White, origin: &str) -> String {
     match white {
         White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
@@ -40,9 +40,9 @@ pub fn white_words(white: White, origin: &str) -> String {
 
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
-    /// Label of the axis, with unit; may be empty.
+    /// Label of the axis, with the unit. The label may be empty.
     pub label: String,
-    /// Ticks of the axis; positions are measured from the left or from the bottom.
+    /// Ticks of the axis. Positions are measured from the left or from the bottom.
     pub ticks: Ticks,
     /// Whether positions are measured from the top instead of the bottom.
     pub downward: bool,
@@ -59,18 +59,18 @@ impl Axis {
 /// A colour bar to the right of the plot.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// Label of the colour bar, with unit.
+    /// Label of the colour bar, with the unit.
     pub label: String,
-    /// Ticks of the colour bar; positions are measured from the bottom.
+    /// Ticks of the colour bar. Positions are measured from the bottom.
     pub ticks: Ticks,
-    /// Returns the colour at a position 0..1 from the bottom.
+    /// Function that returns the colour at a position 0..1 from the bottom.
     pub colour: fn(f32) -> Rgb<u8>,
 }
 
 /// A page with all items around the data.
 #[derive(Default)]
 pub struct Page<'a> {
-    /// Title of the page; may be empty.
+    /// Title of the page. The title may be empty.
     pub title: &'a str,
     pub x: Axis,
     pub y: Axis,
@@ -142,7 +142,7 @@ impl Page<'_> {
             .map_or(EDGE + 8.0, |bar| m.bar_gap + m.bar_width + m.beside(&bar.ticks) + m.name("|") + EDGE);
         let page_w = (left + w + right).max(PAGE_LEAST);
         let left = left + ((page_w - left - w - right) / 2.0).floor();
-        // The page is high enough for the labels along a short plot.
+        // The page is high enough for the label along a short plot.
         let along = width(&self.y.label, m.label)
             .max(self.bar.as_ref().map_or(0.0, |bar| width(&bar.label, m.label)));
         let sag = ((along - h) / 2.0).ceil().max(0.0);
@@ -157,7 +157,7 @@ impl Page<'_> {
         let centre = page.data.centre();
         let bottom = top + h;
 
-        // Draws a text centred on the plot, shifted if necessary to stay on the page.
+        // Draws a text centred on the plot. The text is shifted if necessary to stay on the page.
         let across = |page: &mut Drawing, text: &str, y: f64, style: Style| {
             let (text, style) = fit(text, style, room);
             let half = EDGE + width(&text, style) / 2.0;
@@ -205,7 +205,8 @@ impl Bar {
         Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
     }
 
-    /// Returns an image of the bar's colours, one pixel wide, upper end first.
+    /// Returns an image of the bar's colours. The image is one pixel wide, with the upper end of the bar
+    /// first.
     pub fn colours(&self, steps: u32) -> RgbImage {
         RgbImage::from_fn(1, steps, |_, y| (self.colour)(1.0 - (y as f32 + 0.5) / steps as f32))
     }
@@ -226,7 +227,7 @@ impl Bar {
     }
 }
 
-/// A grid of panels of equal size, with a name above each panel.
+/// A grid of panels of equal size. Each panel has a name above it.
 pub struct Panels {
     pub size: (f64, f64),
     /// Space for the name above a panel, in pixels.
@@ -238,7 +239,7 @@ pub struct Panels {
 }
 
 impl Panels {
-    /// Returns the width and height in pixels of a plot with `count` panels, at least one.
+    /// Returns the width and height, in pixels, of a plot with `count` panels (at least one).
     pub fn extent(&self, count: usize) -> (f64, f64) {
         let (across, _) = self.corner(count.min(self.columns) - 1);
         let (_, down) = self.corner(count - 1);
@@ -256,14 +257,14 @@ impl Panels {
         page.data.within(self.corner(i), self.size)
     }
 
-    /// Creates a page for `count` panels, at least one, with a bar and notes.
+    /// Creates a page for `count` panels (at least one) with a bar and notes.
     pub fn page(&self, count: usize, title: &str, bar: Option<Bar>, notes: Vec<String>) -> Drawing {
         let page = Page { title, bar, notes, frameless: true, ..Page::default() };
         let (w, h) = self.extent(count);
         page.draw(w, h)
     }
 
-    /// Draws the lines of a panel's name above the panel, each line with its own style.
+    /// Draws the lines of a panel's name above the panel. Each line has its own style.
     pub fn name(&self, page: &mut Drawing, i: usize, lines: &[(&str, Style)]) {
         let place = self.place(page, i);
         let line = self.head / lines.len().max(1) as f64;

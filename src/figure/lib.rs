@@ -2,14 +2,14 @@
 //!
 //! Every figure is drawn once, as a [`Drawing`]. [`save`] converts the drawing's SVG to the format of the
 //! path's extension: `.png`, `.svg` or `.pdf`. [`save_animation`] writes light in flight as `.gif` or
-//! `.apng`. Data are embedded images with sharp pixels; axes, lines and text are vectors, and text can be
+//! `.apng`. Data are embedded images with sharp pixels. Axes, lines and text are vectors, and text can be
 //! selected.
 //!
 //! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
-//! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.
-//! Magnitudes use a perceptually uniform colour map, signed values use a diverging colour map ([`colour`]).
-//! Non-finite values, and normalized elements where M00 is not positive, are grey ([`colour::UNDEFINED`]).
-//! The same input gives the same bytes.
+//! have more axes than the image. In this case, one Mueller element and one wavelength are selected, and
+//! other axes are summed. Magnitudes use a perceptually uniform colour map, and signed values use a diverging
+//! colour map ([`colour`]). Grey ([`colour::UNDEFINED`]) marks non-finite values, and normalized elements
+//! where M00 is not positive. Equal inputs give equal bytes.
 
 use crate::spec::{FlightView, View};
 
@@ -55,8 +55,10 @@ mod tests;
 /// Draws one view of a slice under a title.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or if an option is
-/// out of range.
+/// [`FigureError`] in the following cases:
+/// - The slice lacks an axis that the view needs.
+/// - The slice is empty or damaged.
+/// - An option is out of range.
 pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     match view {
         View::Photo(v) => photo::draw(v, title, panel),
@@ -68,7 +70,7 @@ pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureEr
     }
 }
 
-/// Draws the frames of a light-in-flight view under a title, one page each, for an animation.
+/// Draws the frames of a light-in-flight view under a title, for an animation. Each frame is one page.
 ///
 /// # Errors
 /// The same errors as [`draw`].

@@ -1,4 +1,4 @@
-//! Reads the figures of a scene file and checks them against its slices.
+//! Reads the figures of a scene file, and checks the figures against the slices of the scene.
 
 use crate::check::check;
 use crate::spec::Figure;
@@ -8,19 +8,20 @@ use serde::Deserialize;
 use std::path::Path;
 use tensor::slice::Slice;
 
-/// The table `[[figures]]` of a scene file; other tables are ignored.
+/// The table `[[figures]]` of a scene file. Other tables are ignored.
 #[derive(Deserialize)]
 struct Figures {
     #[serde(default)]
     figures: Vec<Located<Figure>>,
 }
 
-/// Reads the figures of a scene file from its text. `path` names the file in messages; `slices` and
-/// `nm` are the scene's slices and wavelengths in nanometres.
+/// Reads the figures of a scene file from the file's text. `path` names the file in messages. `slices` and
+/// `nm` are the scene's slices and wavelengths, in nanometres.
 ///
 /// # Errors
-/// [`InputError`] at the location of a figure, if the figure is malformed or does not fit the
-/// scene's slices, or if its name is a duplicate or not a valid file name.
+/// [`InputError`] at the location of a figure in the following cases:
+/// - The figure is malformed or does not fit the scene's slices.
+/// - The name of the figure is a duplicate or not a valid file name.
 pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
     let file: Figures =
         document::parse(path, text, |_| "`sunstone schema` describes figures under [[figures]]".to_owned())?;

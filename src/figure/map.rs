@@ -1,9 +1,9 @@
-//! Draws two-dimensional maps of one camera scanline: against projector pixels (s–s') and against travel time
-//! (x–t).
+//! Draws two-dimensional maps of one camera scanline. The second dimension is projector pixels (s–s') or
+//! travel time (x–t).
 //!
-//! Camera columns run to the right; projector pixels and time run upward. M00 has a square-root scale, or a
-//! logarithmic scale if its positive values span a ratio of more than [`LOG_FROM`]. The colour bar states the
-//! kind of scale. Other elements are signed and divided by M00 (the quotient of sums).
+//! Camera columns run to the right. Projector pixels and time run upward. M00 has a square-root scale, or a
+//! logarithmic scale if the ratio of its positive values exceeds [`LOG_FROM`]. The colour bar states the kind
+//! of scale. Other elements are signed and divided by M00 (the quotient of sums).
 
 use image::{Rgb, RgbImage};
 
@@ -19,7 +19,7 @@ use super::ticks::Ticks;
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 
-/// Ratio of the 99.9th to the 5th percentile of positive values above which the scale is logarithmic.
+/// Ratio of the 99.9th to the 5th percentile of positive values. The scale is logarithmic above this ratio.
 const LOG_FROM: f32 = 300.0;
 /// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;
@@ -32,8 +32,8 @@ pub(super) enum Scale {
 }
 
 impl Scale {
-    /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio`
-    /// times the 5th percentile; otherwise a square-root scale.
+    /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio` times the
+    /// 5th percentile. If not, returns a square-root scale.
     pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
@@ -111,10 +111,10 @@ pub(super) struct Content<'a> {
 
 /// Values of a map and their scale.
 enum Values {
-    /// Red, green and blue of M00.
+    /// Red, green and blue values of M00.
     Colour(Raster<3>, Scale),
     Size(Raster<1>, Scale),
-    /// Another element and M00.
+    /// Values of M00 and of the drawn element.
     Signed(Raster<2>),
 }
 
@@ -127,7 +127,7 @@ fn rising<const C: usize>(
 }
 
 impl Content<'_> {
-    /// Returns the image after averaging by the factors. Pixels are not repeated, and rows run upward.
+    /// Returns the image after averaging by the factors. Pixels are not repeated. Rows run upward.
     pub fn image(&self, factors: (Factor, Factor)) -> RgbImage {
         match &self.values {
             Values::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
@@ -157,8 +157,8 @@ impl Content<'_> {
     }
 }
 
-/// Reads a camera scanline against the projector column, or against the projector row if only rows are
-/// resolved.
+/// Reads a camera scanline against the projector column. If the slice resolves rows but no columns, reads the
+/// scanline against the projector row.
 pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);

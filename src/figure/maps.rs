@@ -1,5 +1,5 @@
-//! Draws adjacent maps of one number per pixel with names and one common scale, such as errors of
-//! several methods or signed quantities.
+//! Draws adjacent maps of one number per pixel, such as errors of several methods or signed quantities. The
+//! maps have names and one common scale.
 
 use super::colour::{sequential, signed};
 use super::drawing::Drawing;
@@ -13,35 +13,36 @@ use super::text::{NAME, NOTE};
 pub struct Map {
     /// Name above the map.
     pub label: String,
-    /// Second line of the name, in a smaller font; may be empty.
+    /// Second line of the name, in a smaller font. The line may be empty.
     pub caption: String,
     pub width: usize,
-    /// Values, row-major from the top, with `width` columns. Non-finite values are drawn grey.
+    /// Values, row-major from the top, with `width` columns. Non-finite values are grey.
     pub data: Vec<f32>,
 }
 
 /// The kind of the values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Positive magnitudes on a square-root scale, or on a logarithmic scale if the values of all
-    /// maps have a large range.
+    /// Positive magnitudes on a square-root scale. The scale is logarithmic if the values of all maps
+    /// together have a large range.
     Size,
-    /// Signed values between ± `limit`, with a diverging colour map.
+    /// Signed values between ± `limit`, drawn with a diverging colour map.
     Signed {
-        /// Value at the upper end, positive.
+        /// Positive value at the upper end of the scale.
         limit: f32,
     },
 }
 
-/// Ratio of the values' percentiles above which the scale is logarithmic. The threshold is low because errors
-/// of different methods can differ by a factor of ten or more, and structure should be visible in all maps.
+/// Ratio of two percentiles of the values. The scale is logarithmic above this ratio. The threshold is low,
+/// because errors of different methods can differ by a factor of ten or more. The structure should be visible
+/// in all maps.
 const LOG_FROM: f32 = 30.0;
 /// Target length and maximum length of a map's longer side, in pixels.
 const SIDE: (usize, usize) = (420, 640);
 /// Minimum width of a panel in pixels, so that names fit above a narrow map.
 const LEAST: f64 = 180.0;
 
-/// Draws maps, `columns` per row, on one common scale; `name` labels the colour bar.
+/// Draws maps, `columns` per row, on one common scale. `name` labels the colour bar.
 ///
 /// # Errors
 /// - [`FigureError::Empty`] if there is no map.
@@ -113,7 +114,7 @@ mod tests {
         img.pixels().filter(|p| **p == c).count()
     }
 
-    /// Tests that all maps have one common scale, so that only the overall maximum is bright, and that
+    /// Tests that all maps have one common scale. No value except the overall maximum is bright, and
     /// undefined pixels are grey.
     #[test]
     fn maps_share_a_scale() {

@@ -5,12 +5,12 @@ use image::Rgb;
 /// Index of black in the palette, for bounds and reference lines.
 pub const BLACK: usize = 6;
 
-/// The colour-blind-safe palette of Okabe and Ito, without yellow, which is too pale on white.
+/// The colour-blind-safe palette of Okabe and Ito. The palette omits yellow, which is too pale on white.
 const PALETTE: [[u8; 3]; 7] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233], [0, 0, 0]];
 
-/// SVG outlines of the markers with a radius of about 1, scaled so that they appear equally large:
-/// disc, square, triangle up, diamond, triangle down, ring, cross and plus.
+/// SVG outlines of the markers. The markers are disc, square, triangle up, diamond, triangle down, ring,
+/// cross and plus. The radius is about 1. The outlines are scaled so that all markers appear equally large.
 const OUTLINES: [&str; 8] = [
     "M1 0A1 1 0 1 1-1 0A1 1 0 1 1 1 0Z",
     "M-.88-.88H.88V.88H-.88Z",
@@ -25,7 +25,7 @@ const OUTLINES: [&str; 8] = [
 /// Number of distinct combinations of colour and marker.
 pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
 
-/// Returns the palette colour for an index; colours repeat.
+/// Returns the palette colour for an index. Colours repeat for large indices.
 pub fn palette(index: usize) -> Rgb<u8> {
     Rgb(PALETTE[index % PALETTE.len()])
 }
@@ -35,17 +35,17 @@ pub struct Marker(usize);
 
 impl Marker {
     /// Returns the marker for an index. The numbers of markers and of colours have no common factor. A
-    /// combination of marker and colour therefore repeats only after [`DISTINCT`] indices.
+    /// combination of marker and colour therefore repeats after [`DISTINCT`] indices, and not earlier.
     pub fn of(index: usize) -> Self {
         Self(index % OUTLINES.len())
     }
 
-    /// Returns the outer edge of [`Marker::path`] as SVG path data, for the white outline.
+    /// Returns the outer edge of [`Marker::path`] as SVG path data. The white outline follows this edge.
     pub fn rim(self) -> &'static str {
         self.path().split_inclusive('Z').next().unwrap_or_default()
     }
 
-    /// Returns the outline as SVG path data, for a radius of 1.
+    /// Returns the outline of the marker as SVG path data, for a radius of 1.
     pub fn path(self) -> &'static str {
         OUTLINES[self.0]
     }

@@ -1,5 +1,5 @@
-//! Draws the sixteen Mueller elements at one wavelength as a 4×4 grid. Rows are outgoing and columns are
-//! incoming Stokes elements.
+//! Draws the sixteen Mueller elements at one wavelength as a 4×4 grid. Rows are outgoing Stokes elements, and
+//! columns are incoming Stokes elements.
 //!
 //! If normalized, M00 is shown as intensity, and every other element is divided by M00. Elements are
 //! undefined (grey) for pixels at which M00 is not positive. If not normalized, all sixteen elements have the
@@ -23,7 +23,8 @@ use tensor::axes::AxisKind;
 /// Colour of lines around panels.
 const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 
-/// Returns the sixteen panels of a grid with panels of `size` pixels, separated by `gap` pixels.
+/// Returns the panels of a grid of sixteen elements. Each panel has `size` pixels, and `gap` pixels separate
+/// the panels.
 pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     Panels { size, head: 0.0, gap, columns: 4 }
 }
@@ -51,7 +52,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
     let values = source.sum(&keep, &pick, f64::from);
-    // Panels show 4 × 4 elements per pixel. Of longer Stokes axes, only the first four entries are shown.
+    // Panels show 4 × 4 elements per pixel. From longer Stokes axes, the first four entries are shown.
     let (so, si) = (values.shape[2], values.shape[3]);
     let pixels = values.data.chunks_exact(so * si);
     let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
@@ -100,7 +101,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     Ok(page)
 }
 
-/// Returns the colour of element `i` of a matrix; if normalized, M00 is an intensity.
+/// Returns the colour of element `i` of a matrix. If normalized, M00 is an intensity.
 pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
     match (normalized, i) {
         (true, 0) if m[0].is_finite() => Rgb([srgb(m[0] / white); 3]),

@@ -1,4 +1,5 @@
-//! Writes figures to files: PNG, SVG and PDF of one drawing; GIF and APNG of several drawings.
+//! Writes figures to files. PNG, SVG and PDF files contain one drawing. GIF and APNG files contain several
+//! drawings.
 //!
 //! Every format is produced from the drawing's SVG and from built-in fonts. The same drawing
 //! therefore gives the same bytes on every machine.
@@ -19,11 +20,11 @@ use super::drawing::Drawing;
 use super::error::FigureError;
 use super::text::font;
 
-/// Pixels of a drawing per inch of a PDF page. At this value tick labels are 7.5 points high.
+/// Pixels of a drawing per inch of a PDF page. With this value, tick labels are 7.5 points high.
 const PER_INCH: f32 = 144.0;
 /// Duration of an animation frame in milliseconds.
 const FRAME_MS: u16 = 150;
-/// The speed of colour quantization to 256 colours per frame, from 1 (slowest, best quality) to 30.
+/// Speed of colour quantization to 256 colours per frame, from 1 (slowest, best quality) to 30.
 const GIF_SPEED: i32 = 10;
 
 /// Formats of a still image.
@@ -38,7 +39,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format of a file extension, case-insensitive.
+    /// Returns the format for a file extension. The comparison ignores case.
     ///
     /// # Errors
     /// [`FigureError::Extension`] for an unknown extension.
@@ -64,8 +65,9 @@ fn extension(path: &Path) -> String {
 /// Writes a drawing atomically in the format of the path's extension. Creates missing folders.
 ///
 /// # Errors
-/// [`FigureError::Extension`] for an unknown extension, [`FigureError::Encode`] if the drawing cannot be
-/// encoded, [`FigureError::Write`] if the file cannot be written.
+/// - [`FigureError::Extension`] for an unknown extension.
+/// - [`FigureError::Encode`] if the drawing cannot be encoded.
+/// - [`FigureError::Write`] if the file cannot be written.
 pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
     let bytes = match Format::of(path)? {
         Format::Png => drawing.png()?,
@@ -75,12 +77,13 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
     write(path, &bytes)
 }
 
-/// Writes drawings of equal size atomically as an endless animation. `.apng` has full colour, `.gif` at most
-/// 256 colours per frame. Creates missing folders.
+/// Writes drawings of equal size atomically as an endless animation. An `.apng` file has full colour. A
+/// `.gif` file has at most 256 colours per frame. Creates missing folders.
 ///
 /// # Errors
-/// [`FigureError::Extension`] for an unknown extension, [`FigureError::Encode`] if there is no
-/// frame or a frame is too large, [`FigureError::Write`] if the file cannot be written.
+/// - [`FigureError::Extension`] for an unknown extension.
+/// - [`FigureError::Encode`] if there is no frame or a frame is too large.
+/// - [`FigureError::Write`] if the file cannot be written.
 pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
     let first = frames.first().ok_or_else(|| encode("the animation has no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
@@ -149,7 +152,7 @@ impl Drawing {
         page.fill(Color::WHITE);
         paint_images(tree.root(), &mut page)?;
         resvg::render(&tree, Transform::identity(), &mut page.as_mut());
-        // The page is white, so that no pixel is transparent.
+        // The page is white, so no pixel is transparent.
         let rgb = page.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]);
         Ok(RgbImage::from_raw(w, h, rgb.collect()).expect("three bytes a pixel"))
     }
@@ -162,7 +165,8 @@ impl Drawing {
         let mut bytes = Cursor::new(Vec::new());
         let pixels = self.pixels()?;
         if self.per_inch().is_some() {
-            // Most pixels of images for print equal the pixel above, so this filter compresses well.
+            // Most pixels of images for print equal the pixel above, so this filter compresses the images
+            // well.
             let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Up);
             pixels.write_with_encoder(encoder).map_err(encode)?;
         } else {
@@ -171,7 +175,7 @@ impl Drawing {
         Ok(bytes.into_inner())
     }
 
-    /// Returns the drawing as a PDF file of one page with searchable text.
+    /// Returns the drawing as a PDF file with one page of searchable text.
     ///
     /// # Errors
     /// [`FigureError::Encode`] if the drawing is too large.
@@ -187,10 +191,10 @@ impl Drawing {
     }
 }
 
-/// Sorts the entries of a PDF's resources by name, because svg2pdf writes the entries in the random order of
-/// a hash map.
+/// Sorts the entries of a PDF's resources by name. The program svg2pdf writes the entries in the random order
+/// of a hash map.
 fn in_order(pdf: &[u8]) -> Vec<u8> {
-    // Entries are lines such as `/xo12 34 0 R`; sorting does not move any other bytes of the file.
+    // Entries are lines such as `/xo12 34 0 R`. Sorting does not move any other bytes of the file.
     let is_entry = |line: &&[u8]| {
         let line = line.trim_ascii();
         let named = line.first() == Some(&b'/') && line.get(1).is_some_and(u8::is_ascii_lowercase);
@@ -203,9 +207,9 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Draws the embedded images below all other items. Every page pixel has the colour of the image pixel at
-/// its centre. The image support of resvg is not used, because it includes decoders of three formats that
-/// no drawing contains.
+/// Draws the embedded images below all other items. Every page pixel has the colour of the image pixel at the
+/// page pixel's centre. The image support of resvg is not used, because resvg would add decoders of three
+/// formats that no drawing contains.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
     for node in group.children() {
         match node {
@@ -216,7 +220,8 @@ fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
                 };
                 let picture = image::load_from_memory_with_format(bytes, ImageFormat::Png).map_err(encode)?;
                 let (picture, to_page) = (picture.into_rgb8(), image.abs_transform());
-                // First and last page pixel along one direction, with the image pixel under each.
+                // The first and last page pixels along one direction, with the image pixel under each of
+                // these page pixels.
                 let along = |n: u32, scale: f32, first: f32, most: u32| {
                     let last = (first + scale * n as f32).round().min(most as f32);
                     let under = move |at: u32| (((at as f32 + 0.5 - first) / scale) as u32).min(n - 1);

@@ -18,7 +18,7 @@ pub(super) struct Photo<'a> {
     pub ys: &'a [f64],
     /// Linear red, green and blue of each pixel.
     pub raster: Raster<3>,
-    /// Value shown as white, in the camera's unit.
+    /// Value shown as white, in the camera's units.
     pub white: White,
 }
 
@@ -32,7 +32,7 @@ pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<
     Ok(Photo { xs, ys, raster, white })
 }
 
-/// Returns the value shown as white: the user's choice, or the default.
+/// Returns the value shown as white, which is the user's choice or the default.
 pub(super) fn white(
     option: &'static str,
     wish: Option<f32>,
@@ -45,8 +45,8 @@ pub(super) fn white(
     }
 }
 
-/// Returns the value at the ends of a signed scale: the user's choice, 1 if normalized, or the exposure of the
-/// magnitudes.
+/// Returns the value at the ends of a signed scale. The value is the user's choice if there is one. The
+/// default is 1 for normalized values, and the exposure of the magnitudes for other values.
 pub(super) fn limit(
     wish: Option<f32>,
     normalized: bool,
@@ -77,7 +77,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
     Ok(page)
 }
 
-/// Returns the horizontal and the vertical axis of a camera image.
+/// Returns the horizontal axis and the vertical axis of a camera image.
 pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
     let across = Ticks::coordinates(xs, fx.length(xs.len()), true);
     let down = Ticks::coordinates(ys, fy.length(ys.len()), false);

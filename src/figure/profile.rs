@@ -1,8 +1,8 @@
-//! Draws the time profile of one camera pixel: a chart with one line per wavelength, and bands of
-//! one and two standard errors.
+//! Draws the time profile of one camera pixel. The chart has one line per wavelength, and bands of one and
+//! two standard errors.
 //!
-//! Standard errors of summed values (projector pixels, bounces, components) are added in quadrature, on
-//! the assumption that the values are independent.
+//! Standard errors of summed values (projector pixels, bounces, components) are added in quadrature. The
+//! values are assumed to be independent.
 
 use image::Rgb;
 
@@ -52,8 +52,8 @@ pub(super) fn read(
     Ok((0..lanes).map(series).collect())
 }
 
-/// Returns the range of values that contains all lines and their bands; bands extend the range to at most
-/// twice that of the lines.
+/// Returns a range of values for all lines and bands. The bands extend the range to at most twice the range
+/// of the lines.
 pub(super) fn range(series: &[Series]) -> (f64, f64) {
     let values = |sigmas: f64| {
         let all = series.iter().flat_map(move |s| {
@@ -74,8 +74,9 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
     (bottom - below, top + margin)
 }
 
-/// Returns whether a pixel is within the range of the kept pixels, with a tolerance of half their spacing,
-/// at least one pixel. A single kept pixel accepts any position, because it may represent adjacent pixels.
+/// Returns whether a pixel is within the range of the kept pixels. The tolerance is half of the spacing, and
+/// at least one pixel. A single kept pixel accepts any position, because such a pixel may represent adjacent
+/// pixels.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;

@@ -1,4 +1,5 @@
-//! Defines images of numeric values before they are mapped to colours, and scaling by integer factors.
+//! Defines images of numeric values that are not yet mapped to colours. Also defines scaling by integer
+//! factors.
 
 use image::{Rgb, RgbImage};
 
@@ -19,15 +20,15 @@ pub struct Raster<const C: usize> {
 /// Integer factors from data pixels to image pixels along one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Factor {
-    /// Number of data pixels that are averaged into one pixel; 1 means no averaging.
+    /// Number of data pixels that are averaged into one pixel. The value 1 means no averaging.
     pub down: usize,
-    /// Number of image pixels per (averaged) data pixel.
+    /// Number of image pixels per data pixel, after averaging.
     pub up: usize,
 }
 
 impl Factor {
-    /// Returns the factor for `n` data pixels. With repetition, the length is the largest possible length
-    /// up to `target`. With averaging, the length is at most `most`.
+    /// Returns the factor for `n` data pixels. With repetition, the length is as large as possible, up to
+    /// `target`. With averaging, the length is at most `most`.
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
         if n > most {
@@ -48,8 +49,8 @@ impl Factor {
         Self { up: self.up * least.div_ceil(length.max(1)), ..self }
     }
 
-    /// Returns factors that keep pixels square, with the longer side close to `target`. If one side would
-    /// be shorter than `least`, the image is stretched in that direction, so that it remains visible.
+    /// Returns factors that keep pixels square. The longer side is close to `target`. If one side would be
+    /// shorter than `least`, the image is stretched in that direction and remains visible.
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
         let widen = |n: usize| {
@@ -74,10 +75,11 @@ impl Raster<3> {
 }
 
 impl<const C: usize> Raster<C> {
-    /// Builds a raster of `w` columns; `name` is the slice's name for messages.
+    /// Builds a raster of `w` columns. `name` is the slice's name for messages.
     ///
     /// # Errors
-    /// [`FigureError::Damaged`] with the name if there is no value, or if the values do not fill the rows.
+    /// [`FigureError::Damaged`] with the slice's name if there is no value, or if the values do not fill the
+    /// rows.
     pub fn new(name: &str, w: usize, data: Vec<[f32; C]>) -> Result<Self, FigureError> {
         let h = data.len() / w.max(1);
         if h == 0 || h * w != data.len() {
@@ -119,8 +121,8 @@ impl<const C: usize> Raster<C> {
         self
     }
 
-    /// Draws the (shrunk) raster as an image with its upper left corner at `from`, relative to the data
-    /// rectangle of the page.
+    /// Draws the raster as an image, after reduction. The image's upper left corner is at `from`, relative to
+    /// the data rectangle of the page.
     pub fn paint(
         &self,
         page: &mut Drawing,

@@ -1,4 +1,4 @@
-//! Reduces a tensor to the axes of an image: selects, sums and checks in one pass.
+//! Reduces a tensor to the axes of an image. One pass selects, sums and checks the values.
 
 use super::error::FigureError;
 use super::error::WAVELENGTH;
@@ -6,7 +6,7 @@ use base::spectral_table::nearest_within;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// A valid tensor: the values fill the axes, and no axis is empty or occurs twice.
+/// A valid tensor. The values fill the axes. No axis is empty or occurs twice.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// Name of the slice for messages.
@@ -19,7 +19,7 @@ pub struct Source<'a> {
 pub struct Reduced {
     /// Sums, row-major over the kept axes in the requested order.
     pub data: Vec<f32>,
-    /// Lengths of the kept axes; 1 for axes that the tensor does not have.
+    /// Lengths of the kept axes. The length is 1 for axes that the tensor does not have.
     pub shape: Vec<usize>,
 }
 
@@ -61,18 +61,18 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Returns the coordinates of an axis, if the tensor has it.
+    /// Returns the coordinates of an axis, or `None` if the tensor does not have the axis.
     pub fn coords(&self, kind: AxisKind) -> Option<&'a [f64]> {
         self.tensor.find(kind).map(|i| self.tensor.axes[i].coords.as_slice())
     }
 
-    /// Returns the wavelengths in nanometres; empty if the tensor has no such axis.
+    /// Returns the wavelengths in nanometres. The list is empty if the tensor has no wavelength axis.
     pub fn wavelengths(&self) -> &'a [f64] {
         self.coords(AxisKind::Wavelength).unwrap_or(&[])
     }
 
-    /// Returns the index of the wavelength nearest to `nm` (nanometres), or of the middle wavelength if
-    /// `nm` is `None`.
+    /// Returns the index of the wavelength nearest to `nm`, in nanometres. If `nm` is `None`, returns the
+    /// index of the middle wavelength.
     pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
         match nm {
@@ -84,7 +84,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Returns the axes and indices that select a Mueller element. For M00, Stokes axes may be absent.
+    /// Returns the axes and indices that select a Mueller element. For M00, the Stokes axes may be absent.
     pub fn element(&self, [out, inn]: [usize; 2]) -> Result<[(AxisKind, usize); 2], FigureError> {
         for (kind, i) in [(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)] {
             if i > 0 || self.coords(kind).is_some() {
@@ -108,7 +108,8 @@ impl<'a> Source<'a> {
     pub fn sum(&self, keep: &[AxisKind], pick: &[(AxisKind, usize)], f: impl Fn(f32) -> f64) -> Reduced {
         let shape: Vec<usize> = keep.iter().map(|&k| self.tensor.extent(k)).collect();
         let mut out = vec![0.0_f64; shape.iter().product()];
-        // Per axis of the tensor: number of steps, and the strides in source and target.
+        // For each axis of the tensor, the number of steps, the stride in the source and the stride in the
+        // target.
         let lengths = self.tensor.shape();
         let mut steps: Vec<(usize, usize, usize)> = Vec::with_capacity(lengths.len());
         let mut first = 0;
@@ -127,8 +128,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Adds `f(value)` of all values along the remaining axes to the target, recursively from a source offset and
-/// a target offset.
+/// Adds `f(value)` of all values along the remaining axes to the target. The function is recursive and begins
+/// at a source offset and a target offset.
 fn add(
     out: &mut [f64],
     data: &[f32],
@@ -151,8 +152,8 @@ fn add(
     }
 }
 
-/// Returns the values at the outer edges of the first and last entry of a uniform axis, or `None` if the
-/// entries are not evenly spaced.
+/// Returns the values at the outer edges of the first and last entries of a uniform axis. Returns `None` if
+/// the entries are not evenly spaced.
 pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
     let (&first, &last) = (coords.first()?, coords.last()?);
     let step = if coords.len() > 1 { (last - first) / (coords.len() - 1) as f64 } else { 1.0 };

@@ -1,4 +1,4 @@
-//! Draws a contact sheet of many small 4×4 Mueller grids with names, on one scale.
+//! Draws a contact sheet of many small 4×4 Mueller grids. The grids have names and one common scale.
 
 use super::colour::exposure;
 use super::drawing::Drawing;
@@ -14,18 +14,19 @@ pub struct Grid {
     pub label: String,
     /// Number of columns of each of the sixteen images.
     pub width: usize,
-    /// Mueller matrices (row-major, rows are outgoing Stokes elements) of all pixels, row by row from the
-    /// top, with `width` columns. M00 is shown as intensity; the other elements are divided by M00.
+    /// Mueller matrices of all pixels, row by row from the top, with `width` columns. A matrix is row-major,
+    /// and rows are outgoing Stokes elements. M00 is shown as intensity. All elements except M00 are divided
+    /// by M00.
     pub data: Vec<[f32; 16]>,
 }
 
 /// Approximate width of one of the sixteen images in pixels.
 const PICTURE: usize = 72;
 
-/// Draws the sheet, `columns` grids per row.
+/// Draws the sheet with `columns` grids per row.
 ///
 /// # Errors
-/// [`FigureError`] if there is no grid, or if the data of a grid do not fill its rows.
+/// [`FigureError`] if there is no grid, or if the data of a grid do not fill the rows.
 pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Result<Drawing, FigureError> {
     let mut pictures = vec![];
     let mut size = (0.0_f64, 0.0_f64);

@@ -1,5 +1,5 @@
-//! Defines views: which image to draw of which slice. Scene files, stores and the command line use these
-//! types.
+//! Defines views. A view states which image to draw of which slice. Scene files, stores and the command line
+//! use these types.
 
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,8 @@ pub struct Figure {
     pub view: View,
 }
 
-/// Adds the syntax of figures to the JSON schema of scene files, in which it is otherwise undefined.
+/// Adds the syntax of figures to the JSON schema of scene files. The schema does not define this syntax
+/// elsewhere.
 pub fn describe_in(scene: &mut Schema) {
     let mut figure = schemars::schema_for!(Figure);
     figure.remove("$schema");

@@ -8,13 +8,13 @@ use ttf_parser::Face;
 /// Height of capital letters and digits divided by the em.
 pub const CAP_PER_EM: f64 = 0.729;
 
-/// Returns the font of all text. Drawings use only one font, because svg2pdf's output with several
-/// fonts is not reproducible.
+/// Returns the font of all text. Drawings use a single font, because svg2pdf's output with several fonts is
+/// not reproducible.
 pub fn font() -> &'static [u8] {
     dejavu::sans::regular()
 }
 
-/// Position of a text relative to its point, along the direction of writing.
+/// Position of a text relative to a point, along the direction of writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
     Start,
@@ -64,8 +64,8 @@ pub fn width(text: &str, style: Style) -> f64 {
     text.chars().map(|c| advance(c, style)).sum()
 }
 
-/// Returns the text and the style that fit into `room` pixels. First the font size is reduced, then the
-/// text is truncated with an ellipsis.
+/// Returns a text and a style that fit into `room` pixels. First the font size is reduced. Then the text is
+/// truncated with an ellipsis.
 pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     let wide = width(text, style);
     if wide <= room {
@@ -84,7 +84,7 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     (kept.trim_end().to_owned() + "…", style)
 }
 
-/// Wraps a text into lines of at most `room` pixels; a wider word is on a line of its own.
+/// Wraps a text into lines of at most `room` pixels. A wider word is on a line of its own.
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

@@ -3,8 +3,8 @@
 use super::reduce::ruler;
 use super::text::{TICK, width};
 
-/// Ticks of an axis: positions (0..1 from the low end of the axis), labels, and the power of ten
-/// that is factored out of the labels.
+/// Ticks of an axis. The ticks have positions (0..1 from the low end of the axis) and labels. A power of ten
+/// is factored out of the labels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ticks {
     /// Position (0..1 along the axis) and label of each tick.
@@ -14,7 +14,8 @@ pub struct Ticks {
 }
 
 impl Ticks {
-    /// Returns ticks at 1, 2 or 5 times powers of ten between `low` and `high`, at most about `most` ticks.
+    /// Returns at most approximately `most` ticks between `low` and `high`. The ticks are at 1, 2 or 5 times
+    /// powers of ten.
     pub fn linear(low: f64, high: f64, most: usize) -> Self {
         let span = high - low;
         if !(span.is_finite() && span > 0.0) {
@@ -52,11 +53,11 @@ impl Ticks {
         Self { marks, exponent: 0 }
     }
 
-    /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis
-    /// do not overlap. If the coordinates are not evenly spaced, some of them are labelled.
+    /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis do
+    /// not overlap. If the coordinates are not evenly spaced, a subset of the coordinates has labels.
     pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
         let ticks = |most: usize| match ruler(coords) {
-            // For whole-number coordinates, ticks are at whole numbers only.
+            // If all coordinates are whole numbers, all ticks are at whole numbers.
             Some((low, high)) if coords.len() > 1 && coords.iter().all(|c| c.fract() == 0.0) => {
                 Self::linear(low, high, most.min((high - low) as usize))
             }
@@ -76,7 +77,7 @@ impl Ticks {
         self.marks.iter().map(|m| width(&m.1, TICK) + 16.0).sum::<f64>() <= length
     }
 
-    /// Returns labels at about `most` entries of a list.
+    /// Returns labels at approximately `most` entries of a list.
     fn listed(coords: &[f64], most: usize) -> Self {
         let n = coords.len();
         let every = n.div_ceil(most.max(1)).max(1);
@@ -91,7 +92,7 @@ impl Ticks {
         Self { marks, exponent: 0 }
     }
 
-    /// Returns a unit with the power of ten factored out of the labels.
+    /// Returns a unit with the power of ten that is factored out of the labels.
     pub fn unit(&self, unit: &str) -> String {
         match self.exponent {
             0 => unit.to_owned(),
@@ -100,7 +101,7 @@ impl Ticks {
     }
 }
 
-/// Returns the smallest of 1, 2, 5 times a power of ten that is at least `raw`.
+/// Returns the smallest value of the form 1, 2 or 5 times a power of ten that is at least `raw`.
 fn nice_step(raw: f64) -> f64 {
     let base = 10_f64.powf(raw.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * base).find(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(raw)
@@ -116,7 +117,7 @@ fn number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Formats a value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
+/// Formats a value with up to three digits, for notes. Examples are `0.0123` and `4.56×10⁻⁷`.
 pub fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

@@ -1,5 +1,5 @@
-//! Defines the contents of one panel of a composite, before scaling: images or a chart, with the axes and
-//! the colour bar.
+//! Defines the contents of one panel of a composite, before scaling. A panel contains images or a chart, with
+//! the axes and the colour bar.
 //!
 //! Images have one pixel per value. The composite scales them.
 
@@ -21,18 +21,19 @@ use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
 /// The contents of a panel.
 #[derive(Clone, Debug)]
 pub struct Tile {
-    /// Images of equal size with the labels in their corners, row by row; empty for a chart.
+    /// Images of equal size with the labels in their corners, row by row. The list is empty for a chart.
     pub(crate) cells: Vec<(RgbImage, String)>,
     /// Number of images per row.
     pub(crate) columns: usize,
-    /// The horizontal axis and the vertical axis; the vertical axis points up or down.
+    /// The horizontal axis and the vertical axis. The vertical axis points up or down.
     pub(crate) axes: Option<[Scaled; 2]>,
     pub bar: Option<Bar>,
     /// Chart to draw instead of images.
     pub(crate) chart: Option<Lines>,
-    /// Ratio of height to width of a map or a chart; images have their own ratio.
+    /// Ratio of height to width of a map or a chart. Images have their own ratio.
     pub aspect: Option<f64>,
-    /// The value shown as white, or at the end of a signed scale, if the tile has such a scale.
+    /// The value shown as white, or at the end of a signed scale. The value exists if the tile has such a
+    /// scale.
     pub white: Option<White>,
 }
 
@@ -51,7 +52,7 @@ pub(crate) struct Lines {
     pub y: Along,
     /// Colour palette of the series, at least one colour.
     pub palette: Vec<Rgb<u8>>,
-    /// Whether the names of series are listed under the axis.
+    /// Whether the names of the series are listed under the axis.
     pub legend: bool,
 }
 
@@ -59,7 +60,7 @@ pub(crate) struct Lines {
 const UPWARD: usize = 5;
 
 impl Lines {
-    /// Returns the ticks of the horizontal axis, with at most about `most` labels.
+    /// Returns the ticks of the horizontal axis, with approximately `most` labels or fewer.
     pub fn across(&self, most: usize) -> Marks {
         marks(&self.chart.x, &self.x, |x| x.marks(most))
     }
@@ -69,7 +70,8 @@ impl Lines {
         marks(&self.chart.y, &self.y, |y| y.marks(UPWARD)).major
     }
 
-    /// Returns the labels of both axes with the power of ten of their ticks.
+    /// Returns the labels of the horizontal and vertical axes. Each label contains the power of ten of the
+    /// ticks.
     pub fn labels(&self) -> [String; 2] {
         let Chart { x, y, .. } = &self.chart;
         [label(&x.label, &self.across(UPWARD).major), label(&y.label, &self.up())]
@@ -92,10 +94,10 @@ pub enum Scale {
         high: f32,
     },
     Signed {
-        /// Value at the upper end of the scale; the lower end is its negative.
+        /// Value at the upper end of the scale. The lower end is the negative of this value.
         limit: f32,
     },
-    /// Indices of objects, from 0; negative values mean no object.
+    /// Indices of objects, counted from 0. Negative values mean no object.
     Things,
 }
 
@@ -183,8 +185,8 @@ fn of_profile(view: &ProfileView, panel: &Panel) -> Result<Tile, FigureError> {
     lines(chart, profile::colours(source), false)
 }
 
-/// Returns a chart as a tile, without its title and notes. If `legend` is set, the names of the
-/// chart's series are listed under the chart.
+/// Returns a chart as a tile, without its title and notes. If `legend` is true, the names of the chart's
+/// series are listed under the chart.
 ///
 /// # Errors
 /// The same errors as [`chart::draw`].
@@ -203,7 +205,7 @@ fn lines(chart: Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Figu
 /// the colour bar. Non-finite values are grey.
 ///
 /// # Errors
-/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if the ends of the
+/// [`FigureError::Damaged`] if the values do not fill the rows. [`FigureError::Option`] if the ends of the
 /// scale are invalid.
 pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Result<Tile, FigureError> {
     let raster = Raster::new(name, width, values.iter().map(|v| [*v]).collect())?;
@@ -237,11 +239,12 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
     Ok(Tile { white: white.map(White::Value), bar, ..Tile::image(image) })
 }
 
-/// Returns an image of linear colours, red, green and blue per pixel; the value `white` is shown as white.
+/// Returns an image of linear colours. Each pixel has a red, a green and a blue value. The value `white` is
+/// shown as white.
 ///
 /// # Errors
-/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if `white`
-/// is not a positive number.
+/// [`FigureError::Damaged`] if the values do not fill the rows. [`FigureError::Option`] if `white` is not a
+/// positive number.
 pub fn of_colours(
     name: &str,
     width: usize,
@@ -256,8 +259,8 @@ pub fn of_colours(
     Ok(Tile { white: Some(white), ..Tile::image(image) })
 }
 
-/// Returns the common white level of several images: the 99th percentile of all values, or the
-/// maximum if that percentile is not positive.
+/// Returns the common white level of several images. The white level is the 99th percentile of all values, or
+/// the maximum if that percentile is not positive.
 pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> White {
     colour::exposure(values)
 }

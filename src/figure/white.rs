@@ -1,11 +1,11 @@
 //! Defines the value that is shown as white.
 
-/// The value shown as white, or at the ends of a signed scale.
+/// The value shown as white, or the value at the ends of a signed scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum White {
     /// A positive, finite value.
     Value(f32),
-    /// No value, because the image has no positive values: all pixels are black, or at the middle of a signed
+    /// No value, because the image has no positive values. All pixels are black, or at the middle of a signed
     /// scale.
     Nothing,
 }
@@ -20,7 +20,7 @@ impl White {
 }
 
 impl From<Option<f32>> for White {
-    /// Converts a finite positive number. Other values become [`Self::Nothing`].
+    /// Converts a finite positive number to [`Self::Value`]. Other values become [`Self::Nothing`].
     fn from(v: Option<f32>) -> Self {
         v.filter(|v| *v > 0.0 && v.is_finite()).map_or(Self::Nothing, Self::Value)
     }

@@ -1,8 +1,9 @@
-//! Data sets of pBRDFs: moments and samples of materials from `.pbsdf` files or analytic materials.
+//! Data sets of pBRDFs. A data set contains moments and samples of materials from `.pbsdf` files or of
+//! analytic materials.
 //!
-//! Materials are read one at a time, with their φ_d slabs in parallel. For a file, only the pages that
-//! are being read are in memory. For an analytic material, one slab per thread is in memory. The angles
-//! of the axes are not used, so files with empty axes are accepted.
+//! Materials are processed one at a time, with the φ_d slabs of a material in parallel. For a file, memory
+//! holds no pages except those that are being read. For an analytic material, memory holds one slab per
+//! thread. The angles of the axes are not used, so files with empty axes are accepted.
 
 use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;
@@ -15,7 +16,7 @@ use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::measured::write::slab;
 
-/// Error of reading or creating a data set; the message includes a fix.
+/// Error of reading or creating a data set. The message includes a fix.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
@@ -38,15 +39,16 @@ pub enum DataError {
     Data(#[from] data_set::DataError),
 }
 
-/// A named analytic material, with one source per group of bands; see
+/// A named analytic material, with one source per group of bands. The sources are arguments of
 /// [`tabulate`](transport::material::measured::write::tabulate).
 pub type Analytic<'a> = (String, Vec<(&'a Materials, u32)>);
 
-/// Reads all `.pbsdf` files of a folder at the bands nearest to `bands_nm` (nanometres), each band once.
-/// Bands are read as measured, without interpolation; a missing band is replaced with a warning.
+/// Reads all `.pbsdf` files of a folder at the bands nearest to `bands_nm`, in nanometres. Each band is read
+/// once, as measured, without interpolation. If a band is missing, the nearest band is used and a warning is
+/// logged.
 ///
 /// # Errors
-/// [`DataError`].
+/// [`DataError`] if the folder or a table cannot be read, if there is no table, or if there is no band.
 pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<DataSet, DataError> {
     let mut files = vec![];
     let failed = |cause| DataError::Folder { path: folder.to_owned(), cause };
@@ -69,7 +71,7 @@ pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Data
 /// Creates a data set from analytic materials, evaluated at the entries of a table. No table is written.
 ///
 /// # Errors
-/// [`DataError`].
+/// [`DataError`] if the axes are invalid or the matrices do not form a valid data set.
 pub fn evaluate(axes: &Axes, materials: &[Analytic], settings: &Settings) -> Result<DataSet, DataError> {
     axes.check().map_err(DataError::Axes)?;
     let len = axes.slab_len().map_err(DataError::Axes)?;
@@ -138,7 +140,8 @@ mod tests {
     use scene::materials::MaterialSet;
     use transport::material::measured::write::{tabulate, write};
 
-    /// Writes a table of position-dependent matrices with one missing, one dark and one unphysical entry.
+    /// Writes a table of matrices that depend on their position. One entry is missing, one is dark and one is
+    /// unphysical.
     fn made(path: &Path, scale: f32) {
         let axes = Axes::even([5, 3, 4], vec![450, 550, 650]);
         write(path, &axes, |i, values| {
@@ -154,8 +157,8 @@ mod tests {
         .unwrap();
     }
 
-    /// Verifies that files are read in order of name, that moments are those of the entries, and that
-    /// samples are entries.
+    /// Verifies that files are read in the order of their names. Moments must be those of the entries, and
+    /// samples must be entries.
     #[test]
     fn folders_are_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -196,8 +199,8 @@ mod tests {
         assert_eq!(again.mapped(Weight::Bins), data.mapped(Weight::Bins));
     }
 
-    /// Verifies that evaluation in memory is bit-identical to reading a file, with more bands than one set
-    /// holds.
+    /// Verifies that evaluation in memory is bit-identical to reading a file. The test uses more bands than
+    /// one set can contain.
     #[test]
     fn memory_and_file_agree() {
         let text = "[materials]\nm.plastic = { albedo = 0.4, ior = 1.5, alpha = 0.2 }";

@@ -1,11 +1,12 @@
-//! Mueller matrices of a single material: the BRDF, and the specular reflection and transmission of
-//! smooth surfaces.
+//! Mueller matrices of a single material. The matrices describe the BRDF, and the specular reflection and
+//! transmission of smooth surfaces.
 //!
-//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming
-//! direction to the source of the light, the outgoing direction to the destination. Stokes vectors are in
-//! frames whose horizontal axis is (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the
-//! direction, so that "s" is the first axis. The renderer's frames ([`optics::polarization::scatter`])
-//! are therefore rotated for both directions. For transmission, radiance is converted to power.
+//! The surface normal is +z, and the tangent is +x. Directions point away from the surface. The incoming
+//! direction points to the source of the light, and the outgoing direction to the destination. The horizontal
+//! axis of a Stokes frame is (-sin φ, cos φ, 0). The horizontal axis is perpendicular to the plane of the
+//! normal and the direction, so "s" is the first axis. The renderer's frames
+//! ([`optics::polarization::scatter`]) are therefore rotated for each of the two directions. For
+//! transmission, radiance is converted to power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;
@@ -15,12 +16,13 @@ use transport::geometry::ray::Surface;
 use transport::material::{Lanes, Lobe, Materials};
 use transport::scene::Scene;
 
-/// A direction: polar angle from the normal (+z) and azimuth from the tangent (+x), in degrees.
+/// A direction, given by the polar angle from the normal (+z) and the azimuth from the tangent (+x), in
+/// degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction {
-    /// Polar angle from the normal, degrees; above 90 for directions behind the surface.
+    /// Polar angle from the normal, in degrees. The angle is above 90 for directions behind the surface.
     pub theta_deg: f64,
-    /// Azimuth from the tangent, degrees.
+    /// Azimuth from the tangent, in degrees.
     pub phi_deg: f64,
 }
 
@@ -54,8 +56,8 @@ impl Direction {
         Self { phi_deg: self.phi_deg + 180.0, ..self }
     }
 
-    /// Returns the direction of a vector that is on the other side of the normal in the plane of incidence
-    /// of `self`.
+    /// Returns the direction of a vector on the opposite side of the normal, in the plane of incidence of
+    /// `self`.
     fn across(self, w: Vec3A) -> Self {
         Self {
             theta_deg: f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees(),
@@ -64,7 +66,7 @@ impl Direction {
     }
 }
 
-/// The error that the material has no such specular lobe.
+/// The error for a material without the requested specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the material does not {} specularly at this point; evaluate the BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
@@ -72,10 +74,10 @@ pub struct NotSpecular(pub Lobe);
 /// The BRDF for a pair of directions, and the sampling density.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrdfValue {
-    /// Mueller BRDF `[wavelength][out][in]`, 1/sr, without the cosine.
+    /// Mueller BRDF `[wavelength][out][in]` in 1/sr, without the cosine.
     pub mueller: Vec<[[f32; 4]; 4]>,
-    /// Probability density, 1/sr, with which the renderer samples the incoming direction for the outgoing
-    /// direction.
+    /// Probability density in 1/sr. The renderer samples the incoming direction for the outgoing direction
+    /// with this density.
     pub pdf: f32,
 }
 
@@ -85,11 +87,12 @@ pub struct SpecularValue {
     /// Mueller matrix `[out][in]` for power. Radiance also changes by the squared ratio of the refractive
     /// indices.
     pub mueller: [[f32; 4]; 4],
-    /// Outgoing direction; `None` under total reflection, where the transmission matrix is zero.
+    /// Outgoing direction. Under total reflection, the direction is `None` and the transmission matrix is
+    /// zero.
     pub outgoing: Option<Direction>,
 }
 
-/// A material of a material set or of a scene, on a flat surface.
+/// A material of a material set or of a scene, applied to a flat surface.
 pub struct Specimen<'a> {
     materials: &'a Materials,
     /// Number of wavelengths.
@@ -99,13 +102,14 @@ pub struct Specimen<'a> {
 }
 
 impl<'a> Specimen<'a> {
-    /// Creates a specimen of a material at texture coordinates `uv`; `None` if the name is unknown.
+    /// Creates a specimen of a material at texture coordinates `uv`. Returns `None` if the name is unknown.
     pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
         let id = *set.names.get(name)?;
         Some(Self::of(&set.materials, set.wavelengths.count(), id, uv))
     }
 
-    /// Creates a specimen of a scene's material at texture coordinates `uv`; `None` if the name is unknown.
+    /// Creates a specimen of a scene's material at texture coordinates `uv`. Returns `None` if the name is
+    /// unknown.
     pub fn in_scene(scene: &'a Scene, name: &str, uv: [f32; 2]) -> Option<Self> {
         let names = &scene.names;
         let place = names.materials.iter().position(|other| other == name)?;
@@ -138,7 +142,7 @@ impl<'a> Specimen<'a> {
         }
     }
 
-    /// Returns only the matrices of [`Self::brdf`].
+    /// Returns the matrices of [`Self::brdf`] without the density.
     pub fn mueller(&self, incoming: Direction, outgoing: Direction) -> Mueller {
         let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
         self.materials
@@ -149,10 +153,10 @@ impl<'a> Specimen<'a> {
 
     /// Returns the specular reflection or transmission of light from `incoming`, per wavelength.
     ///
-    /// Light paths are reversible, so the outgoing direction is found by tracing light backwards.
+    /// Light paths are reversible, so the outgoing direction is computed by tracing light backwards.
     ///
     /// # Errors
-    /// [`NotSpecular`] if the material has no such lobe there.
+    /// [`NotSpecular`] if the material has no such lobe at the specimen's texture coordinates.
     pub fn specular(&self, incoming: Direction, lobe: Lobe) -> Result<Vec<SpecularValue>, NotSpecular> {
         (0..self.lanes).map(|lane| self.specular_lane(incoming, lobe, lane)).collect()
     }
@@ -165,7 +169,7 @@ impl<'a> Specimen<'a> {
     ) -> Result<SpecularValue, NotSpecular> {
         let materials = self.materials;
         let (wi, xi) = incoming.single();
-        // Under total reflection the reversed direction is also `None`, and no light is transmitted.
+        // Under total reflection, the reversed direction is also `None`, and no light is transmitted.
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
         let total = back.is_none()
             && lobe == Lobe::Transmitted
@@ -210,8 +214,8 @@ mod tests {
         Direction { theta_deg, phi_deg }
     }
 
-    /// Verifies that glass of index 1.5 transmits the power that it does not reflect (Fresnel equations,
-    /// 50°), for light from either side.
+    /// Verifies that glass of index 1.5 transmits the power that the glass does not reflect (Fresnel
+    /// equations, 50°). The test covers light from either side.
     #[test]
     fn smooth_surfaces_keep_power() {
         let set = set("g.dielectric = { ior = 1.5 }");
@@ -230,7 +234,7 @@ mod tests {
         assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
     }
 
-    /// Verifies that vectors of any length give the correct angles, and that the zenith has azimuth 0.
+    /// Verifies that vectors of any length result in the correct angles. The zenith must have the azimuth 0.
     #[test]
     fn vectors_convert_to_directions() {
         for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {

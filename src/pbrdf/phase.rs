@@ -1,4 +1,5 @@
-//! Tables of scattering by a participating medium: the Mueller matrix as a function of the scattering angle.
+//! Tables of scattering by a participating medium. A table contains the Mueller matrix as a function of the
+//! scattering angle.
 
 use base::locate::InputError;
 use glam::Vec3A;
@@ -13,28 +14,30 @@ pub struct PhaseTable {
     pub nm: f64,
     /// Refractive index of the host medium.
     pub index: f64,
-    /// Scattering coefficient, 1/m.
+    /// Scattering coefficient in 1/m.
     pub scattering: f64,
-    /// Absorption coefficient, 1/m.
+    /// Absorption coefficient in 1/m.
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
-    /// Mean scattering cross section of a particle, m², or 0 if the medium does not define particles.
+    /// Mean scattering cross section of a particle in m². The value is 0 if the medium does not define
+    /// particles.
     pub scattering_cross_section: f64,
-    /// Mean absorption cross section of a particle, m², or 0 if the medium does not define particles.
+    /// Mean absorption cross section of a particle in m². The value is 0 if the medium does not define
+    /// particles.
     pub absorption_cross_section: f64,
-    /// S11, S12, S22, S33, S34, S44 at each angle, per steradian, with S11 normalized to an integral of 1
-    /// over the sphere. The first axis of both Stokes frames is perpendicular to the scattering plane (S12 =
-    /// M01 = M10, S34 = M23 = -M32).
+    /// S11, S12, S22, S33, S34, S44 at each angle, per steradian. S11 is normalized to an integral of 1 over
+    /// the sphere. The first axis of the incoming and outgoing Stokes frames is perpendicular to the
+    /// scattering plane (S12 = M01 = M10, S34 = M23 = -M32).
     pub elements: Vec<[f32; 6]>,
 }
 
-/// Returns tables of the medium `name` of a file at scattering angles (degrees, 0 to 180). There is one
-/// table for each of `wavelengths_nm`, a list of any length and order. If `wavelengths_nm` is empty, the
+/// Returns tables of the medium `name` of a file. The scattering angles are in degrees, 0 to 180. There is
+/// one table for each of `wavelengths_nm`, a list of any length and order. If `wavelengths_nm` is empty, the
 /// wavelengths of the file are used.
 ///
 /// # Errors
-/// [`InputError`], which contains file, location and fix.
+/// [`InputError`], which states the file, the location and the fix.
 pub fn tables(
     file: &Path,
     name: &str,
@@ -52,7 +55,8 @@ pub fn tables(
     Ok(out)
 }
 
-/// Returns the tables of the medium `name`, one per wavelength of the set; empty if the name is unknown.
+/// Returns the tables of the medium `name`, one per wavelength of the set. The list is empty if the name is
+/// unknown.
 pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     let mut out = vec![];
     let Some(&id) = set.names.get(name) else {
@@ -84,7 +88,7 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
 mod tests {
     use super::*;
 
-    /// Verifies that Rayleigh scattering at right angles is fully polarized and equals 3/(16π), at any
+    /// Verifies that Rayleigh scattering at right angles is fully polarized and equals 3/(16π) at any
     /// wavelength.
     #[test]
     fn rayleigh_polarizes_at_right_angles() {

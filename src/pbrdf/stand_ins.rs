@@ -1,4 +1,5 @@
-//! Analytic materials for tables: the 25 built-in substitutes for the KAIST data set, or those of a file.
+//! Analytic materials for tables. The materials are those of a file, or the 25 built-in substitutes for the
+//! KAIST data set.
 
 use crate::data_set::Analytic;
 use base::locate::InputError;
@@ -29,15 +30,16 @@ pub enum BandedError {
     NoBands,
 }
 
-/// Materials at any number of bands. A material set has up to four wavelengths, so more bands need several
-/// sets of the same materials.
+/// Materials at any number of bands. A material set has up to four wavelengths. More than four bands
+/// therefore need several sets of the same materials.
 pub struct BandedMaterials(Vec<MaterialSet>);
 
 impl BandedMaterials {
-    /// Builds the materials of a file, or the built-in substitutes, at the given bands (nanometres).
+    /// Builds the materials of a file, or the built-in substitutes, at the given bands in nanometres.
     ///
     /// # Errors
-    /// [`BandedError`].
+    /// [`BandedError`] if the file cannot be read or is invalid, if a band is invalid, or if there are no
+    /// bands.
     pub fn load(file: Option<&Path>, bands: &[u16]) -> Result<Self, BandedError> {
         let (path, text) = match file {
             Some(path) => (path.to_owned(), base::input::read_text(path).map_err(BandedError::Read)?),
@@ -66,7 +68,8 @@ impl BandedMaterials {
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent: those with a lobe that is not specular.
+    /// Returns the names of the materials that a table can represent. Materials without lobes other than
+    /// specular lobes are omitted.
     pub fn tabulable(&self) -> Vec<String> {
         self.names().filter(|name| self.has_extended_lobe(name) == Some(true)).cloned().collect()
     }
@@ -78,8 +81,8 @@ impl BandedMaterials {
         names
     }
 
-    /// Returns a material as the argument of `tabulate`, with one source per four bands; empty if the name
-    /// is unknown.
+    /// Returns a material as the argument of `tabulate`, with one source per four bands. The list is empty if
+    /// the name is unknown.
     pub fn sources(&self, name: &str) -> Vec<(&Materials, u32)> {
         let of = |set| -> Option<(&Materials, u32)> {
             let set: &MaterialSet = set;

@@ -1,5 +1,5 @@
-//! Tables of analytic materials in the KAIST format: checks which materials can be tabulated, and writes
-//! the list of tables.
+//! Tables of analytic materials in the KAIST format. This module checks which materials can be tabulated, and
+//! writes the list of tables.
 
 use crate::stand_ins::BandedMaterials;
 use crate::table_part::nearest_band;
@@ -7,13 +7,13 @@ use base::whole_file;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Preferred bands of the list of tables, in nanometres; the nearest available bands are used.
+/// Preferred bands of the list of tables, in nanometres. The nearest available bands are used.
 const SHOWN_NM: [u16; 3] = [450, 550, 650];
 
 /// Reason why a material cannot be tabulated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SynthError {
-    /// The material has only specular lobes.
+    /// The material has no lobes other than specular lobes.
     #[error(
         "material `{0}` is purely specular and cannot be tabulated; choose a material with a rough or diffuse lobe"
     )]
@@ -47,11 +47,12 @@ pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthE
     Ok(())
 }
 
-/// Writes `materials.toml` into a folder and returns its path. The file defines every table in the folder as
-/// a material at three of `bands` (nanometres), for scenes and for `sunstone pbrdf sheet`.
+/// Writes `materials.toml` into a folder, and returns the path of the file. The file defines every table in
+/// the folder as a material at three of `bands`, in nanometres. Scenes and `sunstone pbrdf sheet` use this
+/// file.
 ///
 /// # Errors
-/// On a file system error.
+/// The error of the file system if the file cannot be written.
 pub fn list(folder: &Path, bands: &[u16]) -> std::io::Result<PathBuf> {
     let mut tables: Vec<String> = std::fs::read_dir(folder)?
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())

@@ -1,12 +1,13 @@
-//! Subsets of a measured table: the entries nearest to given angles and bands. Also computes statistics
-//! per band.
+//! Subsets of a measured table. A subset contains the entries nearest to given angles and bands. This module
+//! also computes statistics per band.
 
 use transport::material::measured::table::Table;
 
 /// Approximate number of entries used for statistics. Larger tables are subsampled evenly.
 const LOOKED_AT: usize = 200_000;
 
-/// Returns the index of the node (in radians) nearest to an angle in degrees, or 0 if there are no nodes.
+/// Returns the index of the node nearest to an angle. Nodes are in radians, and the angle is in degrees.
+/// Returns 0 if there are no nodes.
 pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     let distance = |i: &usize| (nodes[*i] - degrees.to_radians()).abs();
     (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -23,18 +24,18 @@ pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
 pub struct BandStatistics {
     /// Vacuum wavelength of the band, in nanometres.
     pub nm: u16,
-    /// Fraction of the entries that are known, 0..1.
+    /// Fraction 0..1 of the entries that are known.
     pub known: f64,
-    /// Smallest M00 (BRDF, 1/sr); infinite if all entries are unknown.
+    /// Smallest M00 (BRDF in 1/sr), or infinity if all entries are unknown.
     pub low: f32,
-    /// Largest M00 (BRDF, 1/sr).
+    /// Largest M00 (BRDF in 1/sr).
     pub high: f32,
-    /// Mean depolarization index of Gil & Bernabéu (1985): 1 if the matrices do not depolarize, 0 if they
-    /// depolarize completely.
+    /// Mean depolarization index of Gil & Bernabéu (1985). The index is 1 if the matrices do not depolarize,
+    /// and 0 if the matrices depolarize completely.
     pub kept: f64,
 }
 
-/// Returns the stride with which [`band_statistics`] subsamples entries; 1 for small tables.
+/// Returns the stride with which [`band_statistics`] subsamples entries. The stride is 1 for small tables.
 pub fn statistics_step(table: &Table) -> usize {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     (p * d * h / LOOKED_AT).max(1)
@@ -69,7 +70,8 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     table.wavelengths_nm().iter().enumerate().map(of).collect()
 }
 
-/// A subset of a table: the selected entries along φ_d, θ_d, θ_h and the bands, in this order.
+/// A subset of a table. The subset contains the selected entries along φ_d, θ_d, θ_h and the bands, in this
+/// order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TablePart {
     /// Kept indices along each axis.
@@ -79,8 +81,8 @@ pub struct TablePart {
 }
 
 impl TablePart {
-    /// Creates the part in which the given angles (φ_d, θ_d, θ_h, in degrees) and wavelength (nanometres)
-    /// are fixed at the nearest entries. Axes without a given value are kept.
+    /// Creates a part of the table. The given angles (φ_d, θ_d, θ_h, in degrees) and the given wavelength (in
+    /// nanometres) are fixed at the nearest entries. Axes without a given value are kept.
     pub fn new(table: &Table, angles_deg: [Option<f32>; 3], nm: Option<f32>) -> Self {
         let all = |n: usize| (0..n).collect::<Vec<_>>();
         let angles = table.angles();
@@ -100,8 +102,8 @@ impl TablePart {
         Self { kept, shape }
     }
 
-    /// Iterates over the kept entries, last axis fastest. Each item has four indices and the row-major
-    /// matrix, which is NaN if unknown.
+    /// Iterates over the kept entries. The last axis varies fastest. Each item has four indices and the
+    /// row-major matrix, which is NaN if unknown.
     pub fn entries<'a>(&'a self, table: &'a Table) -> impl Iterator<Item = ([usize; 4], [f32; 16])> + 'a {
         let count: usize = self.kept.iter().map(Vec::len).product();
         (0..count).map(move |mut i| {
@@ -154,7 +156,7 @@ mod tests {
         assert_eq!(nearest_band(&[], 550.0), None);
     }
 
-    /// Verifies statistics of a table in which one of 60 entries of the first band is unknown. Matrices
+    /// Verifies the statistics of a table in which one of 60 entries of the first band is unknown. Matrices
     /// of ideal depolarizers have the depolarization index 0.
     #[test]
     fn band_statistics_of_a_known_table() {

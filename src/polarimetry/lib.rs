@@ -1,5 +1,11 @@
-//! Capture and reconstruction: capture schemes and their forward model, detectors, reconstruction of
-//! Mueller matrices, learned schemes and decompositions. The crate depends on tensors, but not on scenes.
+//! Capture and reconstruction of Mueller matrices. The crate contains:
+//! - capture schemes and their forward model,
+//! - detectors,
+//! - reconstruction of Mueller matrices,
+//! - learned schemes,
+//! - decompositions.
+//!
+//! The crate depends on tensors, but not on scenes.
 
 pub mod capture;
 pub mod decompose;

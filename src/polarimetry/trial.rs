@@ -15,8 +15,8 @@ use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
 
-/// Fraction of the mean T00 above which a pixel is bright. Errors of normalized elements use only
-/// bright pixels.
+/// Fraction of the mean T00 above which a pixel is bright. Only bright pixels are used for errors of
+/// normalized elements.
 const BRIGHT: f64 = 0.1;
 
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +24,7 @@ pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
     #[error("the mean M00 of the matrices is not positive; use matrices of a lit scene")]
     Dark,
-    /// A prior needs the noise level, which is unknown.
+    /// A prior requires the noise level, which is unknown.
     #[error(
         "a prior requires the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
     )]
@@ -69,7 +69,7 @@ pub enum EstimateKind {
 }
 
 impl EstimateKind {
-    /// Returns the name in tables.
+    /// Returns the estimator's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::LeastSquares => "least squares",
@@ -83,18 +83,20 @@ impl EstimateKind {
 pub struct SchemeResult {
     pub name: String,
     pub captures: usize,
-    /// Rank of the design matrix, the smallest of all wavelengths.
+    /// Rank of the design matrix. The rank is the smallest rank of all wavelengths.
     pub rank: usize,
-    /// Condition number, the largest of all wavelengths; infinite below rank 16.
+    /// Condition number of the design matrix. The number is the largest of all wavelengths, and is infinite
+    /// below rank 16.
     pub condition: f64,
     pub estimate: EstimateKind,
-    /// RMSE divided by the mean T00, from the closed form σ √(tr (AᵀA)⁻¹ / 16), for normal noise and rank 16.
+    /// RMSE divided by the mean T00, for normal noise and rank 16. The value is computed from the closed form
+    /// σ √(tr (AᵀA)⁻¹ / 16).
     pub predicted: Option<f64>,
     /// Root mean square error of all elements, divided by the mean T00 and averaged over all trials.
     pub rmse: f64,
     /// Standard error of `rmse`, or NaN for a single trial.
     pub rmse_error: f64,
-    /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over bright pixels.
+    /// Mean absolute error of the 15 elements T_ij/T00 except T00, over bright pixels.
     pub normalized: f64,
     /// Fraction of pixels that are not determined.
     pub lost: f64,
@@ -102,12 +104,12 @@ pub struct SchemeResult {
     pub errors: ErrorImage,
 }
 
-/// The error √(Σ ΔTij²) divided by the mean T00, at every pixel: root mean square over wavelengths and
-/// further captures.
+/// The error √(Σ ΔTij²) at every pixel, divided by the mean T00. The error is the root mean square over
+/// wavelengths and further captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorImage {
     pub width: usize,
-    /// Rows from the top, `width` columns each; NaN where a matrix is not determined.
+    /// Values from the top row, `width` columns each. Values are NaN where a matrix is not determined.
     pub values: Vec<f32>,
 }
 
@@ -118,14 +120,14 @@ pub struct Errors {
     pub mean: f64,
     /// Root mean square error of all 16 elements, divided by `mean`, over pixels with finite results.
     pub rmse: f64,
-    /// Mean absolute error of the 15 elements T_ij/T00 (all except T00), over pixels brighter than a
-    /// tenth of `mean`.
+    /// Mean absolute error of the 15 elements T_ij/T00 except T00, over pixels brighter than a tenth of
+    /// `mean`.
     pub normalized: f64,
     /// Fraction of known pixels whose result is not finite.
     pub lost: f64,
 }
 
-/// Returns the mean T00 of an image, to which errors are relative.
+/// Returns the mean T00 of an image. Errors are relative to this mean.
 ///
 /// # Errors
 /// [`TrialError::Dark`] if the mean T00 is not positive.
@@ -138,11 +140,12 @@ impl Trial<'_> {
     /// Runs the trial for a scheme.
     ///
     /// # Errors
-    /// [`TrialError`] if `repeat` is 0, the image is dark, or captures cannot be simulated or reconstructed.
+    /// [`TrialError`] if `repeat` is 0, if the image is dark, or if captures cannot be simulated or
+    /// reconstructed.
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;
-        // Design matrices along the axis, even if every pixel has its own ray.
+        // The design matrices are along the axis, although every pixel may have its own ray.
         let oblique = image.view != Directions::Axial;
         let axis = Directions::Axial.rays(image.layout, &image.wavelengths_nm());
         let designs: Vec<DesignMatrix> = axis.iter().map(|ray| DesignMatrix::new(scheme, ray)).collect();
@@ -190,7 +193,7 @@ impl Trial<'_> {
         })
     }
 
-    /// Returns the reconstruction of captures, 16 elements per pixel.
+    /// Returns the reconstruction of captures, with 16 elements per pixel.
     fn estimated(
         &self,
         scheme: &Scheme,
@@ -222,8 +225,8 @@ impl Trial<'_> {
     }
 }
 
-/// Returns the predicted error σ √(tr (AᵀA)⁻¹ / 16) divided by the mean T00: root mean square over the
-/// wavelengths.
+/// Returns the predicted error σ √(tr (AᵀA)⁻¹ / 16) divided by the mean T00. The result is the root mean
+/// square over the wavelengths.
 fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> {
     let Noise::Gaussian { sigma } = noise else {
         return None;
@@ -232,8 +235,8 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
     Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
 }
 
-/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` holds one
-/// design matrix per wavelength; the wavelengths alternate over the pixels.
+/// Returns the minimum-norm solutions of captures, with 16 elements per pixel. `designs` holds one design
+/// matrix per wavelength. The wavelengths alternate over the pixels.
 pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
     let pixels = captured.layout.pixels();
@@ -282,8 +285,8 @@ pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
     }
 }
 
-/// Returns the errors of reconstructed matrices per pixel, relative to a brightness `mean`; pixels in the
-/// order of `layout`.
+/// Returns the errors of reconstructed matrices per pixel, relative to the brightness `mean`. The pixels are
+/// in the order of `layout`.
 pub fn error_image(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> ErrorImage {
     let inner = layout.times * layout.lanes;
     let places = truth.chunks_exact((16 * inner).max(1)).zip(found.chunks_exact((16 * inner).max(1)));
@@ -303,9 +306,9 @@ mod tests {
         MuellerImage::of_array((0..16 * pixels).map(of).collect(), vec![1, pixels], &[]).expect("an image")
     }
 
-    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the
-    /// closed form within 5 standard errors: for 400 pixels with 16 correlated errors each, the relative
-    /// standard error is at most 1/√400.
+    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the closed
+    /// form within 5 standard errors. For 400 pixels with 16 correlated errors each, the relative standard
+    /// error is at most 1/√400.
     #[test]
     fn errors_are_as_predicted() {
         let image = image(400);
@@ -325,8 +328,8 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Errors are correct for three pixels: one with an error of 0.1 in one of 16 elements, one
-    /// that is not determined, and one of unknown truth.
+    /// Errors are correct for three pixels. The first has an error of 0.1 in one of 16 elements, the second
+    /// is not determined, and the third has an unknown truth.
     #[test]
     fn errors_of_three_known_pixels() {
         let mut truth = vec![0.0; 48];

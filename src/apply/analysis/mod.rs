@@ -1,10 +1,14 @@
-//! Analysis of the dimensions of the transport tensor, for the scene of a room with a mirror: Baek &
-//! Heide (2021), section 3.2, Fig. 2 and 3.
+//! Analyses the dimensions of the transport tensor for a room with a mirror (Baek & Heide 2021, section 3.2,
+//! Fig. 2 and 3).
 //!
-//! Five light components are isolated, each by one element of the tensor. Methods differ in the dimensions
-//! that a method may slice: space (epipolar or non-epipolar light), time (early or late light of a pixel),
-//! polarization (the 16 elements), or several of these dimensions. The slice and its sign are learned from
-//! the training variants. The baselines are intensity only, space only and time only.
+//! Each method isolates five light components, each by one element of the tensor. A method may slice one or
+//! more of these dimensions:
+//! - space: epipolar or non-epipolar light,
+//! - time: early or late light of a pixel,
+//! - polarization: the 16 elements.
+//!
+//! A method learns the slice and the sign of the element from the training variants. The baselines slice
+//! intensity alone, space alone and time alone.
 
 mod scanlines;
 

@@ -1,5 +1,5 @@
-//! Images of scanlines for named elements (Fig. 3 c and d): one set shows camera column against projector
-//! column, the other camera column against travel time.
+//! Images of scanlines for named elements (Fig. 3 c and d). One set shows camera column against projector
+//! column. A second set shows camera column against travel time.
 
 use crate::application::Picture;
 use crate::error::ApplyError;
@@ -9,13 +9,14 @@ use crate::observation::Observation;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// Name of the slice by camera column and projector column, for one camera row.
+/// Name of the slice that resolves camera column and projector column for one camera row.
 pub(super) const SPACE: &str = "ss";
 
-/// Row of the time scanline as a fraction of the image's height: the row of [`SPACE`] in the scene file.
+/// Row of the time scanline as a fraction of the image's height. [`SPACE`] has the same row in the scene
+/// file.
 const ROW: f64 = 77.0 / 128.0;
 
-/// Elements to draw, which measure intensity, preserved linear polarization, reversed handedness of
+/// Elements to draw. The elements measure intensity, preserved linear polarization, reversed handedness of
 /// circular polarization, and polarizance.
 const SHOWN: [(&str, usize, usize, f64); 5] = [
     ("(0,0)", 0, 0, 1.0),
@@ -30,7 +31,8 @@ pub(super) fn elements() -> impl Iterator<Item = &'static str> {
     SHOWN.iter().map(|(name, ..)| *name)
 }
 
-/// Draws an element of a camera row. Columns run from left to right, the axis `up` from bottom to top.
+/// Draws an element of a camera row. Columns increase from left to right, and the axis `up` increases from
+/// bottom to top.
 fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64) -> Map {
     let height = t.extent(up);
     Map::from_fn(t.extent(AxisKind::X), height, t.extent(AxisKind::Wavelength), |x, y, out| {
@@ -65,7 +67,7 @@ fn clipped(mut map: Map, bright: f64) -> Map {
 /// Draws all scanlines of a variant.
 ///
 /// # Errors
-/// [`ApplyError::Missing`] if a slice is missing; [`ApplyError::Axis`] if a slice lacks an axis.
+/// [`ApplyError::Missing`] if a slice is missing, and [`ApplyError::Axis`] if a slice lacks an axis.
 pub(super) fn pictures(o: &Observation) -> Result<Vec<Picture>, ApplyError> {
     let mut out = vec![];
     for (slice, name, up, axis) in [
@@ -102,7 +104,7 @@ mod tests {
         let s = slice([5, 10, 4, 2], 0.0, |p, bin, e, lane| (1000 * p + 100 * bin + 2 * e + lane) as f64);
         let map = scanline(&s.mean, 6, AxisKind::T, [3, 3], -1.0);
         assert_eq!((map.width, map.height, map.channels), (5, 4, 2));
-        // Row 6, column 2 is pixel 32. The top row of the map is the last bin.
+        // Row 6, column 2 is pixel 32. The top row of the map shows the last bin.
         assert_eq!(map.at(2, 0), [-(32_000.0 + 300.0 + 30.0), -(32_000.0 + 300.0 + 31.0)]);
         assert_eq!(map.at(2, 3), [-32_030.0, -32_031.0]);
     }

@@ -1,4 +1,4 @@
-//! Errors of captured slices.
+//! Errors that occur when a slice is captured.
 
 use polarimetry::capture::design_matrix::RankError;
 use polarimetry::capture::detector::error::DetectorError;

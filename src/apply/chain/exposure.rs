@@ -1,11 +1,13 @@
-//! Automatic exposure from a photograph.
+//! Computes the exposure automatically from a photograph.
 //!
-//! The photograph is T00, summed over wavelengths, of the brightest slice that has complete matrices and
-//! no time bins. For a variant without such a slice, the photograph is the brightest slice with time
-//! bins, summed over the bins. The exposure is chosen so that a pixel with the metered value (mean or
-//! percentile) of the photograph has the requested number of electrons, averaged over captures. All
-//! slices of the variant are captured with this exposure. A photon counter runs until a pixel with the
-//! metered value has the requested number of counts, summed over all bins.
+//! The photograph is T00, summed over wavelengths, of the brightest slice that has complete matrices and no
+//! time bins. For a variant without such a slice, the photograph is the brightest slice with time bins,
+//! summed over the bins.
+//!
+//! The metered value is the mean or a percentile of the photograph. The exposure gives a pixel with the
+//! metered value the requested number of electrons, averaged over captures. All slices of the variant are
+//! captured with this exposure. A photon counter counts until a pixel with the metered value has the
+//! requested number of counts, summed over all bins.
 
 use super::error::ChainError;
 use super::light::Light;
@@ -37,7 +39,7 @@ pub struct Exposure {
     pub electrons: f64,
     /// Number of counts of a photon counter at the metered value, summed over bins.
     pub counts: f64,
-    /// Counts per laser pulse; must be far below 1 to avoid pile-up.
+    /// Counts per laser pulse. A value far below 1 avoids pile-up.
     pub counts_per_pulse: f64,
 }
 
@@ -47,13 +49,15 @@ impl Default for Exposure {
     }
 }
 
-/// A laboratory: true optical elements, detectors (without a detector there is no noise) and exposure.
+/// A laboratory: true optical elements, detectors and an exposure. Without a detector, readings have no
+/// noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Laboratory {
     pub optics: Optics,
-    /// The camera; the exposure sets its `photons_per_unit`.
+    /// The camera. The exposure sets the camera's `photons_per_unit`.
     pub camera: Option<Cmos>,
-    /// The photon counter for slices with time bins; the exposure sets `photons_per_unit` and `pulses`.
+    /// The photon counter for slices with time bins. The exposure sets the counter's `photons_per_unit` and
+    /// `pulses`.
     pub counter: Option<Spad>,
     pub exposure: Exposure,
 }
@@ -72,7 +76,7 @@ impl Exposure {
     /// Checks the values of the exposure.
     ///
     /// # Errors
-    /// If a value is invalid; the error names the first invalid value.
+    /// Returns an error that names the first invalid value.
     pub fn check(&self) -> Result<(), ChainError> {
         let demand = |field, value: f64, holds, need| {
             let bad = DetectorError::Field { field, value, need };
@@ -138,7 +142,7 @@ impl Laboratory {
     /// captured through `scheme`.
     ///
     /// # Errors
-    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid settings.
+    /// [`ChainError::Dark`] if there is no photograph, and [`ChainError::Detector`] for invalid settings.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {
@@ -162,9 +166,9 @@ impl Laboratory {
 }
 
 impl Detectors {
-    /// Returns the noise model for some light: that of the counter if there are time bins, otherwise that
-    /// of the camera. For a slice of intensities, the model assumes the same optical elements with the
-    /// same loss of light.
+    /// Returns the noise model for `light`. The model is the counter's model if there are time bins,
+    /// otherwise the camera's model. For a slice of intensities, the model assumes the same optical elements
+    /// with the same loss of light.
     ///
     /// # Errors
     /// [`ChainError::Detector`] if the counter's settings do not match the bins.
@@ -177,8 +181,8 @@ impl Detectors {
                 let per = diode.detection_efficiency.at(550.0).max(1e-300);
                 diode.photons_per_unit = self.exposure.counts_per_pulse / (per * t00 * reading) * through;
                 if counter.period_ps == Spad::default().period_ps {
-                    // The period covers the bins and the response to light in the last bin. A longer
-                    // period would only add zeros.
+                    // The period covers the bins and the response to light in the last bin. A longer period
+                    // would add nothing but zeros.
                     let late = 3.0 * diode.irf_fwhm_ps + 10.0 * diode.irf_tail_ps * diode.irf_tail;
                     let bins = light.image.layout.times as f64 + (late / bin_ps).ceil();
                     diode.period_ps = bins * bin_ps;
@@ -197,8 +201,8 @@ impl Detectors {
         }
     }
 
-    /// Returns the standard deviation of a reading's noise for light with T00 = `t00`, relative to `t00`, or
-    /// 0 without a camera.
+    /// Returns the standard deviation of the noise of a reading of light with T00 = `t00`. The result is
+    /// relative to `t00`, and is 0 without a camera.
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {
             return 0.0;

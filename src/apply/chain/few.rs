@@ -1,9 +1,10 @@
-//! Schemes with few captures whose angles are optimized for a method's task.
+//! Schemes with few captures. The angles of these schemes are optimized for a method's task.
 //!
-//! If a method uses only a few linear functionals w·t of a pixel's matrix, the relevant error is tr M C,
-//! where C is the error covariance of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16, the
-//! estimator is the linear estimator of least expected squared error for the second moment of the training
-//! variants' matrices. This estimator is optimal for every functional.
+//! A method may need no more than a few linear functionals w·t of a pixel's matrix. The relevant error is
+//! then tr M C with M = Σ w wᵀ ([`Objective::metric`]), where C is the error covariance of the estimate.
+//! Below rank 16, the estimator is linear. The expected squared error of this estimator is minimal for the
+//! second moment of the matrices of the training variants. The same linear estimator is optimal for every
+//! functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -17,7 +18,7 @@ use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
     pub slice: &'static str,
-    /// Name of the method, which uses only this slice.
+    /// Name of the method that uses no other slice.
     pub method: &'static str,
     pub baselines: Vec<&'static str>,
     /// Weights of the 16 elements, row-major, for each functional.
@@ -27,12 +28,12 @@ pub struct Task {
 /// Statistics of a slice's matrices over the training variants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Σ t tᵀ / Σ T00², summed over pixels, bins and wavelengths. This sum is the second moment of matrices
-    /// with T00 = 1, weighted by squared brightness.
+    /// Σ t tᵀ / Σ T00², where the sums include all pixels, bins and wavelengths. The quotient is the second
+    /// moment of matrices with T00 = 1, weighted by squared brightness.
     pub moment: Moment,
     /// Root mean square of T00.
     pub brightness: f64,
-    /// Wavelengths, nanometres.
+    /// Wavelengths in nanometres.
     pub nm: Vec<f64>,
 }
 
@@ -86,7 +87,7 @@ pub enum Choice {
 impl Choice {
     pub const EVERY: [Self; 3] = [Self::Task, Self::All, Self::Dual];
 
-    /// Returns the name in tables.
+    /// Returns the choice's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Task => "learnt for the task",
@@ -101,8 +102,8 @@ fn search(seed: u64) -> Search {
     Search { starts: 8, iterations: 120, adam_steps: 0, seed }
 }
 
-/// Chooses a scheme of `captures` captures for the expected matrices, for readings with noise of standard
-/// deviation `sigma` relative to T00. All elements are ideal and rotate.
+/// Chooses a scheme of `captures` captures for the expected matrices. The noise of the readings has the
+/// standard deviation `sigma`, relative to T00. All elements are ideal and rotate.
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.
@@ -134,8 +135,8 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
     }
 }
 
-/// Returns the scheme L-QRPR, or L-QRPR-P with an array. The angles of these schemes minimize the
-/// least-squares error of all elements (Baek & Heide 2021, sec. 4).
+/// Returns the scheme L-QRPR, or L-QRPR-P if the sensor has a polarizer array. The angles of these schemes
+/// minimize the least-squares error of all elements (Baek & Heide 2021, sec. 4).
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.

@@ -1,4 +1,4 @@
-//! Chain files: the rig through which slices are captured.
+//! Chain files, which describe the rig that captures slices.
 //!
 //! ```toml
 //! scheme = { kind = "drr", captures = 36 }   # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
@@ -30,16 +30,16 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Belief {
-    /// Nominal elements, as in data sheets.
+    /// Nominal elements, as specified in data sheets.
     Nominal,
-    /// Elements as calibrated by captures of known samples.
+    /// Elements with properties that are calibrated by captures of known samples.
     Calibrated,
     /// The true elements.
     Exact,
 }
 
 impl Belief {
-    /// Returns the name in tables.
+    /// Returns the belief's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nominal => "nominal",
@@ -53,7 +53,7 @@ impl Belief {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sample {
-    /// No sample: light is transmitted unchanged.
+    /// The sample is air, which transmits light unchanged.
     Air,
     /// A metal mirror at normal incidence. Different metals have the same matrix up to a factor.
     Mirror,
@@ -61,7 +61,7 @@ pub enum Sample {
 }
 
 impl Sample {
-    /// Returns the name in rig files.
+    /// Returns the sample's name in rig files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Air => "air",
@@ -78,10 +78,10 @@ pub struct Chain {
     pub nominal: Scheme,
     /// True elements, and detectors.
     pub laboratory: Laboratory,
-    /// The assumed sets of elements; the report has one table for each set.
+    /// The assumed sets of elements. The report has one table for each set.
     pub beliefs: Vec<Belief>,
     pub samples: Vec<Sample>,
-    /// Seed of rigs and noise, in addition to the seed of the render.
+    /// Seed of rigs and noise. The seed of the render is combined with this seed.
     pub seed: u64,
 }
 
@@ -143,16 +143,17 @@ const MOST_CAPTURES: usize = 1000;
 /// Reads a chain file.
 ///
 /// # Errors
-/// [`InputError`] with file, position and fix if the file cannot be read or is not a valid chain.
+/// [`InputError`] if the file cannot be read or is not a valid chain. The error states the file, the position
+/// and the fix.
 pub fn load(path: &Path) -> Result<Chain, InputError> {
     let text = document::read(path, "chain", "see the examples in rigs/chains")?;
     from_toml(path, &text)
 }
 
-/// Parses a chain from TOML. Files that the chain names are relative to the folder of `path`.
+/// Parses a chain from TOML text. Paths in the text are relative to the folder of `path`.
 ///
 /// # Errors
-/// Same as [`load`].
+/// The same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let file: ChainFile = document::parse(path, text, |_| FIX.to_owned())?;
     let fault = |span: Range<usize>, message: String, fix: &str| {
@@ -180,8 +181,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
         }
     };
-    // A chain must determine a Mueller matrix without a prior. Captures for a prior are chosen by the
-    // command.
+    // A chain must determine a Mueller matrix without a prior. The command chooses captures for a prior.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let fix = format!("use at least {} captures with different settings", e.least);
         let message = format!(
@@ -232,7 +232,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             "list at least one entry, or remove the key to use all entries",
         ));
     }
-    // A repeated sample would be captured with the same noise, but treated as an independent sample.
+    // A repeated sample would have the same noise in each capture, but would be treated as an independent
+    // sample.
     let twice = [
         (repeats(&file.calibration), file.calibration.span(), "calibration"),
         (repeats(&file.samples), file.samples.span(), "samples"),

@@ -1,4 +1,5 @@
-//! Converts between slices and the light that a rig captures: Mueller matrices by pixel and wavelength.
+//! Converts between slices and the light that a rig captures. The light is an image of Mueller matrices by
+//! pixel and wavelength.
 
 use super::error::ChainError;
 use crate::observation::Slice;
@@ -8,7 +9,7 @@ use tensor::axes::{Axis, AxisKind};
 
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// The matrices. Intensities are matrices with T00 only.
+    /// The matrices. Intensities are matrices in which all elements except T00 are zero.
     pub image: MuellerImage,
     /// Whether the slice contains complete matrices.
     pub polarized: bool,
@@ -18,7 +19,7 @@ impl Light {
     /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
     ///
     /// # Errors
-    /// [`ChainError::Axes`] and [`ChainError::Image`] if the slice is not an image.
+    /// [`ChainError::Axes`] or [`ChainError::Image`] if the slice is not an image.
     pub fn of(slice: &Slice) -> Result<Self, ChainError> {
         let t = &slice.mean;
         let wrong = |what| ChainError::Axes { slice: t.name.clone(), what };
@@ -48,7 +49,7 @@ impl Light {
         Ok(Self { image, polarized })
     }
 
-    /// Converts matrices in the pixel order of the image to a tensor with the axes of `like`.
+    /// Converts matrices in the pixel order of the image to a tensor with the axes of the tensor `like`.
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
         let lanes = like.extent(AxisKind::Wavelength);
@@ -64,7 +65,7 @@ fn is_stokes(kind: AxisKind) -> bool {
     matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn)
 }
 
-/// Returns the index in the matrices of value `i` of a slice whose last axes are Stokes elements
+/// Returns the index of value `i` of a slice in the matrices. The last axes of the slice are Stokes elements
 /// and wavelengths.
 fn place(i: usize, elements: usize, lanes: usize) -> usize {
     let (lane, rest) = (i % lanes, i / lanes);

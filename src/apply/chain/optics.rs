@@ -1,4 +1,5 @@
-//! True optical elements: drawn within tolerances, or known from a scheme file.
+//! True optical elements. The elements are drawn at random within tolerances, or are known from a scheme
+//! file.
 
 use polarimetry::capture::detector::random::stream;
 use polarimetry::capture::element::{Element, ElementKind};
@@ -11,12 +12,12 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
-    /// Standard deviation of the axis error of each element, degrees.
+    /// Standard deviation of the axis error of each element, in degrees.
     pub axis_error_deg: f64,
-    /// Standard deviation of the retardance error of each retarder, degrees.
+    /// Standard deviation of the retardance error of each retarder, in degrees.
     pub retardance_error_deg: f64,
-    /// Ratio of the minimum to the maximum transmittance of all polarizers: 1e-3 for an extinction ratio of
-    /// 1000:1.
+    /// Ratio of the minimum to the maximum transmittance of all polarizers. The ratio is 1e-3 for an
+    /// extinction ratio of 1000:1.
     pub extinction: f64,
 }
 
@@ -25,13 +26,13 @@ pub struct Tolerances {
 pub enum Optics {
     /// Elements drawn at random within tolerances.
     Drawn(Tolerances),
-    /// Elements of a scheme, whose settings are ignored.
+    /// Elements of a scheme. The settings of this scheme are ignored.
     Known(Box<Scheme>),
 }
 
 impl Optics {
-    /// Returns a scheme with these elements and the settings of `nominal`. The same rig number `rig` gives
-    /// the same elements for all settings.
+    /// Returns a scheme with these elements and the settings of `nominal`. Equal rig numbers `rig` give the
+    /// same elements for all settings.
     pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
         match self {
             Self::Known(optics) => with_elements(nominal, optics),
@@ -85,8 +86,8 @@ fn shifted(value: &SpectralValue, by: f64) -> SpectralValue {
     }
 }
 
-/// Returns a scheme with the settings of `settings` and the imperfections of `elements`; elements are
-/// matched by name.
+/// Returns a scheme with the settings of `settings` and the imperfections of `elements`. Elements with equal
+/// names correspond.
 pub fn with_elements(settings: &Scheme, elements: &Scheme) -> Scheme {
     let mut out = settings.clone();
     for (side, own, others) in [

@@ -1,4 +1,4 @@
-//! Captures of a slice, and their reconstruction.
+//! Captures a slice, and reconstructs the slice from the captures.
 
 use super::error::ChainError;
 use super::exposure::Detectors;
@@ -25,9 +25,10 @@ pub struct Readings<'a> {
 /// Numbers of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Number of all pixels, times and wavelengths.
+    /// Number of all combinations of pixel, time and wavelength.
     pub pixels: usize,
-    /// Number of pixels with too few unsaturated readings, whose reconstruction includes saturated readings.
+    /// Number of pixels with too few unsaturated readings. The reconstruction of these pixels includes
+    /// saturated readings.
     pub clipped: usize,
 }
 
@@ -40,8 +41,8 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through the true elements. Only the values of the slice are captured. The
-    /// standard errors are kept.
+    /// Captures a slice through the true elements. The values of the slice are captured. The standard errors
+    /// of the slice are kept unchanged.
     ///
     /// # Errors
     /// [`ChainError`] if the detector refuses its settings or the light.
@@ -56,9 +57,9 @@ impl<'a> Readings<'a> {
         Ok(Self { slice, light, noise, captured })
     }
 
-    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine
-    /// a matrix. Standard errors combine those of the slice and of the captures. Assumed and true
-    /// elements have the same settings.
+    /// Reconstructs the slice with `believed` elements. If the captures do not determine a matrix, the
+    /// reconstruction uses a prior. Standard errors combine the standard errors of the slice and of the
+    /// captures. Assumed and true elements have the same settings.
     ///
     /// # Errors
     /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.
@@ -97,8 +98,8 @@ impl<'a> Readings<'a> {
         Ok((Slice { mean, error }, count))
     }
 
-    /// Reconstructs whole matrices and their errors; returns the number of pixels for which saturated
-    /// readings were used.
+    /// Reconstructs whole matrices and the errors of the matrices. Returns the number of pixels for which
+    /// saturated readings were used.
     fn matrices(
         &self,
         believed: &Scheme,
@@ -135,8 +136,8 @@ impl<'a> Readings<'a> {
         if tally.lost == 0 {
             return Ok(0);
         }
-        // The true value of a saturated reading is at least the maximum. Pixels with too few unsaturated
-        // readings use this maximum.
+        // The true value of a saturated reading is at least the maximum reading. Pixels with too few
+        // unsaturated readings use the maximum reading.
         let [most, spread] = self.brim();
         for (i, v) in readings.iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
             *v = most as f32;

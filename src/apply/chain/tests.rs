@@ -15,8 +15,8 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// Returns a slice of asymmetric matrices, brighter along rows, at three wavelengths, with
-/// picosecond bins if there are several.
+/// Returns a slice of asymmetric matrices at three wavelengths. The brightness increases along rows. If there
+/// are several bins, the bins have picosecond widths.
 fn some(size: [usize; 4]) -> Slice {
     let mut s = slice(size, 0.0, |p, b, e, k| {
         let bright = 1.0 + 0.1 * (p % 4) as f64 + 0.2 * b as f64 + 0.1 * k as f64;
@@ -91,9 +91,9 @@ fn perfect_rigs_return_the_slice() {
     }
 }
 
-/// Exactly known optical errors are compensated; with nominal optics they are not. Retardance of the
-/// wrong sign (a retarder with exchanged axes) reverses the handedness. The resulting error of the
-/// matrices is much larger than the tolerance above.
+/// Optical errors that are known exactly are compensated. Reconstruction with nominal optics does not
+/// compensate optical errors. Retardance of the wrong sign (a retarder with exchanged axes) reverses the
+/// handedness. The resulting error of the matrices is much larger than the tolerance above.
 #[test]
 fn only_known_optical_errors_are_compensated() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
@@ -123,8 +123,8 @@ fn only_known_optical_errors_are_compensated() {
     }
 }
 
-/// Behind a polarizer with leakage ε, unpolarized light becomes ½(1 + ε, (1 - ε)u) instead of ½(1, u):
-/// reconstructed matrices are D T D with D = diag(1 + ε, 1 - ε, 1 - ε, 1 - ε).
+/// A polarizer with leakage ε transmits ½(1 + ε, (1 - ε)u) of unpolarized light, instead of ½(1, u). The
+/// reconstructed matrices are therefore D T D with D = diag(1 + ε, 1 - ε, 1 - ε, 1 - ε).
 #[test]
 fn leaking_polarizers_bias_in_closed_form() {
     let epsilon = 0.05;
@@ -141,7 +141,7 @@ fn leaking_polarizers_bias_in_closed_form() {
         let want = if i % 16 == 0 { (1.0 + epsilon).powi(2) } else { 0.0 };
         assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: found {v}, expected {want}");
     }
-    // The polarized part of diag(1, a, a, a) is measured through both diattenuations.
+    // The polarized part of diag(1, a, a, a) is measured through the diattenuations of two polarizers.
     let a = 0.6;
     let mut diagonal = depolarizer;
     for (i, v) in diagonal.mean.data.iter_mut().enumerate() {
@@ -158,12 +158,16 @@ fn leaking_polarizers_bias_in_closed_form() {
     }
 }
 
-/// Compares the scatter over 400 seeds with the estimated errors: χ²/n is 1 within 5 standard errors,
-/// computed from the spread of the squares over seeds. Biases are below 5 of their standard errors plus a
-/// tenth of a standard error of the data. The test covers a camera, a polarizer array, a counter, and
-/// intensities of camera and counter. The counter receives equal light in all bins, because the variances
-/// are averaged over neighbouring bins, as in a rig's scans. The rate is far below one photon per pulse,
-/// because the variances neglect pile-up.
+/// Compares the scatter over 400 seeds with the estimated errors. χ²/n is 1 within 5 standard errors, which
+/// are computed from the spread of the squares over seeds. Every bias is at most 5 times the bias's standard
+/// error plus a tenth of a standard error of the data. The test covers:
+/// - a camera,
+/// - a polarizer array,
+/// - a counter,
+/// - intensities of camera and counter.
+///
+/// The counter receives equal light in all bins, because the variances are averaged over neighbouring bins,
+/// as in a rig's scans. The rate is far below one photon per pulse, because the variances neglect pile-up.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn stated_errors_match_the_scatter() {
@@ -230,8 +234,8 @@ fn captures_depend_on_the_seed_and_not_on_threads() {
     });
 }
 
-/// Highlights far above the full well are reconstructed from unsaturated readings, or clipped: no value is
-/// lost.
+/// Highlights far above the full well are reconstructed from unsaturated readings, or are clipped. No value
+/// is lost.
 #[test]
 fn highlights_are_clipped_and_counted() {
     let lab = laboratory(Tolerances::default(), Some(3000.0));
@@ -250,8 +254,8 @@ fn highlights_are_clipped_and_counted() {
     assert!(found.mean.data[0] < s.mean.data[0]);
 }
 
-/// Captures optimized for one functional have a smaller error of this functional than captures
-/// optimized for all elements, and vice versa.
+/// Captures can be optimized for one functional or for all elements. Each optimized set of captures has the
+/// smaller error in the quantity for which the set is optimized.
 #[test]
 fn captures_are_optimized_for_the_functional() {
     let mut o = Observation::default();
@@ -277,7 +281,7 @@ fn captures_are_optimized_for_the_functional() {
     }
 }
 
-/// The sum over time bins of a time-resolved slice is the photograph only if no other slice is suitable.
+/// The photograph is the sum over time bins of a time-resolved slice if no other slice is suitable.
 #[test]
 fn the_sum_over_time_bins_replaces_a_missing_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));

@@ -1,13 +1,13 @@
-//! Decomposition of the Mueller matrix of a pixel: polarizance, diattenuation and retardance by Lu
-//! & Chipman (1996), and their errors.
+//! Decomposes the Mueller matrix of a pixel into polarizance, diattenuation and retardance (Lu & Chipman
+//! 1996), with errors.
 //!
-//! A metal reflects the light through the slab to the camera: M = C M₀. The slab's matrix is C = M
-//! M₀⁻¹, with M₀ measured without the slab.
+//! A metal reflects the light through the slab to the camera, so M = C M₀. The slab's matrix is C = M M₀⁻¹,
+//! where M₀ is measured without the slab.
 //!
-//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is
-//! an error of the intensity, which does not change a decomposition. Therefore this contribution is
-//! subtracted from an element's variance, σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are treated as
-//! independent and are propagated by finite differences with steps of one standard error, as in
+//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is an
+//! error of the intensity, which does not change a decomposition. The variance of an element therefore
+//! excludes the common error: σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are assumed to be independent.
+//! Finite differences propagate the remaining errors, with steps of one standard error, as in
 //! `polarimetry::decompose::maps::errors`.
 
 use nalgebra::Matrix4;
@@ -21,11 +21,11 @@ pub struct Measured {
     pub error: Matrix4<f64>,
 }
 
-/// A decomposition, with the standard error of the retardance in radians.
+/// A decomposition with the standard error of its retardance.
 #[derive(Clone, Copy, Debug)]
 pub struct Decomposed {
     pub properties: Properties,
-    /// Standard error of the retardance, radians.
+    /// Standard error of the retardance, in radians.
     pub error: f64,
 }
 
@@ -43,7 +43,7 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
 }
 
 /// Computes the slab's matrix from M and the inverse of M₀, and decomposes this matrix. Returns `None` if
-/// there is no decomposition. The error of M₀ is much smaller than that of M and is neglected.
+/// there is no decomposition. The error of M₀ is much smaller than the error of M and is neglected.
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
     let (mut variance, sigma) = (0.0, seen.relative_errors());
@@ -64,7 +64,7 @@ pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
 mod tests {
     use super::*;
 
-    /// Returns a retarder with the fast axis along Stokes `axis` (1, 2 or 3).
+    /// Returns a retarder whose fast axis is along Stokes `axis` (1, 2 or 3).
     fn retarder(axis: usize, delta: f64) -> Matrix4<f64> {
         let mut m = Matrix4::identity();
         let (a, b) = [(2, 3), (3, 1), (1, 2)][axis - 1];

@@ -1,15 +1,15 @@
-//! Refractive indices of quartz and calcite (Ghosh 1999, "Dispersion-equation coefficients for the refractive
-//! index and birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D
-//! λ²/(λ² - F), λ in µm.
+//! Refractive indices of quartz and calcite: n² = A + B λ²/(λ² - C) + D λ²/(λ² - F), λ in µm. The source is
+//! Ghosh (1999), "Dispersion-equation coefficients for the refractive index and birefringence of calcite and
+//! quartz crystals", Opt. Commun. 163, 95.
 
 /// The coefficients A, B, C, D, F of Ghosh's equation.
 type Ghosh = [f64; 5];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mineral {
-    /// α-quartz, with positive birefringence.
+    /// α-quartz, which has positive birefringence.
     Quartz,
-    /// Calcite, with negative birefringence.
+    /// Calcite, which has negative birefringence.
     Calcite,
 }
 
@@ -23,7 +23,7 @@ const CALCITE: [Ghosh; 2] = [
 ];
 
 impl Mineral {
-    /// Returns the mineral with this name in scene files.
+    /// Returns the mineral that scene files refer to by this name.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "quartz" => Some(Self::Quartz),
@@ -42,8 +42,8 @@ impl Mineral {
         all.map(|[a, b, c, d, f]| (a + b * s / (s - c) + d * s / (s - f)).sqrt())
     }
 
-    /// Returns the birefringence n_e(ψ) - n_o for light at an angle of cosine `cos` to the optic axis:
-    /// 1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e² (Born & Wolf 1999, 15.3.3).
+    /// Returns the birefringence n_e(ψ) - n_o for light at an angle ψ to the optic axis, with cosine `cos`.
+    /// The index n_e(ψ) follows from 1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e² (Born & Wolf 1999, 15.3.3).
     pub fn birefringence(self, nm: f64, cos: f64) -> f64 {
         let [o, e] = self.indices(nm);
         let c = (cos * cos).min(1.0);
@@ -55,7 +55,7 @@ impl Mineral {
 mod tests {
     use super::*;
 
-    /// Indices at 587.6 nm from handbooks: quartz 1.5443, 1.5534; calcite 1.6584, 1.4864.
+    /// Handbooks state the indices at 587.6 nm: 1.5443 and 1.5534 for quartz, 1.6584 and 1.4864 for calcite.
     #[test]
     fn indices_match_handbooks() {
         for (mineral, printed) in [(Mineral::Quartz, [1.5443, 1.5534]), (Mineral::Calcite, [1.6584, 1.4864])]

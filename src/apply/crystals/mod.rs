@@ -1,14 +1,18 @@
 //! Measures the retardance of crystals (Baek & Heide 2021, Fig. 7). Epipolar and non-epipolar light of slabs
-//! of quartz and calcite is decomposed, and the result is compared with the theoretical retardance 2π L
-//! (n_e(ψ) - n_o)/λ.
+//! of quartz and calcite is decomposed. The result is compared with the theoretical retardance 2π L (n_e(ψ) -
+//! n_o)/λ.
 //!
-//! A decomposition gives a retardance between 0 and π, so the truth is folded to this range. Three
-//! wavelengths together determine the number of whole waves ([`predicted::order`]). Each method learns one
-//! number from the training variants: the error that is not due to Monte Carlo noise. The sources of this
-//! error are changes of retardance within a pixel, internal reflections, and light from the plate next to the
-//! observed point. This number is added to the standard errors so that half of the errors are within 0.6745
-//! standard errors. The fraction of errors within two stated errors therefore tests this number on other
-//! slabs.
+//! A decomposition gives a retardance between 0 and π, so the true retardance is folded to this range. Three
+//! wavelengths together determine the number of whole waves ([`predicted::order`]).
+//!
+//! Each method learns one number from the training variants. This number is the error that is not due to
+//! Monte Carlo noise. This systematic error has three sources:
+//! - changes of retardance within a pixel,
+//! - internal reflections,
+//! - light from the plate next to the observed point.
+//!
+//! The learned error is added to the standard errors so that half of the errors are within 0.6745 standard
+//! errors. The fraction of errors within two stated errors therefore tests the learned error on other slabs.
 
 pub mod faces;
 pub mod measured;
@@ -48,7 +52,7 @@ const METHODS: [(Method, Probe); 6] = [
 /// Maximum optical path difference of the search, in wavelengths at [`MIDDLE`].
 const MOST_WAVES: f64 = 12.0;
 
-/// Maximum error of a path difference that counts as correct, in wavelengths.
+/// Maximum error of a correct path difference, in wavelengths.
 const NEAR_WAVES: f64 = 0.1;
 
 /// Number of standard deviations that contain half of normally distributed errors.
@@ -105,7 +109,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Returns the error and the standard error of the retardance, radians, for every pixel and wavelength
+/// Returns the error and the standard error of the retardance, in radians, for every pixel and wavelength
 /// with a decomposition.
 fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     let of = |i: usize| {
@@ -119,7 +123,8 @@ fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     (0..seen.pixels.len()).flat_map(of).collect()
 }
 
-/// Returns the error floor, radians, for which half of all errors are below [`HALF`] times the stated error.
+/// Returns the error floor in radians. With this floor, half of all errors are below [`HALF`] times the
+/// stated error.
 fn floor(train: &[Seen], probe: Probe) -> f64 {
     let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
     let within = |floor: f64| {
@@ -167,8 +172,8 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Draws retardance in degrees, polarizance and diattenuation, with one channel per wavelength, and the
-/// theoretical retardance.
+/// Draws the measured retardance in degrees, the theoretical retardance, polarizance and diattenuation. The
+/// images have one channel per wavelength.
 fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
     let draw = |name, value: &dyn Fn(usize, usize) -> Option<f64>| {
         let channels = seen.wavelengths.len();

@@ -1,9 +1,10 @@
-//! The theoretical retardance of every pixel: δ = 2π L (n_e(ψ) - n_o)/λ along the ray inside the slab.
+//! Computes the theoretical retardance of every pixel, δ = 2π L (n_e(ψ) - n_o)/λ, along the ray inside the
+//! slab.
 //!
-//! The path length L inside the slab is computed from layers of the scene. For the ray refracted with the
-//! mean index n̄ (at 550 nm), the optical path length minus the geometric length is (n̄ - 1) L. Snell's
-//! law at the visible face gives the direction. At other wavelengths, L is inversely proportional to the
-//! cosine of the angle to the normals of the faces.
+//! The path length L inside the slab is computed from layers of the scene. The layers are for a ray that is
+//! refracted with the mean index n̄ at 550 nm. For this ray, the optical path length minus the geometric
+//! length is (n̄ - 1) L. Snell's law at the visible face gives the direction. At other wavelengths, L is
+//! inversely proportional to the cosine of the angle to the normals of the faces.
 
 use super::mineral::Mineral;
 use crate::error::ApplyError;
@@ -13,11 +14,11 @@ use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Wavelength in nanometres of the mean index with which the rays of the layers are refracted.
+/// Wavelength in nanometres. The rays of the layers are refracted with the mean index at this wavelength.
 pub const MIDDLE: f64 = 550.0;
 
 /// Maximum relative difference between the path length and the length expected from the slab's thickness.
-/// Rays with a larger difference pass through an edge.
+/// Rays with a larger difference intersect an edge.
 const THICKNESS: f64 = 0.01;
 
 /// Ground truth of a slab.
@@ -32,23 +33,23 @@ pub struct Slab {
 /// A pixel that shows the slab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixel {
-    /// Index, row by row.
+    /// Index of the pixel, row by row.
     pub pixel: usize,
-    /// Signed retardance at every wavelength, radians.
+    /// Signed retardance at every wavelength, in radians.
     pub retardance: Vec<f64>,
-    /// Signed optical path difference of the two waves at [`MIDDLE`], metres.
+    /// Signed optical path difference of the two waves at [`MIDDLE`], in metres.
     pub path: f64,
 }
 
-/// Returns |δ| modulo 2π, folded to 0..π like the retardance of a decomposition.
+/// Returns |δ| modulo 2π, folded to the range 0..π of the retardance of a decomposition.
 pub fn folded(delta: f64) -> f64 {
     let turn = delta.abs() % TAU;
     turn.min(TAU - turn)
 }
 
 impl Slab {
-    /// Returns the direction inside the slab and the cosine of its angle to the normal, for a ray that
-    /// hits a face. The normal `n` points toward the viewer.
+    /// Returns the direction inside the slab for a ray that hits a face, and the cosine of the angle between
+    /// this direction and the normal. The normal `n` points toward the viewer.
     fn inside(&self, d: Vector3<f64>, n: Vector3<f64>, nm: f64) -> Option<(Vector3<f64>, f64)> {
         let index = self.mineral.indices(nm).iter().sum::<f64>() / 2.0;
         let cos = -d.dot(&n);
@@ -56,7 +57,7 @@ impl Slab {
         (cos > 0.0).then(|| (d / index + n * (cos / index - inside), inside))
     }
 
-    /// Returns the pixel for the ray along unit `d` with a path of `length` metres at [`MIDDLE`].
+    /// Returns the pixel for the ray in the unit direction `d`, with a path of `length` metres at [`MIDDLE`].
     fn pixel(
         &self,
         pixel: usize,
@@ -79,7 +80,7 @@ impl Slab {
         Some(Pixel { pixel, retardance: retardance?, path: path(MIDDLE)? })
     }
 
-    /// Returns all pixels whose rays pass only through the slab's front and back face.
+    /// Returns all pixels whose rays intersect only the front and back faces of the slab.
     ///
     /// # Errors
     /// [`ApplyError`] if layers are missing or do not have the camera's size.
@@ -107,10 +108,11 @@ impl Slab {
     }
 }
 
-/// Returns the absolute optical path difference at [`MIDDLE`], below `most` metres, whose folded
-/// retardances are closest to the measured ones, in units of `sigma`. One wavelength does not determine
-/// the number of whole waves, but three do. The retardances at different wavelengths are assumed to be
-/// proportional to the birefringence perpendicular to the optic axis, divided by the wavelength.
+/// Returns the absolute optical path difference at [`MIDDLE`], below `most` metres, whose folded retardances
+/// are closest to the measured retardances. Distances are in units of `sigma`. The retardances at one
+/// wavelength do not determine the number of whole waves, but the retardances at three wavelengths do. The
+/// retardance at a wavelength is assumed to be proportional to the birefringence perpendicular to the optic
+/// axis, divided by the wavelength.
 pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most: f64) -> f64 {
     const STEPS_A_WAVE: f64 = 100.0;
     let ratio = |nm: f64| mineral.birefringence(nm, 0.0) / mineral.birefringence(MIDDLE, 0.0);
@@ -152,7 +154,7 @@ mod tests {
         let near_axis = length * inside.sin().powi(2) * (e - o);
         assert!((got.path / near_axis - 1.0).abs() < 0.02, "{} {near_axis}", got.path);
         approx::assert_relative_eq!(got.retardance[0], TAU * got.path / 550e-9, epsilon = 1e-9);
-        // A ray through an edge is rejected.
+        // A ray that intersects an edge is rejected.
         assert_eq!(slab.pixel(0, d, Vector3::z(), 0.5 * length, &[MIDDLE]), None);
     }
 

@@ -1,4 +1,4 @@
-//! Decomposes the Mueller matrices of a variant of the slab, for every kind of light.
+//! Decomposes the Mueller matrices of a variant of the slab for every kind of light.
 
 use super::measured::{Decomposed, Measured, slab};
 use super::mineral::Mineral;
@@ -9,7 +9,7 @@ use nalgebra::{Matrix4, Vector3};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 
-/// The light whose matrix is decomposed, and the matrix M₀ by whose inverse it is first multiplied.
+/// The light whose matrix is decomposed. The matrix is first multiplied by the inverse of a matrix M₀.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Probe {
     /// Epipolar light, multiplied by the inverse matrix of the plate.
@@ -110,7 +110,7 @@ impl Seen {
         })
     }
 
-    /// Returns the decompositions at every wavelength of pixel `i` in the list of the slab's pixels.
+    /// Returns the decompositions of the slab's pixel with list index `i`, at every wavelength.
     pub(super) fn found(&self, probe: Probe, i: usize) -> &[Option<Decomposed>] {
         match probe {
             Probe::Epipolar => &self.epipolar[i],

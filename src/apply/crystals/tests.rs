@@ -21,7 +21,7 @@ struct Case {
     /// Retardance of the plate behind the slab, in addition to that of a mirror.
     plate: f64,
     epipolar: bool,
-    /// Relative excess of the slab's thickness over the truth map.
+    /// Excess of the slab's thickness over the thickness in the truth map, as a fraction.
     thicker: f64,
 }
 
@@ -38,13 +38,13 @@ fn retarder(a: usize, b: usize, delta: f64) -> Matrix4<f64> {
     m
 }
 
-/// Returns the mineral of a variant; minerals alternate, as in the scene.
+/// Returns the mineral of a variant. Minerals alternate between variants, as in the scene.
 fn name_of(variant: u64) -> &'static str {
     ["quartz", "calcite"][(variant / 2 % 2) as usize]
 }
 
-/// Returns an observation of a slab with faces perpendicular to z; all quantities follow from Snell's law
-/// and the ray's angle to z.
+/// Returns an observation of a slab with faces perpendicular to z. All quantities follow from Snell's law and
+/// the ray's angle to z.
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
@@ -136,8 +136,8 @@ fn retardance_is_measured_in_the_light_that_contains_it() {
     }
 }
 
-/// A plate with a retardance of 40° is compensated if it is known, and causes an error if a mirror
-/// is assumed.
+/// A plate with a retardance of 40° is compensated if the retardance is known. The plate causes an error if a
+/// mirror is assumed instead.
 #[test]
 fn plate_retardance_is_compensated() {
     let outcome = run(Case { plate: 40.0_f64.to_radians(), ..PLAIN });
@@ -148,7 +148,8 @@ fn plate_retardance_is_compensated() {
     }
 }
 
-/// Slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated errors.
+/// Slabs that are 3 % thicker than the true thickness are detected, because errors exceed the estimated
+/// errors.
 #[test]
 fn a_wrong_thickness_is_detected() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));

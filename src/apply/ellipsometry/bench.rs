@@ -1,8 +1,8 @@
-//! Simulates captures of a variant's light by a scheme, with detector noise, and estimates the
-//! Mueller matrices.
+//! Simulates the captures of a variant's light by a scheme with detector noise, and estimates the Mueller
+//! matrices.
 //!
-//! The light is a slice with many samples per pixel and is treated as exact, so all errors are due to the
-//! instrument. Noise is normal with a standard deviation of 5e-4 of the mean T00.
+//! The light is a slice with many samples per pixel. The light is treated as exact, so all errors are due to
+//! the instrument. The noise is normally distributed with a standard deviation of 5e-4 of the mean T00.
 
 use super::family::{NOISE, Ready, determines};
 use crate::error::ApplyError;
@@ -15,7 +15,7 @@ use polarimetry::reconstruct::second_moment::Moment;
 use polarimetry::trial::least_norm;
 use tensor::axes::AxisKind;
 
-/// Name of the captured truth slice.
+/// Name of the truth slice that is captured.
 pub(super) const LIGHT: &str = "light";
 
 /// Name of the truth map of objects.
@@ -28,7 +28,7 @@ pub(super) struct Bench {
     pub lanes: usize,
     image: MuellerImage,
     seed: u64,
-    /// Object index of each pixel; -1 without an object.
+    /// Object index of each pixel, or -1 without an object.
     pub object: Vec<i64>,
 }
 
@@ -75,7 +75,7 @@ impl Bench {
         self.image.mean()
     }
 
-    /// Returns the standard deviation of the noise of an intensity, in the unit of T00.
+    /// Returns the standard deviation of the noise of an intensity, in the units of T00.
     pub(super) fn sigma(&self) -> f64 {
         NOISE * self.brightness()
     }
@@ -85,8 +85,8 @@ impl Bench {
         &self.image.matrices
     }
 
-    /// Returns the matrices that a scheme estimates. Instruments with different `stream` have independent
-    /// noise.
+    /// Returns the matrices that a scheme estimates. Instruments with different values of `stream` have
+    /// independent noise.
     pub(super) fn estimate(&self, ready: &Ready, stream: u64) -> Result<Vec<f64>, ApplyError> {
         let unsolved = |cause: String| ApplyError::Unsolved { method: "ellipsometry", cause };
         let sigma = self.sigma();
@@ -110,9 +110,9 @@ impl Bench {
     }
 }
 
-/// Returns the second moment E[t tᵀ], without subtraction of the mean, of all lit matrices of the
-/// training variants, normalized to T00 = 1. Matrices below a hundredth of the mean T00 are ignored,
-/// because the noise exceeds a twentieth of their T00.
+/// Returns the second moment E[t tᵀ] of all lit matrices of the training variants. The mean is not
+/// subtracted, and the matrices are normalized to T00 = 1. Matrices whose T00 is below a hundredth of the
+/// mean T00 are ignored, because the noise exceeds a twentieth of their T00.
 pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
     let (mut sum, mut n) = (Moment::zeros(), 0.0);
     for bench in train {

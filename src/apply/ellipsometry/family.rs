@@ -1,4 +1,4 @@
-//! Families of capture schemes for any number of captures, and their estimators.
+//! Families of capture schemes for any number of captures, and the estimators of these schemes.
 
 use crate::error::ApplyError;
 use polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
@@ -12,14 +12,14 @@ use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 pub(super) const NOISE: f64 = 5e-4;
 
 /// Settings of the search for optimal angles. The loss has a closed form, so few random starts are
-/// sufficient. The seed is fixed.
+/// sufficient. The seed of the search is fixed.
 const SEARCH: Search = Search { starts: 3, iterations: 200, adam_steps: 0, seed: 0 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Family {
     /// Whether the sensor has a polarizer array.
     pub array: bool,
-    /// Whether all four elements rotate by learned angles; otherwise two retarders rotate by 5° and 25° per
+    /// Whether all four elements rotate by learned angles. If false, two retarders rotate by 5° and 25° per
     /// capture.
     pub learnt: bool,
     /// Whether the estimator uses the second moment of the training images.
@@ -30,14 +30,14 @@ pub(super) struct Family {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub scheme: Scheme,
-    /// Second moment of the prior. If `None`, the estimator is least squares, with the minimum norm below
-    /// rank 16.
+    /// Second moment of the prior. If `None`, the estimator is the least-squares estimator. Below rank 16, it
+    /// has the minimum norm.
     pub prior: Option<Moment>,
 }
 
 impl Family {
-    /// Returns the scheme of `captures` captures, whose angles are optimized for matrices with second
-    /// moment `moment` if the family has learned angles.
+    /// Returns the scheme of `captures` captures. If the family has learned angles, the angles are optimized
+    /// for matrices with second moment `moment`.
     pub(super) fn with(self, captures: usize, moment: &Moment) -> Result<Ready, ApplyError> {
         let failed =
             |e: SchemeError| ApplyError::Unsolved { method: "learned ellipsometry", cause: e.to_string() };
@@ -61,7 +61,7 @@ impl Family {
 
 /// Returns a lower bound of the root mean square error of an element, divided by the standard deviation of an
 /// intensity's noise. The bound holds without a prior for all schemes with this sensor and number of
-/// captures. Returns `None` if too few captures are given to determine a matrix.
+/// captures. Returns `None` if the captures are too few to determine a matrix.
 pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     let scheme = Scheme::quad(captures, array).ok()?;
     (captures >= scheme.least_captures()).then(|| (a_optimal_bound(&scheme) / 16.0).sqrt())

@@ -1,13 +1,15 @@
-//! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. Measures the
-//! reconstruction error of schemes with few captures and learned angles, for a gold mirror and for
-//! materials that were not used for learning.
+//! Evaluates learned rotating ellipsometry (Baek & Heide 2021, section 4, Fig. 4, 9 and 10). The application
+//! measures the reconstruction error of schemes with few captures and learned angles. The samples are a gold
+//! mirror and materials that were not used for learning.
 //!
-//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50 captures
-//! of dual rotating retarders (DRR; Azzam 1978) with separate noise. Here the true matrices are known.
-//! Errors are computed with respect to the true matrices and to the pseudo truth. The difference between
-//! both is due to the error of the pseudo truth. Only the light is rendered. The noise is detector noise,
-//! 5e-4 of an intensity as in the paper, and the seeds select this noise. Angles and the prior (the
-//! second moment, whose principal components the paper shows) are learned from the training variants.
+//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth. The pseudo truth
+//! consists of 50 captures of dual rotating retarders (DRR; Azzam 1978) with separate noise. In this
+//! application, the true matrices are known. Errors are computed with respect to the true matrices and to the
+//! pseudo truth. The difference between these two errors is due to the error of the pseudo truth.
+//!
+//! The renderer computes the light without detector noise. The detector noise is 5e-4 of an intensity, as in
+//! the paper, and the seeds select this noise. Angles and the prior are learned from the training variants.
+//! The prior is the second moment of the matrices, whose principal components the paper shows.
 
 mod bench;
 mod errors;
@@ -22,11 +24,12 @@ use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
 use rayon::prelude::*;
 
-/// Number of captures in the paper. `PSEUDO` is the number of captures of the paper's pseudo truth.
+/// Number of captures in the paper. `PSEUDO` is the number of captures in the paper's pseudo truth.
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
-/// Index of element (2,3), whose negative the paper's figure 10 shows. The mirror is object 0 of the scene.
+/// Index of the element (2,3). The paper's figure 10 shows the negative of this element. The mirror is object
+/// 0 of the scene.
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 
@@ -45,7 +48,7 @@ const METRICS: [Metric; 10] = [
     metric("error, 36 captures", UNIT),
 ];
 
-/// Index and number of captures of each metric that is an error with respect to the truth.
+/// Index and number of captures of each metric that measures an error with respect to the truth.
 const CURVE: [(usize, usize); 5] = [(5, 7), (6, 10), (7, 20), (8, 25), (9, 36)];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
@@ -55,7 +58,7 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
 #[derive(Clone, Copy)]
 enum Kind {
     Captures(Family),
-    /// The lower bound without a prior, for a sensor with a polarizer array (true) or without (false).
+    /// The lower bound without a prior, for a sensor with (true) or without (false) a polarizer array.
     Bound(bool),
 }
 
@@ -142,12 +145,12 @@ struct Judged {
     found: Option<Vec<f64>>,
 }
 
-/// Computes the metrics of a family. `schemes` holds the scheme of 15 captures, followed by those of the
-/// curve.
+/// Computes the metrics of a family. `schemes` contains the scheme of 15 captures, followed by the schemes of
+/// the curve.
 fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) -> Result<Judged, ApplyError> {
     let mut values = [f64::NAN; METRICS.len()];
     let found = bench.estimate(&schemes[0], stream)?;
-    // As in a laboratory, the same captures of the pseudo truth are used for all methods.
+    // As in a laboratory, all methods are compared with the same captures of the pseudo truth.
     let pseudo = bench.estimate(pseudo_truth, 0)?;
     let per_mille = |against: &[f64], of: &Of<'_>| 1e3 * rms(bench, &found, against, of);
     values[0] = per_mille(bench.truth(), &ALL);
@@ -161,7 +164,8 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     Ok(Judged { values, found: Some(found) })
 }
 
-/// Returns the metrics of the bound. The metrics depend on the variant only through the brightness of gold.
+/// Returns the metrics of the bound. Of the properties of the variant, the brightness of gold alone affects
+/// these metrics.
 fn judge_bound(bench: &Bench, array: bool) -> Judged {
     let mut values = [f64::NAN; METRICS.len()];
     let at = |captures| bound(captures, array).map_or(f64::NAN, |b| 1e3 * NOISE * b);
@@ -173,8 +177,8 @@ fn judge_bound(bench: &Bench, array: bool) -> Judged {
     Judged { values, found: None }
 }
 
-/// Draws -(2,3) and the error magnitude of all elements, relative to the mean T00 of all pixels, with one
-/// channel per wavelength.
+/// Draws -(2,3) and the magnitude of the error of all elements, relative to the mean T00 of all pixels. The
+/// images have one channel per wavelength.
 fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] {
     let mean = bench.brightness();
     let map = |value: &dyn Fn(&[f64], &[f64]) -> f64| {

@@ -1,5 +1,5 @@
-//! Tests with known matrices: errors match closed forms, priors help on similar data, and a planted error is
-//! detected.
+//! Tests with known matrices. Errors match closed forms, priors reduce the error on similar data, and a
+//! planted error is detected.
 
 use super::*;
 use crate::isolation::tests::mean;
@@ -13,7 +13,7 @@ const SIZE: [usize; 2] = [24, 18];
 /// `kinds` determines the basis matrices. The left third of the image is object 0.
 fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: u64) -> Vec<Observation> {
     let mut of_kinds = random(kinds);
-    // The matrices are realizable: a depolarizer plus small arbitrary elements.
+    // The matrices are realizable, because each matrix is a depolarizer plus small arbitrary elements.
     let kinds: Vec<[f64; 16]> = (0..count)
         .map(|_| std::array::from_fn(|e| if e == 0 { 1.0 } else { 0.08 * normal(&mut of_kinds) }))
         .collect();
@@ -49,10 +49,10 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     mean(&outcome.scores, method, METRICS[metric].name)
 }
 
-/// Errors are σ √(tr (AᵀA)⁻¹/16). For 36 captures of DRR, the trace is 196. Learned angles reach the
-/// bound. For five images of 864 matrices, the relative standard error of a root mean square of 16 equal
-/// variances is below 1/√(2 · 5 · 864); it is larger if few directions contain most of the error. The
-/// tolerance is 5 √8 times this value.
+/// Errors are σ √(tr (AᵀA)⁻¹/16). For 36 captures of DRR, the trace is 196. Learned angles reach the bound.
+/// The test uses five images of 864 matrices. The relative standard error of a root mean square of 16 equal
+/// variances is then below 1/√(2 · 5 · 864). This standard error is larger if few directions contain most of
+/// the error. The tolerance is 5 √8 times the bound 1/√(2 · 5 · 864).
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn errors_match_closed_forms() {
@@ -64,7 +64,7 @@ fn errors_match_closed_forms() {
     assert!(close(of(&outcome, "DRR", 9), drr), "{}", of(&outcome, "DRR", 9));
     assert!(close(of(&outcome, "L-QRPR-P", 0), learnt), "{}", of(&outcome, "L-QRPR-P", 0));
     assert!((of(&outcome, "A-optimal bound, array", 0) - learnt).abs() < 1e-9);
-    // The pseudo truth has the independent error of 50 captures; squared errors are added.
+    // The pseudo truth has the independent error of 50 captures, so squared errors are added.
     let pseudo = polarimetry::capture::design_matrix::DesignMatrix::new(
         &polarimetry::capture::scheme::Scheme::drr(50, false).expect("a scheme"),
         &polarimetry::capture::element::Ray::axial(550.0),
@@ -72,15 +72,15 @@ fn errors_match_closed_forms() {
     let pseudo = pseudo.error_variance().expect("rank 16") / 16.0 * 0.25;
     let misjudged = (1.0 + pseudo / learnt.powi(2)).sqrt();
     assert!(close(of(&outcome, "L-QRPR-P", 2), misjudged), "{}", of(&outcome, "L-QRPR-P", 2));
-    // An array reduces the variance by 1600/440 for any angles.
+    // An array reduces the variance by a factor of 1600/440 for any angles.
     assert!(of(&outcome, "L-QRPR", 7) > 1.5 * of(&outcome, "L-QRPR-P", 7));
     // Seven captures do not determine all components, so errors are far above the noise.
     assert!(of(&outcome, "DRR", 5) > 10.0 * drr);
 }
 
 /// On mixtures of six basis matrices, a prior learned from the same six matrices has a smaller error than
-/// least squares, and only the prior is accurate with few captures. For other basis matrices, the prior
-/// has a larger error below rank 16, and an equal error at rank 16.
+/// least squares. With few captures, the prior is accurate and least squares is not. For other basis
+/// matrices, the prior has a larger error below rank 16, and an equal error at rank 16.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn priors_help_only_for_known_materials() {
@@ -99,8 +99,8 @@ fn priors_help_only_for_known_materials() {
     assert!((a / b - 1.0).abs() < 0.1, "{a} against {b}");
 }
 
-/// A deliberate error in one element of the mirror's pixels changes only the metrics of this element and
-/// these pixels.
+/// A deliberate error in one element of the mirror's pixels changes no metrics except those of this element
+/// and these pixels.
 #[test]
 fn a_planted_error_is_localized() {
     let bench = Bench::new(&observations(5, 6, 0..1, 1)[0]).expect("a bench");

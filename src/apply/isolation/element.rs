@@ -3,8 +3,8 @@
 
 use std::fmt;
 
-/// Light by origin: from all projector pixels, from the projector pixels near the epipolar line of each
-/// camera pixel, or from all other projector pixels.
+/// The light component by origin. The origin is one of three sets of projector pixels: all pixels, the pixels
+/// near a camera pixel's epipolar line, or all other pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
     /// Light from all projector pixels.
@@ -15,7 +15,8 @@ pub enum Space {
     NonEpipolar,
 }
 
-/// Light by travel time, in bins. Bins are counted from the pixel's first light, or from the emission.
+/// The light component by travel time, in bins. Bins are counted from the pixel's first light, or from the
+/// emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
     /// Light at all times.
@@ -35,22 +36,22 @@ pub type Part = (Space, Time);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
     pub part: Part,
-    /// Indices of the outgoing and incoming Stokes element.
+    /// Indices of the outgoing and incoming Stokes elements.
     pub index: [usize; 2],
     /// Whether the sign is inverted.
     pub negative: bool,
-    /// Whether the value is √(Σ squares) over the elements that mix when camera or projector rotate about
-    /// their axes: rows 1 and 2, or columns 1 and 2.
+    /// Whether the value is √(Σ squares) over rows 1 and 2, or over columns 1 and 2. These elements mix when
+    /// the camera or the projector rotates about its axis.
     pub magnitude: bool,
 }
 
 impl Element {
-    /// Returns the element `index` of the light in `space` at all times.
+    /// Returns the element `index` of the light in `space`, summed over all times.
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
         Self { part: (space, Time::All), index, negative: false, magnitude: false }
     }
 
-    /// Returns the magnitude of the element, independent of azimuth.
+    /// Returns the magnitude of the element, which does not depend on the azimuth.
     pub const fn magnitude(self) -> Self {
         Self { magnitude: true, ..self }
     }

@@ -12,8 +12,8 @@ pub enum Family {
     Named,
     /// The paper's element with a learned sign.
     NamedEitherSign,
-    /// The magnitude of the paper's element, independent of the azimuth of the planes of incidence
-    /// ([`Element::magnitude`]).
+    /// The magnitude of the paper's element ([`Element::magnitude`]). The magnitude does not depend on the
+    /// azimuth of the planes of incidence.
     NamedAnyAzimuth,
     /// The paper's element in any one bin of travel time.
     NamedAtATime {
@@ -44,7 +44,8 @@ impl Isolation {
 }
 
 impl Family {
-    /// Returns the elements with positive sign (except for the named element), and whether signs are learned.
+    /// Returns the elements with positive sign, and whether signs are learned. The named element keeps its
+    /// own sign.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

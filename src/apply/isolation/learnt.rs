@@ -10,13 +10,14 @@ use std::fmt;
 pub(super) struct Learnt {
     /// Element for detection.
     detector: Shown,
-    /// Threshold of the detector: values of at least `threshold` are classified as positive.
+    /// Threshold of the detector. Values of at least `threshold` are classified as positive.
     pub threshold: f64,
-    /// Element for the image of the light component's share of the light.
+    /// Element for the image of the share of the light component in all light.
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
-    /// Area under the ROC curve of the detector, and cosine of the image, on the training variants.
+    /// Area under the ROC curve of the detector on the training variants, and cosine of the image on the same
+    /// variants.
     reached: [f64; 2],
 }
 
@@ -52,7 +53,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Replaces `best` by a candidate if the candidate is better. If `either`, tries both signs.
+/// Replaces `best` by a candidate if the candidate is better. If `either` is true, positive and negative
+/// signs are tried.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -72,8 +74,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// Learns the best candidates for a task; of equally good candidates, the first. Returns `None` if no
-    /// variant contains the task's light, or if no candidate is available.
+    /// Learns the best candidates for a task. Of equally good candidates, the first one is chosen. Returns
+    /// `None` if no variant contains the task's light, or if no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
         let mut image: Option<(f64, Shown)> = None;
@@ -86,7 +88,7 @@ impl Learnt {
                     let (positive, negative) = parted(values, &seen.truth[task].classes);
                     area(&positive, &negative)
                 }));
-                // With the opposite sign, the area is one minus this area.
+                // With the opposite sign, the area is one minus the area for this sign.
                 keep(&mut detector, shown, reached, 1.0 - reached, either);
                 let reached = mean(all().map(|(seen, values)| cosine(values, &seen.truth[task].share)));
                 keep(&mut image, shown, reached, -reached, either);
@@ -108,12 +110,12 @@ impl Learnt {
         Some(learnt)
     }
 
-    /// Returns the value of each pixel that the detector compares with the threshold.
+    /// Returns, for each pixel, the value that the detector compares with the threshold.
     pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
         self.detector.values(seen).unwrap_or_default()
     }
 
-    /// Returns the image of the light component's share of the light, before multiplication by the gain.
+    /// Returns the image of the share of the light component in all light, before multiplication by the gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
         self.image.values(seen).unwrap_or_default()
     }

@@ -1,12 +1,14 @@
-//! Isolation of light paths: one element of the tensor, learned or named, is used as a detector and as an
-//! image of one light component.
+//! Isolates light paths. One element of the tensor, learned or named, is used as a detector and as an image
+//! of one light component.
 //!
-//! A [`Task`] defines the light component, and a [`Family`] the elements among which a method may choose. A
-//! method selects the element and the sign that are best on the training variants, optionally after division
-//! by the photograph. The criterion for a detector is the area under the ROC curve. The criterion for an
-//! image is the cosine between the image and the component's share of each pixel's light, which determines
-//! the residual at the best gain. (Shares are used instead of the light itself, because a few bright pixels
-//! and fireflies would dominate.) Thresholds and gains are also learned from the training variants.
+//! A [`Task`] defines the light component, and a [`Family`] defines the elements among which a method may
+//! choose. A method selects the element and the sign that are best on the training variants. The image may
+//! also be divided by the photograph.
+//!
+//! The criterion for a detector is the area under the ROC curve. The criterion for an image is the cosine
+//! between the image and the component's share of each pixel's light. This cosine determines the residual at
+//! the best gain. (Shares are used because a few bright pixels and fireflies would dominate the light
+//! itself.) Thresholds and gains are also learned from the training variants.
 
 pub mod element;
 mod family;
@@ -71,7 +73,7 @@ fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
     let (positive, negative) = parted(&values, &truth.classes);
     let counts = decided(&values, &truth.classes, learnt.threshold);
     let image = learnt.image(seen);
-    // A variant without positive pixels gives NaN.
+    // A variant without positive pixels results in NaN.
     let (f1, precision) =
         if positive.is_empty() { (f64::NAN, f64::NAN) } else { (counts.f1(), counts.precision()) };
     [

@@ -1,5 +1,5 @@
-//! The data of one variant for detectors: images of all elements of every light component, and the ground
-//! truth of each task.
+//! The data of one variant for detectors. The data contains the images of all elements of every light
+//! component, and the ground truth of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -15,23 +15,23 @@ pub const POLARIMETRIC: &str = "polarimetric";
 pub const EPIPOLAR: &str = "epipolar";
 /// Name of the slice with all light in bins of travel time, as matrices or intensities.
 pub const TRANSIENT: &str = "transient";
-/// Name of the slice with epipolar light in the same bins, as matrices.
+/// Name of the slice with epipolar light as matrices, in the same bins as [`TRANSIENT`].
 pub const GATED: &str = "gated";
-/// Name of the ground-truth slice: intensity by label and number of bounces.
+/// Name of the ground-truth slice, which contains intensity by label and number of bounces.
 pub const PATHS: &str = "paths";
 
 /// Numbers of bins after a pixel's first light at which early and late light are separated.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// Fraction of a pixel's brightest bin that the first light must reach.
+/// Fraction of the value in a pixel's brightest bin. The first light must reach this fraction.
 const FIRST: f64 = 0.1;
 
 pub struct Seen {
     pub variant: u64,
     pub width: usize,
     pub height: usize,
-    /// Images of each light component, summed over wavelengths: `[element 4 i + j][pixel]`, or a single
-    /// image for intensities.
+    /// Images of each light component, summed over wavelengths: `[element 4 i + j][pixel]`. Intensities have
+    /// a single image.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
     /// Ground truth of each task.
     pub truth: Vec<Truth>,
@@ -39,7 +39,7 @@ pub struct Seen {
 
 /// The ground truth of a task, per pixel.
 pub struct Truth {
-    /// Share of the task's light in each pixel; 0 outside the task's region.
+    /// Share of the task's light in each pixel, or 0 outside the task's region.
     pub share: Vec<f64>,
     /// Class of each pixel for detection.
     pub classes: Vec<Class>,
@@ -54,7 +54,7 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
     Ok(map.data.chunks_exact(map.channels.max(1)).map(holds).collect())
 }
 
-/// Returns whether a pixel includes a bin.
+/// A function that returns whether a bin of a pixel is included.
 type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
 
 /// Returns `[element][pixel]`, summed over the bins that `keep` selects.
@@ -98,8 +98,8 @@ pub enum Sight {
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
-/// Returns the images of the light components (epipolar, early, late) that a camera-projector rig
-/// captures, and the image size.
+/// Returns the image size and the images of the light components (epipolar, early, late) that a
+/// camera-projector rig captures.
 fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
@@ -135,7 +135,8 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     Ok((parts, size))
 }
 
-/// Returns the images of each time bin of a coaxial rig and of all light, and the image size.
+/// Returns the image size and the images of a coaxial rig. There is one image per time bin, and one image of
+/// all light.
 fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
     let transient = o.pixels(TRANSIENT, true)?;
     let mut parts = BTreeMap::new();
@@ -147,10 +148,10 @@ fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
 }
 
 impl Seen {
-    /// Reads a variant: its slices and the ground truth of the tasks.
+    /// Reads the slices of a variant and the ground truth of the tasks.
     ///
     /// # Errors
-    /// [`ApplyError`] if a slice or truth map is missing or does not have the required axes or size.
+    /// [`ApplyError`] if a slice or truth map is missing, or lacks the required axes or size.
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
         let (parts, [width, height]) = match sight {
             Sight::Space => in_space(o, false)?,
@@ -209,7 +210,7 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
-    /// Returns an image divided by the photograph; 0 in pixels in which the photograph is dark.
+    /// Returns an image divided by the photograph. Pixels in which the photograph is dark are 0.
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };

@@ -13,11 +13,11 @@ pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
 #[derive(Clone, Copy, Debug)]
 pub struct Task {
     pub name: &'static str,
-    /// Metrics, from `task!`.
+    /// Metrics, created by `task!`.
     pub metrics: [Metric; 6],
     /// Returns whether a path belongs to the light component.
     pub light: fn(Path) -> bool,
-    /// Region in which the task is defined; `None` for all pixels.
+    /// Region in which the task is defined, or `None` for all pixels.
     pub region: Option<Region>,
     /// Minimum share of the component in the light of a positive pixel.
     pub share: f64,
@@ -37,7 +37,7 @@ impl Task {
     }
 }
 
-/// Creates a task from its name, its light component and the minimum share. The metrics are area under
+/// Creates a task from its name, its light component and the minimum share. The metrics are the area under
 /// the ROC curve, F1, precision, recall, correlation and error.
 macro_rules! task {
     ($name:literal, $light:expr, $share:expr) => {{

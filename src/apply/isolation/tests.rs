@@ -1,5 +1,5 @@
-//! Tests with pixels that each contain one kind of light. The kinds differ in one known way, and every
-//! family separates the kinds that its dimensions resolve.
+//! Tests with pixels that each contain one kind of light. The kinds differ in one known way. Every family
+//! separates the kinds that the family's dimensions resolve.
 
 use super::element::{Element, Space};
 use super::*;
@@ -32,13 +32,14 @@ pub(crate) const SIZE: [usize; 2] = [24, 20];
 const BINS: usize = 8;
 const NOISE: f64 = 0.02;
 
-/// Returns the kind that makes up nine tenths of a pixel's light. The remaining tenth is of the first kind.
+/// Returns the kind that makes up nine tenths of a pixel's light. The remaining tenth is light of the first
+/// kind.
 pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
 
-/// Returns variants of a synthetic scene whose pixels contain the kinds of light in turn. The
-/// brightness of the light varies tenfold at random between pixels.
+/// Returns variants of a synthetic scene whose pixels contain the kinds of light in turn. The brightness
+/// varies at random between pixels by a factor of ten.
 pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
     let mut r = random(33);
     let n = SIZE[0] * SIZE[1];
@@ -116,12 +117,13 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
-/// Range of areas of methods that cannot separate the kinds. For 4 variants with 240 pixels of either
-/// kind, an area of one half has a standard error of √(1/12 · 2/960) = 0.013. The best of many
+/// Range of the areas of methods that cannot separate the kinds. The test uses 4 variants with 240 pixels of
+/// either kind. An area of one half then has a standard error of √(1/12 · 2/960) = 0.013. The best of many
 /// uninformative candidates is also uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
-/// Asserts that the methods in `separating` have areas above `least`, and all others areas in `none`.
+/// Asserts that the methods in `separating` have areas above `least`, and that all other methods have areas
+/// in `none`.
 pub(crate) fn assert_only(table: &[(&str, f64)], separating: &[&str], least: f64, none: &Range<f64>) {
     for (name, a) in table {
         let good = if separating.contains(name) { *a > least } else { none.contains(a) };
@@ -144,7 +146,7 @@ fn each_family_separates_its_own_dimension() {
     only(&areas(elsewhere), &["all", "space"]);
     let late = Kind { delay: 3, ..plain };
     only(&areas(late), &["all", "time"]);
-    // A photograph measures brightness, so every family detects it.
+    // A photograph measures brightness, so every family detects a difference in brightness.
     let bright = Kind { bright: 60.0, ..plain };
     let table = areas(bright);
     for (name, a) in &table[..5] {
@@ -158,7 +160,7 @@ fn a_named_element_depends_on_its_sign() {
     let turned = Kind { shares: &[(15, -0.8)], ..Kind::new(4, 1) };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
-    // A deliberate error: metal that preserves the handedness of circular polarization.
+    // As a deliberate error, the metal preserves the handedness of circular polarization.
     let kept = Kind { shares: &[(15, 0.8)], ..turned };
     let all = observations(&[Kind::new(8, 1), kept], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
@@ -166,7 +168,8 @@ fn a_named_element_depends_on_its_sign() {
     assert!(of("named", "it: area") < 0.05 && of("either", "it: area") > 0.95);
     assert!(of("named", "it: correlation") < -0.5 && of("either", "it: correlation") > 0.9);
     assert_eq!(of("named", "it: error"), 1.0);
-    // The share of the light is 0.9, and the image has only noise: 0.02 √3 in pixels of at least 0.8 · 0.9.
+    // The share of the light is 0.9. The image has no error except noise, which is 0.02 √3 in pixels of at
+    // least 0.8 · 0.9.
     assert!(of("either", "it: error") < 0.1, "{}", of("either", "it: error"));
     assert!(
         of("either", "it: F1") > 0.9
@@ -177,8 +180,8 @@ fn a_named_element_depends_on_its_sign() {
     assert!((of("intensity", "it: recall") - 1.0).abs() < 0.1 && of("intensity", "it: precision") < 0.6);
 }
 
-/// If the plane of incidence varies between pixels, the elements of specular reflection have no
-/// consistent sign, but their magnitude is detected.
+/// If the plane of incidence varies between pixels, the elements of specular reflection have no consistent
+/// sign. The magnitude of these elements is detected.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn elements_of_varying_sign_are_separated_by_magnitude() {
@@ -211,8 +214,8 @@ fn two_disturbances_need_two_dimensions() {
     let outcome = run(&[TASK], &methods, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method| mean(&outcome.scores, method, "it: area");
     assert!(of("space and polarization") > 0.95);
-    // Space alone separates the kind from the mirrored kind, and polarization alone from the matte kind.
-    // The area is three quarters for each.
+    // Space alone separates the kind from the mirrored kind. Polarization alone separates the kind from the
+    // matte kind. Each of these methods has an area of three quarters.
     for alone in ["space", "polarization"] {
         assert!((of(alone) - 0.75).abs() < 0.07, "{alone} {}", of(alone));
     }
@@ -234,7 +237,7 @@ fn light_outside_the_region_counts_as_negative() {
         o.truth.insert("left".into(), map);
     }
     let outcome = run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
-    // Positives are half of the polarized pixels. A third of the negatives has the same scores.
+    // Half of the polarized pixels are positives. A third of the negatives have the same scores.
     let area = mean(&outcome.scores, "named", "it: area");
     assert!((area - (1.0 - 0.5 / 3.0)).abs() < 0.05, "{area}");
     let precision = mean(&outcome.scores, "named", "it: precision");

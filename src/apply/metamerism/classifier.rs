@@ -44,7 +44,7 @@ impl Scoring for Classifier {
     }
 }
 
-/// Minimum T00 of which the logarithm is computed, relative to the brightest pixel.
+/// Minimum T00 whose logarithm is computed, relative to the brightest pixel.
 const DARK: f64 = 1e-6;
 
 impl Features {

@@ -1,12 +1,13 @@
-//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Separates real fruit from
-//! painted plastic of the same colour.
+//! Distinguishes metameric materials: real fruit and painted plastic of the same colour (Baek & Heide 2021,
+//! section 6.5, Fig. 14).
 //!
-//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" in this
-//! element, and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the
-//! degree of polarization. The bound is a linear classifier of all 16 epipolar elements. Each method
-//! computes a score per pixel. The metric is the probability that a pixel of a real fruit has a higher
-//! score than a pixel of a fake fruit. Classifiers, and the sign of the degree of polarization, are
-//! learned from the training variants.
+//! The paper's score is -T22 of epipolar light. In this element, "plastic fake objects have low intensity",
+//! and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree of
+//! polarization. The bound is a linear classifier of all 16 epipolar elements.
+//!
+//! Each method computes a score per pixel. The metric is the probability that a pixel of a real fruit has a
+//! higher score than a pixel of a fake fruit. The training variants determine the classifiers and the sign of
+//! the degree of polarization.
 
 mod classifier;
 mod scores;
@@ -121,8 +122,7 @@ fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture 
     }
 }
 
-/// Formats both confidence intervals of the area under the ROC curve, for the pixels of all variants
-/// together.
+/// Formats two confidence intervals of the area under the ROC curve, for the pixels of all variants together.
 fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
     let all =
         |f: fn(&Group) -> &Vec<f64>| groups.iter().flat_map(|g| f(g).iter().copied()).collect::<Vec<f64>>();

@@ -1,17 +1,18 @@
-//! Scores that are computed from a single element or from the degree of polarization. At most the sign of
-//! a score is learned.
+//! Scores that are computed from a single element or from the degree of polarization. No parameter of such a
+//! score is learned, except possibly the sign.
 
 use super::seen::{Scoring, Seen, group};
 use crate::metrics::roc::area;
 use crate::observation::Pixels;
 
-/// Sums an element over wavelengths (and bins).
+/// Sums an element over wavelengths and time bins.
 fn sum(p: &Pixels, pixel: usize, element: usize) -> f64 {
     let lanes = (0..p.wavelengths).flat_map(|lane| (0..p.bins).map(move |bin| (bin, lane)));
     lanes.map(|(bin, lane)| p.at(pixel, bin, element, lane)).sum()
 }
 
-/// The score -T22 of epipolar light: preserved linear polarization at ±45°, positive for a mirror.
+/// The score -T22 of epipolar light, which measures preserved linear polarization at ±45°. The score of a
+/// mirror is positive.
 pub(super) struct Element22;
 
 impl Scoring for Element22 {
@@ -30,8 +31,8 @@ impl Scoring for NormalizedElement22 {
     }
 }
 
-/// The degree of polarization √(T10² + T20² + T30²)/T00 under full unpolarized light. The sign of the
-/// score is learned from the training variants.
+/// The degree of polarization √(T10² + T20² + T30²)/T00 of all light under unpolarized illumination. The sign
+/// of the score is learned from the training variants.
 pub(super) struct DegreeOfPolarization {
     sign: f64,
 }

@@ -42,13 +42,13 @@ impl Seen {
     }
 }
 
-/// A method that computes a score per pixel. Pixels of real fruit should have higher scores than those of
-/// fakes.
+/// A method that computes a score per pixel. Pixels of real fruit should have higher scores than pixels of
+/// fake fruit.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }
 
-/// Returns the scores of all real and fake pixels of a variant.
+/// Returns the scores of all pixels of real and fake fruit of a variant.
 pub(super) fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
     let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
     Group { positive: of(&seen.real), negative: of(&seen.fake) }

@@ -1,5 +1,5 @@
-//! Tests with real and fake fruit that differ in one known property. Each score detects only the property
-//! that it measures.
+//! Tests with real and fake fruit that differ in one known property. Each score detects no property other
+//! than the one that the score measures.
 
 use super::*;
 use crate::isolation::tests::{assert_only, mean};
@@ -11,12 +11,12 @@ use crate::regression::least_squares::tests::{normal, random};
 struct Difference {
     /// Difference in -T22/T00 of epipolar light.
     element22: f64,
-    /// Difference in brightness at the longest wavelength, of full light and of epipolar light.
+    /// Difference in brightness at the longest wavelength, for all light and for epipolar light.
     red: [f64; 2],
-    /// Difference in T10/T00 of full light.
+    /// Difference in T10/T00 of all light.
     polarized: f64,
-    /// Difference in T31/T00 + T13/T00 of epipolar light; each single element hides this difference,
-    /// because the elements have noise of opposite signs.
+    /// Difference in T31/T00 + T13/T00 of epipolar light. A single element does not show this difference,
+    /// because the noise of the two elements has opposite signs.
     hidden: f64,
 }
 
@@ -72,8 +72,9 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
-/// Range of areas of scores without information. For 640 pixels of each kind, the standard error of an area
-/// of one half is √(1/12 · 2/640) = 0.0161. This also applies to classifiers that are trained on noise.
+/// Range of the areas of scores without information. For 640 pixels of each kind, the standard error of an
+/// area of one half is √(1/12 · 2/640) = 0.0161. The range also applies to classifiers that are trained on
+/// noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], separating: &[&str]) {
@@ -94,8 +95,8 @@ fn each_score_separates_its_own_difference() {
     let t22 = Difference { element22: 0.2, ..Difference::default() };
     only(&of(t22), &["-(2,2) epipolar", "-(2,2)/(0,0) epipolar", bound]);
     let full = Difference { red: [0.5, 0.0], ..Difference::default() };
-    // A brighter red also changes the degree of polarization, because the polarized component does not
-    // increase.
+    // Higher brightness in the red also changes the degree of polarization, because the polarized component
+    // does not increase.
     let table = of(full);
     assert!(table[2].1 > 0.9 && NONE.contains(&table[3].1) && NONE.contains(&table[5].1), "{table:?}");
     let epipolar = Difference { red: [0.0, 0.5], ..Difference::default() };
@@ -112,7 +113,7 @@ fn each_score_separates_its_own_difference() {
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_fruit_inverts_the_scores() {
-    // A deliberate error: real and fake fruit are exchanged.
+    // As a deliberate error, real and fake fruit are exchanged.
     let d = Difference { element22: -0.05, ..Difference::default() };
     let table = areas(d);
     assert!(table[0].1 < 0.1, "{table:?}");

@@ -1,7 +1,7 @@
-//! Computes angles between directions, for the errors of normals.
+//! Computes angles between directions. The errors of normals are such angles.
 
-/// Returns the angle between two directions in degrees, as atan2(|a × b|, a · b), which is also accurate near
-/// 0 and 180°. NaN for zero vectors.
+/// Returns the angle between two directions in degrees, computed as atan2(|a × b|, a · b). The atan2 formula
+/// is also accurate near 0 and 180°. The result for zero vectors is NaN.
 pub fn angle_deg(a: &[f64], b: &[f64]) -> f64 {
     let cross = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
     let sine = (cross(1, 2).powi(2) + cross(2, 0).powi(2) + cross(0, 1).powi(2)).sqrt();

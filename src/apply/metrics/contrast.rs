@@ -1,13 +1,15 @@
-//! Contrast of marks as a function of depth: the Michelson contrast (bright - dark) / (bright + dark).
+//! Computes the contrast of marks as a function of depth. The contrast is the Michelson contrast (bright -
+//! dark) / (bright + dark).
 //!
 //! The ground truth selects bright and dark pixels. If the evaluated image selected these pixels, noise would
-//! count as contrast.
+//! be treated as contrast.
 
 use crate::map::Map;
 
 /// Returns the contrast of `image` at the bright and dark pixels of `truth`, in `bins` equal intervals of
-/// `depth` from the minimum to the maximum within the mask. The contrast of an interval is NaN if the truth's
-/// contrast is below `least`, or if it has fewer than four bright or four dark pixels.
+/// `depth`. The intervals range from the minimum to the maximum depth within the mask. The contrast of an
+/// interval is NaN if the truth's contrast is below `least`. The contrast is also NaN if the interval has
+/// fewer than four bright or four dark pixels.
 pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: usize, least: f64) -> Vec<f64> {
     let mean = |m: &Map, i: usize| {
         let pixel = &m.data[i * m.channels..(i + 1) * m.channels];
@@ -50,8 +52,8 @@ mod tests {
 
     #[test]
     fn contrast_under_a_veil_matches_the_closed_form() {
-        // Stripes of values 1 and 3 under a veil v that increases with depth (with the row) have contrast
-        // 2 / (4 + 2 v).
+        // The image has stripes of values 1 and 3 under a veil v that increases with depth (with the row).
+        // The contrast of the stripes is 2 / (4 + 2 v).
         let truth = Map::from_fn(16, 40, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let veil = |y: usize| (y / 10) as f64;
         let seen = Map::from_fn(16, 40, 1, |x, y, out| out[0] = truth.at(x, y)[0] + veil(y));
@@ -61,7 +63,7 @@ mod tests {
         for (bin, c) in got.iter().enumerate() {
             approx::assert_relative_eq!(*c, 2.0 / (4.0 + 2.0 * bin as f64), epsilon = 1e-12);
         }
-        // Without marks, there is no contrast.
+        // An image without marks has no contrast.
         let plain = Map::from_fn(16, 40, 1, |_, _, out| out[0] = 1.0);
         assert!(by_depth(&seen, &plain, &depth, &mask, 4, 0.1).iter().all(|c| c.is_nan()));
     }
@@ -75,8 +77,8 @@ mod tests {
             out[0] = 1.0 + state as f64 / f64::from(1_u32 << 31);
         });
         let depth: Vec<f64> = (0..4096).map(|i| f64::from(i % 64)).collect();
-        // The noise has mean 1.5 and standard deviation 1/√12. With 4096 pixels in two halves, the
-        // tolerance of 5 σ is 5 · (0.289 / 1.5) / √4096.
+        // The noise has mean 1.5 and standard deviation 1/√12. For 4096 pixels in two halves, the tolerance
+        // of 5 σ is 5 · (0.289 / 1.5) / √4096.
         let c = by_depth(&noise, &truth, &depth, &[true; 4096], 1, 0.1)[0];
         assert!(c.abs() < 5.0 * 0.289 / 1.5 / 64.0, "{c}");
     }

@@ -1,9 +1,11 @@
-//! Metrics of an image of signed values that isolates one light component, whose true image is known.
+//! Metrics of an image of signed values. The image isolates one light component, whose true image is known.
 //!
 //! As a detector, the image is evaluated by the metrics of [`super::roc`] and [`super::precision_recall`].
-//! Pixels in which the component has at least a given share are positive, and values of at least a learned
-//! [`threshold`] are classified as positive. As an image, it is evaluated by its correlation with the
-//! component, and by the residual after subtraction of the image times a learned gain.
+//! Pixels in which the component has at least a given share are positive. Values of at least a learned
+//! [`threshold`] are classified as positive.
+//!
+//! Two more metrics compare the image with the component. The first metric is the correlation of the image
+//! with the component. The second metric is the residual after subtraction of the image times a learned gain.
 
 use super::precision_recall::Counts;
 
@@ -16,10 +18,10 @@ pub enum Class {
     Dark,
 }
 
-/// Pixels below this fraction of the image's mean are neither positive nor negative.
+/// Fraction of the image's mean. Pixels below this fraction are neither positive nor negative.
 pub const DARK: f64 = 1e-3;
 
-/// Returns the class of each pixel: positive if `light` is at least `share` of `all`.
+/// Returns the class of each pixel. A pixel is positive if `light` is at least `share` of `all`.
 pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     light
@@ -36,7 +38,7 @@ pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
         .collect()
 }
 
-/// Returns the scores of positive and of negative pixels.
+/// Returns the scores of positive pixels and the scores of negative pixels.
 pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     let of = |class: Class| {
         let chosen = values.iter().zip(classes).filter(|(_, c)| **c == class);
@@ -45,9 +47,9 @@ pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     (of(Class::Positive), of(Class::Negative))
 }
 
-/// Returns the threshold, a score of a positive, for which the decision "at least the threshold" has the
-/// largest F1 on these scores. Of several such thresholds, returns the largest. Returns `None` without
-/// positives.
+/// Returns the threshold for which the decision "at least the threshold" has the largest F1 on these scores.
+/// The threshold is the score of a positive. Of several equally good thresholds, the largest is returned.
+/// Returns `None` without positives.
 pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     let mut all: Vec<(f64, bool)> = positive.iter().map(|v| (*v, true)).collect();
     all.extend(negative.iter().map(|v| (*v, false)));
@@ -69,14 +71,14 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     best.1
 }
 
-/// Counts correct and wrong decisions, where the decision is positive if the value is at least `threshold`.
+/// Counts correct and wrong decisions. The decision is positive if the value is at least `threshold`.
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
-/// Returns Pearson's correlation coefficient of image and light, or 0 if the image is constant, and NaN if
-/// the light is constant.
+/// Returns Pearson's correlation coefficient of image and light. The result is 0 if the image is constant,
+/// and NaN if the light is constant.
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
@@ -87,9 +89,9 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     if xx == 0.0 && yy > 0.0 { 0.0 } else { xy / (xx * yy).sqrt() }
 }
 
-/// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is
-/// √(1 - cosine²) of the light. Unlike [`correlation`], the cosine requires an image that is dark where
-/// the light is dark. NaN if image or light is zero.
+/// Returns the cosine between image and light as vectors of pixels. With the best gain, the residual is √(1 -
+/// cosine²) of the light. Unlike [`correlation`], the cosine requires an image that is dark where the light
+/// is dark. The result is NaN if image or light is zero.
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
@@ -105,7 +107,8 @@ pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 
     if both > 0.0 { both / own } else { 0.0 }
 }
 
-/// Returns ‖gain · image - light‖ / ‖light‖: 0 for the light itself, 1 for a black image, NaN for zero light.
+/// Returns ‖gain · image - light‖ / ‖light‖. The error is 0 for the light itself, 1 for a black image, and
+/// NaN for zero light.
 pub fn error(image: &[f64], light: &[f64], gain: f64) -> f64 {
     let left: f64 = image.iter().zip(light).map(|(i, l)| (gain * i - l).powi(2)).sum();
     let whole: f64 = light.iter().map(|l| l * l).sum();
@@ -117,7 +120,8 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Returns an image and its light: light of value 2 in every second of 8 columns, over a background.
+    /// Returns an image and its light. The light has the value 2 in every second of 8 columns, over a
+    /// background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();
@@ -136,7 +140,7 @@ mod tests {
         let c = decided(&light, &classes, t);
         assert_eq!((c.precision(), c.recall(), c.f1()), (1.0, 1.0, 1.0));
         approx::assert_relative_eq!(correlation(&light, &light), 1.0, epsilon = 1e-12);
-        // Half of the light: the gain is 2.
+        // The image is half of the light, so the gain is 2.
         let half: Vec<f64> = light.iter().map(|l| 0.5 * l).collect();
         let g = gain([(&half[..], &light[..])]);
         assert_eq!((g, error(&half, &light, g)), (2.0, 0.0));
@@ -145,8 +149,8 @@ mod tests {
 
     #[test]
     fn a_photograph_has_lower_scores() {
-        // Over a uniform background, the only error of a photograph is the background. The gain is 6/10,
-        // and the residual (0.2, 0.6) for light (2, 0).
+        // Over a uniform background, the background is the only error of a photograph. The gain is 6/10, and
+        // the residual is (0.2, 0.6) for light (2, 0).
         let [light, all] = columns(|_| 1.0);
         let g = gain([(&all[..], &light[..])]);
         approx::assert_relative_eq!(g, 0.6, epsilon = 1e-12);
@@ -156,14 +160,14 @@ mod tests {
             (1.0 - cosine(&all, &light).powi(2)).sqrt(),
             epsilon = 1e-12
         );
-        // The background is 1 in the upper half and 4 in the lower half, so the share of the light is 2/3
-        // or 1/3 in its columns.
+        // The background is 1 in the upper half and 4 in the lower half. In the columns of the light, the
+        // share of the light is therefore 2/3 in the upper half and 1/3 in the lower half.
         let [light, all] = columns(|i| if i < 32 { 1.0 } else { 4.0 });
         let classes = classes(&light, &all, 0.5);
         let (p, n) = parted(&all, &classes);
         assert_eq!((p.len(), n.len()), (16, 48));
-        // Positives have the value 3. Of the negatives, 16 have the value 1, 16 the value 6 and 16 the
-        // value 4, so a third of them is below 3.
+        // Positives have the value 3. Of the negatives, 16 have the value 1, 16 have the value 4 and 16 have
+        // the value 6. A third of the negatives is therefore below 3.
         approx::assert_relative_eq!(area(&p, &n), 1.0 / 3.0, epsilon = 1e-12);
         // The best decision is "at least 3", with 16 true and 32 false positives.
         let c = decided(&all, &classes, threshold(&p, &n).expect("one"));
@@ -199,7 +203,7 @@ mod tests {
         assert_eq!(correlation(&flat, &light), 0.0);
         assert!(correlation(&light, &flat).is_nan() && error(&light, &vec![0.0; 64], 1.0).is_nan());
         assert_eq!(threshold(&[], &[1.0]), None);
-        // Equal scores have the same decision: the threshold 5 gives 1 true and 2 false positives, the
+        // Equal scores have the same decision. The threshold 5 gives 1 true and 2 false positives, and the
         // threshold 4 gives 2 true and 3 false positives.
         assert_eq!(threshold(&[5.0, 4.0], &[5.0, 5.0, 4.0]), Some(4.0));
         assert_eq!(threshold(&[5.0, 1.0], &[4.0, 3.0, 2.0]), Some(5.0));

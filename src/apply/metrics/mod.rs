@@ -1,4 +1,4 @@
-//! Metrics by which methods are evaluated.
+//! Metrics that evaluate methods.
 
 pub mod angle;
 pub mod contrast;

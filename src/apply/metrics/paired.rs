@@ -1,10 +1,11 @@
-//! Differences between two methods on the same renders, and their standard errors.
+//! Computes the differences between two methods on the same renders, and the standard errors of the
+//! differences.
 //!
-//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random effects:
-//! d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S +
-//! σe²/(V S). The unbiased estimate of this variance is (MSa + MSb - MSe)/(V S), from the mean squares of
-//! the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3). The estimate is
-//! limited to at least MSe/(V S). With one seed, it is MSa/V.
+//! The difference d(v, s) on variant v at seed s has two crossed random effects, variants and seeds: d = μ +
+//! a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S + σe²/(V S). The
+//! unbiased estimate of this variance is (MSa + MSb - MSe)/(V S). MSa, MSb and MSe are the mean squares of
+//! the two-way analysis of variance (Searle, Casella & McCulloch 1992, section 4.3). The estimate is limited
+//! to at least MSe/(V S). With one seed, the estimate is MSa/V.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -17,7 +18,7 @@ pub struct Estimate {
 }
 
 /// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite value are
-/// ignored; the result is NaN if no row is left.
+/// ignored. The result is NaN if all rows are ignored.
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
     let rows: Vec<&[f64]> =
@@ -46,7 +47,7 @@ pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     Estimate { mean, error, counts }
 }
 
-/// Returns the mean difference of two tables of equal shape.
+/// Returns the mean difference between two tables of equal shape.
 pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Estimate {
     let rows = a.iter().zip(b);
     let table: Vec<Vec<f64>> = rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect();
@@ -101,10 +102,11 @@ mod tests {
         let n = f64::from(trials);
         let error = ((squares / n - (stated / n).powi(2)) / n).sqrt();
         assert!((stated / n - truth).abs() < 5.0 * error, "{} ± {error}, truth {truth}", stated / n);
-        // The variance of the means agrees; the relative standard error of a variance from n samples is
-        // √(2/n).
+        // The estimated variance agrees with the variance of the means. The relative standard error of a
+        // variance from n samples is √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
-        // A deliberate error: treating all numbers as independent gives a far smaller variance.
+        // As a deliberate error, all numbers are treated as independent. The resulting variance is far too
+        // small.
         assert!(truth > 2.0 * (sa * sa + sb * sb + se * se) / 30.0);
     }
 

@@ -9,7 +9,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Counts (decision, truth) pairs.
+    /// Counts the pairs (decision, truth) of each kind.
     pub fn of(pairs: impl IntoIterator<Item = (bool, bool)>) -> Self {
         let mut c = Self::default();
         for (decided, is) in pairs {
@@ -28,7 +28,7 @@ impl Counts {
         self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
     }
 
-    /// Returns the fraction of positives that are decided as positive, or NaN without positives.
+    /// Returns the fraction of positives that receive a positive decision, or NaN without positives.
     pub fn recall(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
     }

@@ -1,16 +1,17 @@
-//! Peak signal-to-noise ratio: 10 log₁₀(peak² / mean squared difference), dB.
+//! Peak signal-to-noise ratio in dB: 10 log₁₀(peak² / mean squared difference).
 
 use crate::map::Map;
 
-/// Returns the PSNR of `image` against `truth` over the pixels of `mask` and all channels, with the largest
-/// possible value `peak`. Infinite if the images are equal; NaN if no pixel is in the mask or sizes differ.
+/// Returns the PSNR of `image` against `truth` over the pixels of `mask` and all channels. `peak` is the
+/// largest possible value. The result is infinite if the images are equal. The result is NaN if no pixel is
+/// in the mask or if sizes differ.
 pub fn psnr(image: &Map, truth: &Map, mask: &[bool], peak: f64) -> f64 {
     let mean = mean_squared_difference(image, truth, mask);
     10.0 * (peak * peak / mean).log10()
 }
 
-/// Returns the mean squared difference over the pixels of `mask` and all channels, or NaN without pixels or
-/// if sizes differ.
+/// Returns the mean squared difference over the pixels of `mask` and all channels. The result is NaN without
+/// pixels or if sizes differ.
 pub fn mean_squared_difference(image: &Map, truth: &Map, mask: &[bool]) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
         return f64::NAN;

@@ -1,9 +1,9 @@
-//! Area under the receiver operating characteristic: the probability that a positive has a higher score
-//! than a negative (ties count as one half).
+//! Computes the area under the receiver operating characteristic. The area is the probability that a positive
+//! has a higher score than a negative. A tie contributes one half.
 //!
-//! The variance of the area is computed as in DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with
-//! placements from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object, the
-//! variance is estimated by bootstrap over groups.
+//! The variance of the area is computed with the equation of DeLong, DeLong & Clarke-Pearson (1988, eq. 5).
+//! The placements are computed from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one
+//! object, the variance is estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -11,10 +11,10 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 /// An area under the ROC curve with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
-    /// The area, 0..1, or NaN without positives or negatives.
+    /// The area in the range 0..1, or NaN without positives or negatives.
     pub area: f64,
     pub error: f64,
-    /// Lower and upper end of the 95 % confidence interval, within 0..1.
+    /// Lower and upper ends of the 95 % confidence interval, within 0..1.
     pub interval: [f64; 2],
 }
 
@@ -41,8 +41,9 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     Area { area, error, interval: [-1.0, 1.0].map(|side| (area + side * NORMAL_95 * error).clamp(0.0, 1.0)) }
 }
 
-/// Returns for each positive the fraction of negatives with lower scores, and for each negative the
-/// fraction of positives with higher scores. Ties count as one half.
+/// Returns two lists of fractions. The first contains, for each positive, the fraction of negatives with
+/// lower scores. The second contains, for each negative, the fraction of positives with higher scores. A tie
+/// contributes one half.
 fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let sorted = |v: &[f64]| {
         let mut v = v.to_vec();
@@ -67,9 +68,9 @@ pub struct Group {
     pub negative: Vec<f64>,
 }
 
-/// Returns the area for the scores of all groups together, with error and percentile interval from `draws`
-/// bootstrap samples of whole groups (Efron & Tibshirani 1993, chapter 13). Samples without positives or
-/// negatives are drawn again.
+/// Returns the area for the scores of all groups together. The error and the percentile interval are computed
+/// from `draws` bootstrap samples of whole groups (Efron & Tibshirani 1993, chapter 13). Samples without
+/// positives or negatives are drawn again.
 pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let pooled = |chosen: &[usize]| {
         let take = |f: fn(&Group) -> &Vec<f64>| -> Vec<f64> {
@@ -81,8 +82,8 @@ pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let whole = pooled(&all);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut found = vec![];
-    // Of this many samples, at least one contains positives and negatives, unless one of them is missing
-    // in all groups.
+    // At least one of this number of samples contains positives and negatives, unless all groups lack
+    // positives or all groups lack negatives.
     for _ in 0..10 * draws {
         if found.len() == draws || !whole.is_finite() {
             break;
@@ -122,14 +123,14 @@ mod tests {
         // The pairs are 2 > 1, 2 = 2, 5 > 1 and 5 > 2.
         assert_eq!(area(&[2.0, 5.0], &[1.0, 2.0]), 3.5 / 4.0);
         assert!(area(&[], &[1.0]).is_nan() && area(&[1.0], &[]).is_nan());
-        // DeLong's components, computed by hand: the placements are (0.75, 1) and (1, 0.75), and their
-        // variances are 1/32, each divided by 2.
+        // DeLong's components are computed by hand. The placements are (0.75, 1) and (1, 0.75). Each of the
+        // two variances is 1/32, which is divided by 2.
         let a = delong(&[2.0, 5.0], &[1.0, 2.0]);
         approx::assert_relative_eq!(a.error, (2.0 * (1.0 / 32.0) / 2.0_f64).sqrt(), epsilon = 1e-12);
     }
 
-    /// Areas and their errors agree with the closed form 1 - (1 - d)²/2, for positives that are
-    /// uniform on 0..1 and negatives on -d..1-d.
+    /// Areas and their errors agree with the closed form 1 - (1 - d)²/2. The positives are uniform on 0..1
+    /// and the negatives on -d..1-d.
     #[test]
     fn delong_intervals_cover_the_closed_form() {
         let d = 0.3;
@@ -145,17 +146,17 @@ mod tests {
             seen += (a.area - truth).powi(2);
         }
         let n = trials as f64;
-        // The estimated variance equals the variance of the areas, whose relative standard error from n
-        // samples is √(2/n).
+        // The estimated variance equals the variance of the areas. The relative standard error of a variance
+        // from n samples is √(2/n).
         assert!((stated / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", stated / seen);
         let share = f64::from(covered) / n;
-        // The coverage is 95 %, minus the error of the normal approximation at these counts.
+        // The coverage is 95 % minus the error of the normal approximation at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
     }
 
     #[test]
     fn correlated_groups_have_larger_errors_than_delong() {
-        // Every group has a random shift, which is common to its twenty scores.
+        // Every group has a random shift that is common to the twenty scores of the group.
         let shifts = numbers(5, 40);
         let groups: Vec<Group> = shifts
             .chunks_exact(2)

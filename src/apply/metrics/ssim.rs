@@ -1,9 +1,10 @@
 //! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published parameters.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 = (0.03
-//! L)², where L is the range of values. Means and covariances are weighted with a Gaussian window of 11 ×
-//! 11 pixels, with a standard deviation of 1.5 pixels and weights of sum 1 (population covariances).
-//! Pixels whose window leaves the image are ignored, as in the authors' program; channels are averaged.
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), where C1 = (0.01 L)², C2 = (0.03
+//! L)² and L is the range of values. Means and covariances are weighted with a Gaussian window of 11 × 11
+//! pixels. The window has a standard deviation of 1.5 pixels and weights of sum 1 (population covariances).
+//! Pixels whose window extends beyond the image are ignored, as in the authors' program. SSIM is averaged
+//! over channels.
 
 use crate::map::Map;
 
@@ -13,9 +14,9 @@ const SIGMA: f64 = 1.5;
 const K1: f64 = 0.01;
 const K2: f64 = 0.03;
 
-/// Returns the mean of SSIM over channels and over the pixels of `mask` whose window lies within the
-/// image. `range` is L, the difference between the largest and the smallest possible value. NaN without
-/// such pixels or if sizes differ.
+/// Returns the mean of SSIM over channels and over the pixels of `mask` whose window lies within the image.
+/// `range` is L, the difference between the largest and the smallest possible value. The result is NaN if
+/// there are no such pixels or if sizes differ.
 pub fn ssim(image: &Map, truth: &Map, mask: &[bool], range: f64) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
         return f64::NAN;
@@ -37,8 +38,8 @@ pub fn ssim(image: &Map, truth: &Map, mask: &[bool], range: f64) -> f64 {
     sum / n
 }
 
-/// Returns the SSIM of every pixel of a channel; values at pixels whose window extends beyond the image
-/// are meaningless.
+/// Returns the SSIM of every pixel of a channel. Values are meaningless at pixels whose window extends beyond
+/// the image.
 fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64> {
     let of = |m: &Map| -> Vec<f64> { m.data.iter().skip(channel).step_by(m.channels).copied().collect() };
     let (x, y) = (of(image), of(truth));
@@ -56,7 +57,7 @@ fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64>
         .collect()
 }
 
-/// Applies the Gaussian window along rows and columns. Values outside the image count as zero.
+/// Applies the Gaussian window along rows and columns. Values outside the image are treated as zero.
 fn blurred(values: &[f64], width: usize) -> Vec<f64> {
     let half = WINDOW as isize / 2;
     let weight = |d: isize| (-0.5 * (d as f64 / SIGMA).powi(2)).exp();
@@ -112,8 +113,8 @@ mod tests {
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
 
-    /// SSIM equals `structural_similarity(.., gaussian_weights=True, sigma=1.5,
-    /// use_sample_covariance=False)` of scikit-image 0.26.0.
+    /// SSIM equals the result of scikit-image 0.26.0 with `structural_similarity(.., gaussian_weights=True,
+    /// sigma=1.5, use_sample_covariance=False)`.
     #[test]
     fn agrees_with_scikit_image() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));

@@ -10,14 +10,14 @@ use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
 
-/// Returns whether a path leads from a facet via a wall to the camera, or in the reverse order. Specular
-/// reflection by the wall is included.
+/// Returns whether a path leads from a facet via a wall to the camera, or in the reverse order. Paths with
+/// specular reflection by the wall are included.
 fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
 /// Returns pixels of the walls on one diagonal of the ball's centre. With `side` = 1, the pixels are to the
-/// upper right or lower left; with `side` = -1, they are on the other diagonal.
+/// upper right or lower left. With `side` = -1, the pixels are on the other diagonal.
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];
@@ -28,20 +28,21 @@ pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyErr
 
 /// The tasks from the captions of Fig. 13.
 const TASKS: [Task; 6] = [
-    // c: "isolates the remaining specular reflection on the diffuse planes".
+    // Fig. 13 c "isolates the remaining specular reflection on the diffuse planes".
     task!("gloss of walls", Path::single_specular, 0.05).named(Element::of(Space::Epipolar, [0, 1])),
-    // d: "removes the specular reflection".
+    // Fig. 13 d "removes the specular reflection".
     task!("walls without gloss", |p| p.label == DIFFUSE, 0.8).named(Element::of(Space::Epipolar, [2, 1])),
-    // e: "captures the diffuse direct interreflections between the red and blue planes".
+    // Fig. 13 e "captures the diffuse direct interreflections between the red and blue planes".
     task!("interreflection of walls", Path::diffuse_interreflection, 0.2)
         .named(Element::of(Space::Epipolar, [3, 3]).negative()),
-    // h: "the reflection from the planes and the disco ball only to the floor".
+    // Fig. 13 h shows "the reflection from the planes and the disco ball only to the floor".
     task!("walls and ball to floor", |p| p.bounces > 1, 0.2)
         .within(|o| seen::within(o, "floor", |share| share[0] >= 0.5))
         .named(Element::of(Space::NonEpipolar, [1, 0]).negative()),
-    // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
-    // incidence at a facet is at +45° for light that is reflected to the upper right or lower left, and at
-    // -45° for light along the other diagonal. The sign of (0,2) distinguishes these two directions best.
+    // Fig. 13 i and j show "the reflections with different directions from the disco ball to the planes". For
+    // light that a facet reflects to the upper right or lower left, the plane of incidence at the facet is at
+    // +45°. For light along the other diagonal, the plane of incidence is at -45°. The sign of (0,2)
+    // distinguishes these two directions best.
     task!("ball along one diagonal", patch, 0.2)
         .within(|o| diagonal(o, 1.0))
         .named(Element::of(Space::NonEpipolar, [0, 2])),

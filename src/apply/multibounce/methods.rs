@@ -1,4 +1,4 @@
-//! The methods and the plan for both scenes with a camera and a projector.
+//! The methods and the plan for the two scenes with a camera and a projector.
 
 use crate::application::{Application, Plan, Run, Size, Truth, itself};
 use crate::isolation::{Family, Isolation, Task, metrics_of, seen};
@@ -7,7 +7,7 @@ pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
     Family::Any { space, time, polarization }
 }
 
-/// All methods. The first is that of the paper.
+/// All methods. The first method is the paper's method.
 pub(super) const METHODS: [Isolation; 8] = [
     Isolation::new("the named element", "Baek & Heide 2021", Family::Named),
     Isolation::new("the named element, either sign", "its sign learnt", Family::NamedEitherSign),

@@ -1,10 +1,12 @@
-//! Isolates multi-bounce light (Baek & Heide 2021, section 6.4, Fig. 13). The scenes are a disco ball between
-//! painted walls, coins in front of a mirror, and a statue and a mirror in front of a coaxial rig.
+//! Isolates multi-bounce light (Baek & Heide 2021, section 6.4, Fig. 13). The scenes are:
+//! - a disco ball between painted walls,
+//! - coins in front of a mirror,
+//! - a statue and a mirror in front of a coaxial rig.
 //!
-//! The paper names an element of the tensor for each kind of light. Here each element is tested against
-//! the renderer's labels, as a detector and as an image of the isolated light. The sign is that of the
-//! paper, or is learned from the training variants. Baselines are the best element of space and
-//! polarization, and polarization, space, time or intensity alone.
+//! The paper names an element of the tensor for each kind of light. This application compares each element
+//! with the renderer's labels, as a detector and as an image of the isolated light. The sign of an element is
+//! the paper's sign, or is learned from the training variants. One baseline is the best element of space and
+//! polarization. The remaining baselines use polarization, space, time or intensity alone.
 
 mod coins;
 mod disco_ball;

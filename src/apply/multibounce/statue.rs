@@ -1,11 +1,12 @@
-//! A statue next to a mirror in front of a coaxial rig (Fig. 13, "temporal-polarimetric imaging"): "the
-//! diffuse transient reflections as T(s,s,3,3,t1)" and "specular transient reflections from metallic surfaces
-//! as T(s,s,3,3,t2)".
+//! A statue next to a mirror in front of a coaxial rig (Fig. 13, "temporal-polarimetric imaging"). The paper
+//! shows "the diffuse transient reflections as T(s,s,3,3,t1)" and "specular transient reflections from
+//! metallic surfaces as T(s,s,3,3,t2)".
 //!
-//! The paper shows two times, but does not state how they were chosen. Here the bin of travel time of
-//! each task is learned, like all free parameters. Every reflection by metal reverses the handedness of
-//! circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), both directly
-//! and via the mirror (three reflections). The caption's positive (3,3) cannot isolate this light.
+//! The paper shows two times, but does not state how these times were chosen. This application learns the bin
+//! of travel time of each task, as for all free parameters. Every reflection by metal reverses the handedness
+//! of circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), whether the
+//! light is seen directly or via the mirror (three reflections). The caption's positive (3,3) cannot isolate
+//! this light.
 
 use super::methods::any;
 use crate::application::{Application, Plan, Size, Truth, itself};

@@ -1,4 +1,5 @@
-//! Tests with synthetic light for which the paper's element is correct, and with light for which it is not.
+//! Tests with two kinds of synthetic light. The paper's element is correct for the first kind, and is not
+//! correct for the second kind.
 
 use super::*;
 use crate::application::{Application, Outcome, Truth};
@@ -6,8 +7,8 @@ use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
 use crate::observation::Observation;
 
-/// Returns observations in which the named regions cover the whole image. The upper half is on one
-/// diagonal, the lower half on the other.
+/// Returns observations in which the named regions cover the whole image. The upper half is on one diagonal,
+/// and the lower half is on the other diagonal.
 fn room(application: &Application, kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {
@@ -16,7 +17,7 @@ fn room(application: &Application, kinds: &[Kind]) -> Vec<Observation> {
                 let map = Map::from_fn(SIZE[0], SIZE[1], 1, |_, _, out| out[0] = 1.0);
                 o.truth.insert((*name).into(), map);
             }
-            // Positions to the upper right or lower right of a ball at (0, 0).
+            // The positions are to the upper right or lower right of a ball at (0, 0).
             let position = Map::from_fn(SIZE[0], SIZE[1], 3, |_, y, out| {
                 out.copy_from_slice(&[1.0, if y < SIZE[1] / 2 { 1.0 } else { -1.0 }, 0.0]);
             });
@@ -53,16 +54,16 @@ fn handedness_separates_odd_from_even_reflections() {
     let outcome = run(&super::coins(), &coins);
     assert!(area(&outcome, NAMED, "two reflections by metal") > 0.95);
     assert!(area(&outcome, NAMED, "mirror to table") > 0.95);
-    // Light after one and three reflections has the same handedness. Time distinguishes them, the element
-    // does not.
+    // Light after one reflection and light after three reflections have the same handedness. Time
+    // distinguishes the two kinds of light, and the element does not.
     let odd = area(&outcome, NAMED, "three reflections by metal");
     assert!((0.8..0.95).contains(&odd), "{odd}");
     assert!(area(&outcome, "time only", "three reflections by metal") > 0.95);
-    // For light from matte surfaces, (2,1) contains only noise, which does not separate dark pixels.
+    // For light from matte surfaces, (2,1) contains nothing but noise, which does not separate dark pixels.
     let matt = area(&outcome, NAMED, "table alone");
     assert!((matt - 0.5).abs() < 0.1, "{matt}");
-    // The best single element is (0,0) of epipolar light, divided by that of all light. It separates two
-    // of the four other kinds; for the remaining two, its scores are random.
+    // The best single element is (0,0) of epipolar light, divided by (0,0) of all light. This element
+    // separates two of the four other kinds. For the remaining two kinds, the element's scores are random.
     let bound = area(&outcome, BOUND, "table alone");
     assert!((bound - 0.75).abs() < 0.06, "{bound}");
 }
@@ -77,8 +78,8 @@ fn signs_opposite_to_the_paper_invert_the_scores() {
         let outcome = run(&disco_ball(), &ball(sign));
         let [left, other] = TURNS.map(|t| area(&outcome, NAMED, t));
         let (good, bad) = if right { (left, other) } else { (other, left) };
-        // A fifth of the negatives are patches on the other diagonal, which have the same sign in this
-        // test. Their scores are therefore random.
+        // A fifth of the negatives are patches on the other diagonal. These patches have the same sign in
+        // this test, so their scores are random.
         assert!((good - 0.9).abs() < 0.03 && (bad - 0.1).abs() < 0.03, "{good} {bad}");
         for task in TURNS {
             for method in [EITHER, "space only"] {
@@ -87,8 +88,8 @@ fn signs_opposite_to_the_paper_invert_the_scores() {
             }
         }
         assert!(area(&outcome, NAMED, "gloss of walls") > 0.95);
-        // The room has no interreflection of matte surfaces. The notes report this, and the task has no
-        // metrics.
+        // The room has no interreflection of matte surfaces. The notes report the missing interreflection,
+        // and the task has no metrics.
         assert!(
             outcome
                 .notes
@@ -121,8 +122,8 @@ fn diagonals_are_relative_to_the_ball() {
     assert!(up_right.iter().all(|v| !v) && other.iter().all(|v| *v));
 }
 
-/// Returns the outcome for matte paint and metal, each seen directly (bin 1) and via the mirror (bin 5).
-/// `mirrored` holds the elements of metal seen via the mirror.
+/// Returns the outcome for matte paint and metal. Each material is seen directly (bin 1) and via the mirror
+/// (bin 5). `mirrored` holds the elements of metal that is seen via the mirror.
 fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
     let kinds = [
         Kind::new(8, 1),
@@ -139,14 +140,14 @@ fn time_and_handedness_together_separate_metal_in_a_mirror() {
     let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
     let metal = "metal in the mirror";
     let outcome = statue(&[(15, -0.7)]);
-    // The caption's sign is wrong for this metal. At best, it separates the third of the negatives that
-    // is directly visible metal; the scores of the others are random.
+    // The caption's sign is wrong for this metal. At best, the caption's element separates the third of the
+    // negatives that is directly visible metal. The scores of the other negatives are random.
     let wrong = area(&outcome, at_a_time, metal);
     assert!((wrong - 2.0 / 3.0).abs() < 0.08, "{wrong}");
     assert!(area(&outcome, either, metal) > 0.95);
     assert!(area(&outcome, either, "metal, direct") > 0.95);
-    // Without time, metal seen directly is not distinguished, which is one negative in three. Without
-    // polarization, paint in the mirror is not distinguished from metal.
+    // Without time, metal that is seen directly is not distinguished. Metal that is seen directly is one
+    // negative in three. Without polarization, paint in the mirror is not distinguished from metal.
     for (method, expected) in [("(3,3) without time, either sign", 5.0 / 6.0), ("time only", 5.0 / 6.0)] {
         let found = area(&outcome, method, metal);
         assert!((found - expected).abs() < 0.08, "{method}: {found}");

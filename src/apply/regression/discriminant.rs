@@ -1,14 +1,14 @@
-//! Fisher's linear discriminant (Fisher 1936): w = Sw⁻¹ (μ₁ - μ₀), where Sw is the covariance within the
-//! two classes, and μ₀ and μ₁ are their means.
+//! Fisher's linear discriminant (Fisher 1936), w = Sw⁻¹ (μ₁ - μ₀). Sw is the covariance within the two
+//! classes, and μ₀ and μ₁ are the means of the classes.
 //!
-//! Sw is slightly regularized to Sw + 1e-6 diag(Sw), so that features may be linearly dependent.
+//! Sw is slightly regularized to Sw + 1e-6 diag(Sw). Features may therefore be linearly dependent.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Fraction of the diagonal of the within-class covariance that is added to this covariance.
+/// Ridge parameter. This fraction of the diagonal of the within-class covariance is added to the covariance.
 const RIDGE: f64 = 1e-6;
 
-/// Ratio of variance to squared mean below which a variance is due to rounding errors.
+/// Ratio of variance to squared mean. A variance with a smaller ratio is due to rounding errors.
 const ROUNDING: f64 = 1e-13;
 
 /// A direction in feature space along which the positive class has larger values than the negative class.
@@ -18,8 +18,8 @@ pub struct Discriminant {
 }
 
 impl Discriminant {
-    /// Computes the discriminant from examples of both classes, each a vector of features. Returns `None`
-    /// if a class has fewer than two examples, or if the classes cannot be separated.
+    /// Computes the discriminant from examples of the two classes. Each example is a vector of features.
+    /// Returns `None` if a class has fewer than two examples, or if the classes cannot be separated.
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
         if positive.len() < 2 || negative.len() < 2 {
@@ -36,7 +36,7 @@ impl Discriminant {
         };
         let (above, below) = (mean(positive), mean(negative));
         let count = (positive.len() + negative.len()) as f64;
-        // A standard deviation of the size of the mean's rounding error counts as zero.
+        // A standard deviation of the size of the mean's rounding error is treated as zero.
         let scale = DVector::from_fn(features, |i, _| {
             let v = within[(i, i)];
             let rounding = ROUNDING * count * (above[i].powi(2) + below[i].powi(2));
@@ -68,8 +68,8 @@ mod tests {
 
     #[test]
     fn reaches_the_optimum_for_normal_classes() {
-        // For two normally distributed classes of equal covariance, the area is Φ(d/√2) with the
-        // Mahalanobis distance d. Here d is 1 along a + b, and smaller along each single feature.
+        // For two normally distributed classes of equal covariance, the area is Φ(d/√2) with the Mahalanobis
+        // distance d. In this test, d is 1 along a + b, and smaller along each single feature.
         let mut r = random(4);
         let mut kind = |shift: f64, n: usize| -> Vec<Vec<f64>> {
             (0..n)
@@ -82,7 +82,8 @@ mod tests {
         let (positive, negative) = (kind(0.5, 4000), kind(0.0, 4000));
         let found = Discriminant::new(&positive, &negative).expect("two kinds");
         let scores = |all: &[Vec<f64>]| all.iter().map(|x| found.score(x)).collect::<Vec<_>>();
-        // a + b is the shift plus noise of standard deviation 0.5, so d = 1 and Φ(1/√2) = 0.760250.
+        // a + b is the shift plus noise of standard deviation 0.5. Hence d = 1, and the area is Φ(1/√2) =
+        // 0.760250.
         let a = area(&scores(&positive), &scores(&negative));
         // The standard error of an area from 4000 examples per class is about 0.0053.
         assert!((a - 0.760250).abs() < 5.0 * 0.0053, "{a}");

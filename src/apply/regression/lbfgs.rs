@@ -1,10 +1,10 @@
-//! Weights and biases of the descattering equation of Baek & Heide (2021), optimized with L-BFGS (Liu &
-//! Nocedal 1989; crate argmin) as in the paper.
+//! Weights and biases of the descattering equation of Baek & Heide (2021). As in the paper, the parameters
+//! are optimized with L-BFGS (Liu & Nocedal 1989; crate argmin).
 //!
-//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The biases enter only through the sum Σ Wₑ
-//! bₑ, so the problem has the same minimum as linear least squares ([`super::least_squares`]), but it is not
-//! convex. The paper states no starting point. Here the optimization starts from the unprocessed image: W = 1
-//! for M00, W = 0 for the other elements, and b = 0.
+//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The loss depends on the biases through the
+//! sum Σ Wₑ bₑ and in no other way. The problem therefore has the same minimum as linear least squares
+//! ([`super::least_squares`]), but is not convex. The paper states no starting point. This implementation
+//! starts from the unprocessed image: W = 1 for M00, W = 0 for the other elements, and b = 0.
 
 use super::moments::{Linear, Moments};
 use nalgebra::{DMatrix, DVector};
@@ -14,8 +14,8 @@ use std::cmp::Ordering;
 /// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference as a sum of squares, Σᵢ (rowᵢ · (W, Σ W b, -1))², which rounding errors cannot
-/// make negative. The root mean squares of the first feature and of y are 1 in the units used.
+/// The mean squared difference as a sum of squares, Σᵢ (rowᵢ · (W, Σ W b, -1))². Rounding errors cannot make
+/// this sum negative. In the units used, the root mean squares of the first feature and of y are 1.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -40,8 +40,8 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // Regularization makes the matrix positive definite. The regularization is increased if rounding
-        // errors require this.
+        // Regularization makes the matrix positive definite. If rounding errors require a larger
+        // regularization, the regularization is increased.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
@@ -67,11 +67,11 @@ impl Smooth for Problem {
     }
 }
 
-/// Returns the fit Σ W (x + b). The optimization starts at weight 1 for the first feature and 0 for all
-/// others.
+/// Returns the fit Σ W (x + b). The optimization starts at weight 1 for the first feature and weight 0 for
+/// all other features.
 ///
 /// # Errors
-/// If the images or targets are dark or not finite.
+/// Returns an error if the images or targets are dark or not finite.
 pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
     let n = moments.x.len();
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
@@ -80,7 +80,7 @@ pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
         return Err("the training images contain no light");
     }
     let mut start = vec![0.0; 2 * n];
-    // The starting weight is 1 in the unit of the features.
+    // The starting weight is 1 in the units of the features.
     start[0] = first / target;
     let problem = Problem::new(moments, first, target)
         .ok_or("the training images contain values that are not finite")?;
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn the_gradient_matches_the_cost() {
         let problem = Problem::new(&examples(), 2.0, 3.0).expect("a problem");
-        // The cost equals the loss after conversion to the unit of y.
+        // The cost equals the loss after conversion to the units of y.
         let moments = examples();
         let mut image = vec![0.0; 12];
         (image[0], image[6]) = (0.8, 1.5);

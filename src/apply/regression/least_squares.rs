@@ -1,26 +1,26 @@
 //! Linear least squares in closed form, with a free offset: w = (Σxx + R)⁻¹ σxy.
 //!
-//! R is one of:
+//! R is one of the following matrices:
 //!
-//! - zero;
-//! - λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ from
-//!   leave-one-group-out cross-validation;
-//! - minus the noise covariance of the features (Fuller 1987, section 2.2). Noise in x makes weights too
-//!   small, and subtracting its covariance gives the weights for noise-free features. If test examples
+//! - Zero.
+//! - λ diag(Σxx), which is ridge regression of standardized features (Hoerl & Kennard 1970).
+//!   Leave-one-group-out cross-validation determines λ.
+//! - Minus the noise covariance of the features (Fuller 1987, section 2.2). Noise in x makes the weights too
+//!   small. Subtracting the noise covariance yields the weights for noise-free features. If test examples
 //!   have the same noise, R = 0 gives the best predictions.
 
 use super::moments::{Centred, Linear, Moments};
 use nalgebra::{DMatrix, DVector};
 
-/// Minimum regularization of the diagonal of standardized covariances, so that the weight is divided
+/// Minimum regularization of the diagonal of standardized covariances. The regularization divides the weight
 /// between linearly dependent features.
 const LOADING: f64 = 1e-10;
 
-/// Ratio of variance to squared mean below which a variance is due to rounding errors.
+/// Ratio of variance to squared mean. A variance with a smaller ratio is due to rounding errors.
 const ROUNDING: f64 = 1e-13;
 
-/// Fraction of the noise covariance that is subtracted, relative to the largest fraction for which the
-/// result is positive definite.
+/// Fraction of the noise covariance that is subtracted. The fraction is relative to the largest fraction for
+/// which the result is positive definite.
 const TAKEN: f64 = 0.95;
 
 /// Number of bisection steps in the search for the largest fraction.
@@ -43,7 +43,7 @@ pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
 }
 
 /// Fits by ridge regression with the λ that has the least mean loss on held-out groups of examples.
-/// Candidates are powers of √10 from 1e-8 to 10. Also returns the chosen λ.
+/// Candidates are powers of √10 from 1e-8 to 10. The function also returns the chosen λ.
 pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     let all = Moments::sum(groups);
     if groups.len() < 2 {
@@ -60,9 +60,9 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     (ridge(&all, best), best)
 }
 
-/// Fits by least squares with the noise covariance of the features subtracted, as far as the result stays
-/// positive definite. Also returns the subtracted fraction. Errors of different features are treated as
-/// independent.
+/// Fits by least squares. A fraction of the noise covariance of the features is subtracted, as large as the
+/// result stays positive definite. The function also returns the subtracted fraction. Errors of different
+/// features are treated as independent.
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
     let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();
@@ -80,8 +80,8 @@ pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     (solve(&c, xx), share)
 }
 
-/// Returns the linear model for the given covariances, computed with standardized features. Constant
-/// features have weight zero. The result is NaN for non-finite input.
+/// Returns the linear model for the given covariances. The features are standardized for the computation.
+/// Constant features have weight zero. The result is NaN for non-finite input.
 fn solve(c: &Centred, xx: DMatrix<f64>) -> Linear {
     let n = c.mean.len();
     let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
@@ -151,19 +151,19 @@ pub(crate) mod tests {
         let n = 200_000;
         let moments = examples(n, 0.3);
         let plain = least_squares(&moments);
-        // The standard error of a weight is the standard deviation of the residuals divided by that of
-        // the feature and by √n.
+        // The standard error of a weight is the standard deviation of the residuals, divided by the standard
+        // deviation of the feature and by √n.
         let residual = moments.loss(&plain).sqrt();
         let error = |feature: f64| residual / feature / (n as f64).sqrt();
         assert!((plain.weights[0] - 2.0 / 1.09).abs() < 5.0 * error(1.09_f64.sqrt()));
         assert!((plain.weights[1] + 1.5).abs() < 5.0 * error(0.18_f64.sqrt()));
         let (fit, share) = without_noise(&moments);
         assert!(share > 0.9);
-        // The tolerance is twice the standard error for the feature that is half noise. The tolerance
-        // includes the fraction of the correction that was not applied.
+        // For the feature whose variance is half noise, the tolerance is twice the standard error. The
+        // tolerance includes the fraction of the correction that was not applied.
         assert!((fit.weights[0] - 2.0).abs() < 0.03, "{fit:?} {share}");
         assert!((fit.weights[1] + 3.0).abs() < 0.3, "{fit:?} {share}");
-        // Uncorrected least squares predicts data with the same noise better.
+        // Uncorrected least squares predicts data with the same noise better than corrected least squares.
         assert!(moments.loss(&plain) < moments.loss(&fit));
     }
 

@@ -1,5 +1,5 @@
-//! First and second moments of examples: the sufficient statistics of linear least squares. The size of the
-//! moments does not depend on the number of examples.
+//! First and second moments of examples, which are the sufficient statistics of linear least squares. The
+//! size of the moments does not depend on the number of examples.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -50,8 +50,8 @@ impl Moments {
         }
     }
 
-    /// Returns the moments of examples. `x` and `errors` hold the features and their standard errors,
-    /// example by example; `y` holds the targets.
+    /// Returns the moments of examples. `x` and `errors` hold the features and their standard errors, example
+    /// by example. `y` holds the targets.
     pub fn of(features: usize, x: &[f64], errors: &[f64], y: &[f64]) -> Self {
         let all = DMatrix::from_column_slice(features, y.len(), x);
         let target = DVector::from_column_slice(y);
@@ -116,8 +116,8 @@ impl Moments {
         if mean < 0.0 { 0.0 } else { mean }
     }
 
-    /// Returns the covariances of the features and of the features with y, and the means, for a fit with a
-    /// free offset.
+    /// Returns the means and covariances for a fit with a free offset. The covariances are those of the
+    /// features, and those of the features with y.
     pub fn centred(&self) -> Centred {
         let n = self.count;
         let mean = &self.x / n;
@@ -157,7 +157,7 @@ mod tests {
         let direct = x.chunks_exact(2).zip(y).map(|(x, y)| (fit.of(x) - y).powi(2)).sum::<f64>() / 4.0;
         approx::assert_relative_eq!(moments.loss(&fit), direct, epsilon = 1e-12);
         approx::assert_relative_eq!(moments.noise[1], 0.04, epsilon = 1e-12);
-        // The sum of parts equals the whole, with and without excluding a part.
+        // The sum of parts equals the whole, with and without the exclusion of a part.
         let parts: Vec<Moments> =
             (0..4).map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i])).collect();
         approx::assert_relative_eq!(Moments::sum(&parts).xx, moments.xx, epsilon = 1e-12);

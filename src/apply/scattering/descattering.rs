@@ -1,4 +1,5 @@
-//! The descattering methods: linear estimates of the clear image from several features of a pixel.
+//! The descattering methods. Each method is a linear estimate of the clear image from several features of a
+//! pixel.
 
 use super::seen::Seen;
 use crate::application::Method;
@@ -19,27 +20,28 @@ pub(super) struct Descattering {
 /// The features of a pixel at a wavelength.
 #[derive(Clone, Copy)]
 enum Features {
-    /// All elements of epipolar light: S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ) (Baek & Heide 2021, the
-    /// equation of section 6.3).
+    /// All elements of epipolar light. The image is S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ) (Baek & Heide
+    /// 2021, the equation of section 6.3).
     Elements,
     /// All elements of epipolar light, in every bin of travel time.
     GatedElements,
-    /// A photograph under full light: Σ over s' of T00.
+    /// A photograph with illumination by all projector pixels: Σ over s' of T00.
     Photograph,
     /// T00 of light from the epipolar line of each camera pixel. This image excludes light that was scattered
     /// out of the epipolar plane (O'Toole, Raskar & Kutulakos 2012).
     EpipolarPhotograph,
-    /// Active polarization descattering (Treibitz & Schechner 2009): two images under light of this
-    /// Stokes element (1 horizontal, 3 right circular), with a parallel and a crossed analyzer.
+    /// Active polarization descattering (Treibitz & Schechner 2009). The features are two images, captured
+    /// with a parallel and a crossed analyzer. The illumination has this Stokes element (1 horizontal, 3
+    /// right circular).
     ///
-    /// Let S be the light from the objects and B that from the medium, with degrees of polarization p_S and
-    /// p_B. Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2, hence (eq.
-    /// 13 of the paper) S = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S). The degrees p_S and p_B, a
-    /// gain and an offset are learned together, because S is linear in the two images.
+    /// Let S be the light from the objects and B the light from the medium, with degrees of polarization p_S
+    /// and p_B. Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2. Hence S
+    /// = [I_min (1 + p_B) - I_max (1 - p_B)] / (p_B - p_S) (eq. 13 of the paper). S is linear in the two
+    /// images. The degrees p_S and p_B, a gain and an offset are therefore learned together.
     Pair(usize),
-    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008): the two images of [`Self::Pair`],
-    /// captured while lines are projected one after the other. The lines are epipolar lines, as in the
-    /// comparison of Baek & Heide (2021).
+    /// Polarized light striping (Gupta, Narasimhan & Schechner 2008). The features are the two images of
+    /// [`Self::Pair`], captured while lines are projected one after the other. The lines are epipolar lines,
+    /// as in the comparison of Baek & Heide (2021).
     EpipolarPair(usize),
     /// T00 of all light in every bin of travel time.
     Bins,
@@ -54,10 +56,10 @@ enum Solver {
     LeastSquares,
     /// Ridge regression, cross-validated over training variants.
     Ridge,
-    /// Least squares with the noise of the features subtracted.
+    /// Least squares with subtraction of the noise of the features.
     WithoutNoise,
-    /// Time gating with the window of bins that has the least loss on the training variants. The gate is
-    /// the same for all pixels and does not follow the depth of objects.
+    /// Time gating with the window of bins that has the least loss on the training variants. All pixels have
+    /// the same gate. The gate does not depend on the depth of objects.
     Window,
 }
 
@@ -65,7 +67,7 @@ const fn new(name: &'static str, source: &'static str, features: Features, solve
     Descattering { method: Method { name, source }, features, solver }
 }
 
-/// All methods. The methods of Sunstone are first. The baselines begin at index [`BASELINES`].
+/// All methods. The methods of Sunstone come first. The baselines begin at index [`BASELINES`].
 pub(super) const METHODS: [Descattering; 11] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
@@ -89,7 +91,7 @@ pub(super) const METHODS: [Descattering; 11] = [
 pub(super) const BASELINES: usize = 5;
 
 impl Descattering {
-    /// Returns the features of a pixel at a wavelength, and their standard errors.
+    /// Returns the features of a pixel at a wavelength, and the standard errors of the features.
     pub(super) fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {
         let all = |p: &Pixels, elements: usize| {
             let places = (0..p.bins).flat_map(|bin| (0..elements).map(move |e| (bin, e)));
@@ -124,7 +126,8 @@ impl Descattering {
         }
     }
 
-    /// Returns the moments of the features of the pixels in the mask, one set of moments per variant.
+    /// Returns the moments of the features of the pixels in the mask. The list contains one set of moments
+    /// per variant.
     fn moments(&self, train: &[Seen], lane: usize) -> Vec<Moments> {
         let of = |seen: &Seen| {
             let (mut x, mut errors, mut y) = (vec![], vec![], vec![]);
@@ -155,7 +158,7 @@ impl Descattering {
     }
 }
 
-/// Fits every window of consecutive features and returns the fit of least loss.
+/// Fits every window of consecutive features, and returns the fit of least loss.
 fn best_window(all: &Moments) -> Option<Linear> {
     let bins = all.x.len();
     let windows = (0..bins).flat_map(|from| (from + 1..=bins).map(move |to| (from, to)));
@@ -168,8 +171,8 @@ fn best_window(all: &Moments) -> Option<Linear> {
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(fit, _)| fit)
 }
 
-/// Returns Σₑ wₑ Tₑ over the elements of a pixel, summed over all bins, and the standard error of the sum
-/// for independent errors of the elements.
+/// Returns Σₑ wₑ Tₑ over the elements of a pixel, summed over all bins. The function also returns the
+/// standard error of the sum. The errors of the elements are treated as independent.
 pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, f64)]) -> (f64, f64) {
     let (mut sum, mut variance) = (0.0, 0.0);
     for bin in 0..p.bins {
@@ -181,8 +184,8 @@ pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, 
     (sum, variance.sqrt())
 }
 
-/// Returns the two images of [`Features::Pair`]: the illumination is fully polarized in Stokes element
-/// `k`, [1, 0, .., 1], and the analyzers are [1, 0, .., ±1]/2.
+/// Returns the two images of [`Features::Pair`]. The illumination [1, 0, .., 1] is fully polarized in Stokes
+/// element `k`, and the analyzers are [1, 0, .., ±1]/2.
 pub(super) fn along_and_across(p: &Pixels, pixel: usize, lane: usize, k: usize) -> [(f64, f64); 2] {
     [0.5, -0.5].map(|sign| weighed(p, pixel, lane, &[(0, 0.5), (k, 0.5), (4 * k, sign), (5 * k, sign)]))
 }

@@ -1,13 +1,13 @@
-//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
+//! Imaging through scattering media (Baek & Heide 2021, section 6.3, Fig. 12 and the equation for W and b).
 //!
-//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. For each
-//! wavelength, every method is a linear estimate of the image without milk from several features of a
-//! pixel. Methods differ in the features. The gains and offsets of all methods, including the baselines,
-//! are learned from the training variants only.
+//! The camera receives light from the milk, T_b, and light from the objects behind the milk, T_o. For each
+//! wavelength, every method is a linear estimate of the image without milk from several features of a pixel.
+//! Methods differ in the features. The gains and offsets of all methods, including the baselines, are learned
+//! from the training variants alone.
 //!
-//! Like captures, the features contain noise (from the render), which makes learned weights too small
-//! (see [`crate::regression::least_squares`]). Therefore ridge regression and the errors-in-variables
-//! solution are compared with ordinary least squares.
+//! The features contain noise from the render, as captures contain noise. Noise in the features makes learned
+//! weights too small (see [`crate::regression::least_squares`]). Ridge regression and the errors-in-variables
+//! solution are therefore compared with ordinary least squares.
 
 mod descattering;
 mod seen;
@@ -23,14 +23,14 @@ use descattering::{BASELINES, Descattering, METHODS};
 use rayon::prelude::*;
 use seen::Seen;
 
-/// Number of variants per arrangement of objects: the first without milk, followed by five concentrations
-/// of milk.
+/// Number of variants per arrangement of objects. The first variant has no milk, and the following five
+/// variants have different concentrations of milk.
 const CONCENTRATIONS: u64 = 6;
 
 /// Number of depth intervals of the ruler.
 const PARTS: usize = 3;
 
-/// Minimum contrast in clear water of the marks that are evaluated.
+/// Minimum contrast in clear water. Marks with a lower contrast are not evaluated.
 const LEAST_CONTRAST: f64 = 0.2;
 
 const METRICS: [Metric; 2 + PARTS] = [
@@ -156,8 +156,8 @@ fn image(method: &Descattering, fits: &[Linear], seen: &Seen) -> Map {
     })
 }
 
-/// Returns an image of the weights of the 16 elements, or of all bins side by side. The image has four
-/// rows, four columns per bin, and one channel per wavelength.
+/// Returns an image of the weights of the 16 elements. If the features have time bins, the bins are side by
+/// side. The image has four rows, four columns per bin, and one channel per wavelength.
 fn weight_map(fits: &[Linear]) -> Option<Map> {
     let n = fits.first()?.weights.len();
     if n % 16 != 0 {

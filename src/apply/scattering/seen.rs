@@ -5,7 +5,7 @@ use crate::isolation::seen::within;
 use crate::map::Map;
 use crate::observation::{Observation, Pixels};
 
-/// Name of the truth slice: the same objects in clear water.
+/// Name of the truth slice, which shows the same objects in clear water.
 pub(super) const CLEAR: &str = "clear";
 
 /// Slices and ground truth of a variant.
@@ -15,18 +15,18 @@ pub(super) struct Seen {
     pub polarimetric: Pixels,
     /// Mueller matrices, summed over the projector pixels on the epipolar line of each camera pixel.
     pub epipolar: Pixels,
-    /// Epipolar light as in `epipolar`, in bins of travel time.
+    /// Mueller matrices of epipolar light as in `epipolar`, in bins of travel time.
     pub gated: Pixels,
     /// M00 summed over all projector pixels, in bins of travel time.
     pub transient: Pixels,
-    /// The image without milk, one channel per wavelength.
+    /// The image without milk, with one channel per wavelength.
     pub truth: Map,
-    /// Maximum of the truth in the mask.
+    /// Maximum value of the truth in the mask.
     pub peak: f64,
     /// Mask of the objects in the milk.
     pub mask: Vec<bool>,
     pub ruler: Vec<bool>,
-    /// Position along the ruler, from its near end: 0..1.
+    /// Position along the ruler as a fraction 0..1, measured from the near end.
     pub depth: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Tests each method with a synthetic tank for which the method removes the backscatter exactly.
+//! Tests each method with a synthetic tank. For this tank, the method removes the backscatter exactly.
 
 use super::descattering::{along_and_across, weighed};
 use super::*;
@@ -11,14 +11,14 @@ use crate::regression::least_squares::tests::{normal, random};
 struct Milk {
     /// Degree of linear polarization of the backscatter for linearly polarized light.
     linear: f64,
-    /// Degree of circular polarization of the backscatter for circularly polarized light; negative if the
-    /// handedness is reversed.
+    /// Degree of circular polarization of the backscatter for circularly polarized light. The degree is
+    /// negative if the handedness is reversed.
     circular: f64,
     /// Degree of linear polarization of the light from the objects.
     things: f64,
     /// Share of the backscatter that is epipolar.
     epipolar: f64,
-    /// Number of bins with backscatter, out of [`BINS`]; the light of the objects is in the last bin.
+    /// Number of bins with backscatter, out of [`BINS`]. The light of the objects is in the last bin.
     bins: usize,
 }
 
@@ -112,7 +112,7 @@ fn recovered(along: f64, across: f64, of_medium: f64, of_things: f64) -> f64 {
     (across * (1.0 + of_medium) - along * (1.0 - of_medium)) / (of_medium - of_things)
 }
 
-/// Minimum PSNR, dB, of results that are exact to single precision.
+/// Minimum PSNR in dB of results that are exact to single precision.
 const EXACT: f64 = 80.0;
 const VEILED: f64 = 25.0;
 
@@ -121,7 +121,7 @@ const PLAIN: Milk = Milk { linear: 0.0, circular: 0.0, things: 0.0, epipolar: 1.
 #[test]
 fn plain_backscatter_is_not_removed_without_time() {
     for (name, value) in psnr_of(PLAIN) {
-        // Time bins determine the veil, because all bins except the last contain only the veil.
+        // Time bins determine the veil, because all bins except the last contain no light except the veil.
         let by_time = name.starts_with("time");
         assert!(by_time || value < VEILED, "{name}: {value}");
     }
@@ -142,8 +142,8 @@ fn treibitz_and_schechner_remove_linearly_polarized_backscatter() {
             of(&table, "W, b by least squares") > EXACT && of(&table, "W, b by L-BFGS") > 50.0,
             "{table:?}"
         );
-        // The formula of Treibitz & Schechner is exact in every pixel for the true degrees of
-        // polarization, and wrong for deliberately wrong degrees.
+        // For the true degrees of polarization, the formula of Treibitz & Schechner is exact in every pixel.
+        // For deliberately wrong degrees, the formula is wrong.
         let all = observations(milk, 11);
         let seen = Seen::new(&all[0]).expect("seen");
         for pixel in [0, 17, 200] {
@@ -179,7 +179,7 @@ fn epipolar_light_removes_backscatter_off_the_plane() {
 
 #[test]
 fn striping_needs_both_lines_and_polarization() {
-    // The degrees of polarization of the non-epipolar and the epipolar veil differ.
+    // The degree of polarization of the non-epipolar veil differs from that of the epipolar veil.
     let table = psnr_of(Milk { linear: 0.6, epipolar: 0.5, ..PLAIN });
     assert!(of(&table, "polarized light striping") > EXACT, "{table:?}");
     for veiled in ["epipolar confocal", "cross-polarization, linear", "conventional"] {
@@ -200,7 +200,8 @@ fn time_gating_uses_the_bin_without_backscatter() {
 
 #[test]
 fn analyzer_images_match_the_forward_model() {
-    // Compute both images element by element, for light [1, 0, 1, 0]/... and analyzers [1, ±1]/2.
+    // The test computes the two images element by element, for light [1, 0, 1, 0]/... and analyzers [1,
+    // ±1]/2.
     let all = observations(PLAIN, 3);
     let seen = Seen::new(&all[0]).expect("seen");
     for k in [1, 3] {

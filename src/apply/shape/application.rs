@@ -1,8 +1,9 @@
-//! The application of Fig. 11: normals and depths of statues of translucent stone, reconstructed by every
-//! method.
+//! The application of Fig. 11. Every method reconstructs the normals and depths of statues of translucent
+//! stone.
 //!
-//! All methods process only the pixels that the statue covers completely. Errors are means over those of the
-//! pixels for which a method has a result. `coverage` is the fraction of pixels with a result.
+//! All methods process the pixels that the statue covers completely, and ignore all other pixels. Errors are
+//! means over those pixels for which a method has a result. `coverage` is the fraction of pixels with a
+//! result.
 
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
@@ -27,7 +28,8 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// All methods. The method of Baek & Heide (2021) is the first, and their pseudo truth is the last.
+/// All methods. The first method is that of Baek & Heide (2021), and the last method is the pseudo truth of
+/// Baek & Heide.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",
@@ -69,8 +71,8 @@ pub(crate) fn application() -> Application {
     Application {
         name: "shape",
         shows: "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)",
-        // Even variants are translucent, and odd variants are the same statues after spraying. Each group
-        // of six variants includes all materials and statues.
+        // Even variants are translucent. Odd variants are the same statues after spraying. Each group of six
+        // variants includes all materials and statues.
         plan: Plan {
             scene: "sss_statue/variants.toml",
             train: vec![0, 4, 8],
@@ -120,7 +122,7 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Draws normals as colours ½(1 + n): red is x (to the right), green is y (up), blue is z (toward the
+/// Draws normals as colours ½(1 + n). Red is x (to the right), green is y (up), and blue is z (toward the
 /// camera).
 fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
     let map = Map::from_fn(normals.width, normals.height, 3, |x, y, out| {
@@ -131,7 +133,7 @@ fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
     Picture { method, name: "normals", variant: Some(variant), shared: true, map }
 }
 
-/// Draws normals as colours, and their angular errors.
+/// Draws normals as colours, and draws the angular errors of the normals.
 fn pictures(method: &'static str, seen: &Seen, surface: &Surface) -> [Picture; 2] {
     let (w, h) = (surface.normals.width, surface.normals.height);
     let off = Map::from_fn(w, h, 1, |x, y, out| {

@@ -23,8 +23,8 @@ fn slice(map: &Map, kinds: &[(AxisKind, usize)]) -> Slice {
     Slice { error: mean.clone(), mean }
 }
 
-/// Returns an observation of a sphere with indirect light from other columns, and of the sprayed
-/// sphere without indirect light.
+/// Returns an observation of two spheres. One sphere has indirect light from other columns, and the sprayed
+/// sphere has no indirect light.
 fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -> Observation {
     let columns = [(AxisKind::U, inputs.columns.light.channels), (AxisKind::Wavelength, 1)];
     let matrices = [(AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4), (AxisKind::Wavelength, 1)];
@@ -77,7 +77,8 @@ fn scans(light: Light) -> impl Iterator<Item = &'static str> {
 }
 
 /// On matte paint, Gray code is accurate to half a column (0.13 mm on average), like every other code. The
-/// normals from Gray code are as accurate as those from the best code, and the pseudo truth is the same scan.
+/// normals from Gray code are as accurate as the normals from the best code. The pseudo truth is the same
+/// scan.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn gray_code_ties_on_a_diffuse_object() {
@@ -100,9 +101,9 @@ fn gray_code_ties_on_a_diffuse_object() {
     assert!(normals(METHODS[0].0.name) < 3.0, "{}", normals(METHODS[0].0.name));
 }
 
-/// A method has errors only if it uses the light that causes them. Two thirds of the light come from
-/// neighbouring columns, off the epipolar lines. Gray code and phase shift fail; epipolar codes,
-/// Sunstone's method and the scan of the sprayed twin do not change.
+/// A method has no errors if the method does not use the light that causes the errors. Two thirds of the
+/// light come from neighbouring columns, off the epipolar lines. Gray code and phase shift fail. The results
+/// of the epipolar codes, Sunstone's method and the scan of the sprayed twin do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_from_neighbouring_columns_affects_only_methods_that_use_it() {

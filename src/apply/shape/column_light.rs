@@ -1,20 +1,21 @@
-//! T(s, u), the light from projector column u to camera pixel s, and captures under patterns of columns.
+//! T(s, u) is the light from projector column u to camera pixel s. This module simulates captures under
+//! patterns of columns.
 //!
-//! Light is linear in the drive, so the capture under a pattern P that is equal in all rows is I(s) = Σ_u
-//! T(s, u) P(u). T(s, u) is a sum over all projector rows or, for epipolar structured light, over the
-//! rows near the epipolar line of s (O'Toole et al. 2012, 2014).
+//! Light is linear in the drive. If a pattern P is equal in all rows, the capture is therefore I(s) = Σ_u
+//! T(s, u) P(u). T(s, u) is a sum over all projector rows. For epipolar structured light, the sum is
+//! restricted to the rows near the epipolar line of s (O'Toole et al. 2012, 2014).
 
 use crate::map::Map;
 use thiserror::Error;
 
-/// The light from every projector column to every camera pixel, radiance per unit drive.
+/// The light from every projector column to every camera pixel, as radiance per unit drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnLight {
     /// One channel for each projector column.
     pub light: Map,
 }
 
-/// Patterns that are constant along columns: drives in 0..1, one list per capture.
+/// Patterns that are constant along columns. Each capture has a list of drives in 0..1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patterns {
     pub columns: usize,
@@ -57,9 +58,9 @@ pub enum CodeError {
 }
 
 impl ColumnLight {
-    /// Returns the light of a coarser projector, each column of which combines `n` columns (the last
-    /// column may combine fewer). Stripes narrower than a camera pixel's footprint lose contrast in any
-    /// scene, so codes need columns that are about as wide as camera pixels.
+    /// Returns the light of a coarser projector. Each column of the coarser projector combines `n` columns,
+    /// and the last column may combine fewer. In any scene, stripes that are narrower than a camera pixel's
+    /// footprint lose contrast. Codes therefore need columns that are about as wide as camera pixels.
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);
@@ -72,10 +73,10 @@ impl ColumnLight {
         }
     }
 
-    /// Returns the captures under patterns, one per channel.
+    /// Returns the captures under the given patterns, one capture per channel.
     ///
     /// # Errors
-    /// If the number of columns of the patterns differs from that of the light.
+    /// Returns an error if the patterns and the light have different numbers of columns.
     pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
         let (light, columns) = (&self.light, patterns.columns);
         if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {
@@ -93,14 +94,15 @@ impl ColumnLight {
 /// The decoded columns of all camera pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
-    /// Projector column coordinate (centres at i + ½), NaN where the code is invalid; one channel.
+    /// Projector column coordinate in one channel. The centre of column i is at i + ½. The coordinate is NaN
+    /// where the code is invalid.
     pub column: Map,
-    /// Contrast of the code, 0 (none) to 1 (direct light only); one channel.
+    /// Contrast of the code in one channel, from 0 (no contrast) to 1 (direct light only).
     pub confidence: Map,
 }
 
 impl Decoded {
-    /// Decodes each pixel with a function from captures to column and confidence.
+    /// Decodes each pixel with a function that returns column and confidence from the captures.
     pub(super) fn by_pixel(
         captures: &Map,
         want: usize,

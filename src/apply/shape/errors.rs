@@ -1,17 +1,18 @@
-//! Errors of a shape: angles between normals, and differences of depth, over the pixels of an object.
+//! Computes the errors of a shape over the pixels of an object. The errors are angles between normals, and
+//! differences of depth.
 
 use crate::map::Map;
 use crate::metrics::angle::angle_deg;
 
-/// Errors over the pixels with a known truth and estimate.
+/// Errors over the pixels with a known truth and a known estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean of the absolute errors, in degrees for normals and metres for depths, or NaN if there are no
-    /// pixels.
+    /// Mean of the absolute errors, in degrees for normals and in metres for depths. The mean is NaN if there
+    /// are no pixels.
     pub mean: f64,
-    /// Median of the absolute errors (the lower one if there are two middle values).
+    /// Median of the absolute errors, or the lower one of two middle values.
     pub median: f64,
-    /// Share of the pixels with a known truth that have an estimate.
+    /// Fraction of pixels that have an estimate, among the pixels with a known truth.
     pub coverage: f64,
 }
 
@@ -28,13 +29,14 @@ fn summary(errors: impl Iterator<Item = f64>) -> Errors {
     }
 }
 
-/// Returns whether a pixel is in the mask (one channel, nonzero); true without a mask.
+/// Returns whether a pixel is in the mask, which has one channel and is nonzero inside. Without a mask,
+/// returns true.
 fn inside(mask: Option<&Map>, pixel: usize) -> bool {
     mask.is_none_or(|m| m.data.get(pixel).is_some_and(|v| *v != 0.0))
 }
 
-/// Returns the angles between normals, degrees, over the pixels of `mask` (over all pixels without a mask)
-/// that have a true normal.
+/// Returns the angles between normals, in degrees, over the pixels of `mask` that have a true normal. Without
+/// a mask, all pixels are used.
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
@@ -43,8 +45,8 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     summary(pairs.filter_map(of))
 }
 
-/// Returns the absolute differences of depths, metres, over the pixels of `mask` (over all pixels without a
-/// mask) that have a true depth.
+/// Returns the absolute differences of depths, in metres, over the pixels of `mask` that have a true depth.
+/// Without a mask, all pixels are used.
 pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = depth.data.iter().zip(&truth.data).enumerate();
     let of = |(i, (z, t)): (usize, (&f64, &f64))| (t.is_finite() && inside(mask, i)).then(|| (z - t).abs());

@@ -1,14 +1,15 @@
-//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals
-//! (Nehab et al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al.
-//! 2022; applied to scan and polarization as in Baek et al. 2018).
+//! Fuses depth and normals into the surface that is close to the depths and perpendicular to the normals
+//! (Nehab et al. 2005). The perspective and logarithmic formulation follows Durou & Courteille (2007) and Cao
+//! et al. (2022). As in Baek et al. (2018), the method is applied to a scan and polarization.
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, satisfy log z_j - log z_i =
-//! log(n·r_i / n·r_j), which is linear in ℓ = log z. For a pair of neighbours, n is the sum of the two
-//! normals. On a sphere and on a plane, this sum is perpendicular to the chord between the points. Weights
-//! are inverse variances. The weight of a depth is (z/σ_z)². Rotation of the normal by σ_n changes the step
-//! log z_j - log z_i by h σ_n/cos²α, with the angle h between the rays and the angle α between normal and
-//! ray. Outlier depths and steps across edges are suppressed by Cauchy's weights, 1/(1 + r²/(c²σ²)), c =
-//! 2.385, which are updated iteratively.
+//! Points z_i r_i and z_j r_j of one tangent plane satisfy n·(z_j r_j - z_i r_i) = 0. Hence log z_j - log z_i
+//! = log(n·r_i / n·r_j), which is linear in ℓ = log z. For a pair of neighbours, n is the sum of the two
+//! normals. On a sphere and on a plane, this sum is perpendicular to the chord between the points.
+//!
+//! Weights are inverse variances. The weight of a depth is (z/σ_z)². Let h be the angle between the rays and
+//! α the angle between normal and ray. Rotation of the normal by σ_n changes the step log z_j - log z_i by h
+//! σ_n/cos²α. Cauchy's weights 1/(1 + r²/(c²σ²)), c = 2.385, suppress outlier depths and steps across edges.
+//! Cauchy's weights are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -31,15 +32,17 @@ const LEAST_COSINE: f64 = 0.1;
 /// The uncertainties of depths and normals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Believed {
-    /// Standard deviation of every depth, metres; one channel. A depth without a positive value is not used.
+    /// Standard deviation of every depth, in metres, in one channel. A depth whose standard deviation is not
+    /// positive is not used.
     pub depth: Map,
-    /// Standard deviation of the normals, radians.
+    /// Standard deviation of the normals in radians.
     pub normals: f64,
-    /// Whether outliers are suppressed by Cauchy's weights.
+    /// Whether Cauchy's weights suppress outliers.
     pub robust: bool,
 }
 
-/// Returns the step in log z between two pixels from their normals, one of which may be unknown.
+/// Returns the step in log z between two pixels. The step is computed from the normals of the two pixels. One
+/// of the normals may be unknown.
 fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: f64) -> Step {
     let of =
         |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());
@@ -111,8 +114,8 @@ fn reached(p: &LogDepth) -> Vec<bool> {
     }
 }
 
-/// Returns the depths, metres, of the least-squares surface, or NaN for pixels without a known depth or a
-/// connection by normals to a pixel with a known depth.
+/// Returns the depths of the least-squares surface, in metres. A depth is NaN for pixels that have no known
+/// depth and that normals do not connect to a pixel with a known depth.
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
     let reached = reached(&plain);
@@ -158,9 +161,9 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// With exact normals of a plane, only the scale is unknown. Noise σ of N depths is reduced to σ/√N
-    /// (the mean square is z² σ²/Σz², summed over the plane). The test uses 40 seeds and a tolerance of
-    /// five standard errors.
+    /// With exact normals of a plane, the scale is the only unknown. Noise σ of N depths is reduced to σ/√N
+    /// (the mean square is z² σ²/Σz², summed over the plane). The test uses 40 seeds and a tolerance of five
+    /// standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn exact_normals_of_a_plane_leave_one_unknown() {
@@ -180,8 +183,8 @@ mod tests {
         assert!(mean > 0.05);
     }
 
-    /// Exact normals reduce depth noise of 1 mm on a sphere to a tenth; without normals the noise
-    /// stays the same.
+    /// Exact normals reduce depth noise of 1 mm on a sphere to a tenth. Without normals, the noise does not
+    /// change.
     #[test]
     fn normals_reduce_the_depth_noise_of_a_sphere() {
         let camera = rig(64, 256).camera;
@@ -210,7 +213,8 @@ mod tests {
         let mut normals = shape.normals.clone();
         normals.data[..3].fill(f64::NAN);
         depth.data[0] = f64::NAN;
-        // The corner is connected, because its neighbours have normals. Disconnect the corner.
+        // The corner is connected, because the neighbours of the corner have normals. The test disconnects
+        // the corner.
         normals.data[3..6].fill(f64::NAN);
         normals.data[120..123].fill(f64::NAN);
         let believed = |robust| Believed { depth: constant(&shape.depth, 1e-3), normals: 0.01, robust };

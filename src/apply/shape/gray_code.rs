@@ -1,11 +1,12 @@
-//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the column's
-//! index, and the inverse of each pattern.
+//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982). There is one pattern for each bit of the
+//! column's index, and the inverse of each pattern.
 //!
-//! The Gray code of i is i ⊕ ⌊i/2⌋, so that neighbouring columns differ in one bit. A bit is read by
-//! comparing a capture with that of the inverse pattern, so neither albedo nor a constant background affects
-//! the threshold. The contrast |I - Ī|/(I + Ī) of a bit measures the reliability of the bit. If the light of
-//! a stripe spreads over many stripes, narrow codes lose contrast and bits are random. A pixel with a bit
-//! below the minimum contrast has no column (the classification of Xu & Aliaga 2007 in its simplest form).
+//! The Gray code of i is i ⊕ ⌊i/2⌋, so neighbouring columns differ in one bit. A bit is determined by
+//! comparing the capture of a pattern with the capture of the inverse pattern. Neither albedo nor a constant
+//! background affects this threshold. The contrast |I - Ī|/(I + Ī) of a bit measures the reliability of the
+//! bit. If the light of a stripe spreads over many stripes, narrow codes lose contrast and bits are random. A
+//! pixel with a bit below the minimum contrast has no column. This rule is the simplest form of the
+//! classification of Xu & Aliaga (2007).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
@@ -14,12 +15,12 @@ pub fn bits(columns: usize) -> usize {
     columns.max(2).next_power_of_two().trailing_zeros() as usize
 }
 
-/// Returns bit `k` (0 is the finest) of the Gray code of column `u`.
+/// Returns bit `k` of the Gray code of column `u`. Bit 0 is the finest bit.
 pub fn gray_bit(u: usize, k: usize) -> bool {
     (u ^ (u >> 1)) >> k & 1 == 1
 }
 
-/// Returns the column whose Gray code has these bits, coarsest bit first.
+/// Returns the column whose Gray code has these bits. The coarsest bit is first.
 pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     let (mut column, mut last) = (0, false);
     for bit in bits {
@@ -29,12 +30,13 @@ pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     column
 }
 
-/// Returns patterns, each followed by its inverse. `bit` returns the bit of a pattern at a column.
+/// Returns patterns, each followed by the inverse of the pattern. `bit` returns the bit of a pattern at a
+/// column.
 pub(super) fn with_inverses(columns: usize, bit: impl Fn(usize, usize) -> bool) -> Patterns {
     Patterns::from_fn(2 * bits(columns), columns, |k, u| f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1))))
 }
 
-/// Returns the bits of captures with their inverses, and the minimum contrast.
+/// Returns the bits and the minimum contrast, from captures of patterns and inverse patterns.
 pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     let mut least = 1.0_f64;
     let bits = captures.chunks_exact(2).map(|pair| {
@@ -46,12 +48,14 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     (bits.collect(), least)
 }
 
-/// Returns the column's centre, or NaN if the column is outside the projector or the contrast is too low.
+/// Returns the coordinate of the column's centre. The result is NaN if the column is outside the projector or
+/// if the contrast is too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
     if column < columns && contrast > 0.0 && contrast >= least { column as f64 + 0.5 } else { f64::NAN }
 }
 
-/// Returns the patterns: bits from the coarsest, each followed by its inverse.
+/// Returns the patterns of the bits, from the coarsest bit to the finest. Each pattern is followed by its
+/// inverse.
 pub fn patterns(columns: usize) -> Patterns {
     let n = bits(columns);
     with_inverses(columns, |k, u| gray_bit(u, n - 1 - k))
@@ -60,7 +64,7 @@ pub fn patterns(columns: usize) -> Patterns {
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If the number of captures does not match the patterns.
+/// Returns an error if the number of captures does not match the patterns.
 pub fn decode(captures: &Map, columns: usize, least_contrast: f64) -> Result<Decoded, CodeError> {
     Decoded::by_pixel(captures, 2 * bits(columns), |pixel| {
         let (read, contrast) = read_bits(pixel);
@@ -96,8 +100,9 @@ mod tests {
         }
     }
 
-    /// If indirect light from a column half an image away is brighter than the direct light, exactly the bits
-    /// in which the two columns differ are wrong. The decoded column is then that of the indirect light.
+    /// Indirect light from a column half an image away may be brighter than the direct light. In this case,
+    /// exactly those bits are wrong in which the two columns differ. The decoded column is then the column of
+    /// the indirect light.
     #[test]
     fn brighter_indirect_light_is_decoded_as_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);
@@ -105,9 +110,9 @@ mod tests {
         assert!(got.iter().enumerate().all(|(i, c)| *c == ((i + 128) % 256) as f64 + 0.5));
     }
 
-    /// Blurred by σ columns, the finest stripes, whose period is 4, have a contrast of about
-    /// exp(-2π²σ²/16)·4/π, which is 2e-5 for σ = 3. A contrast threshold rejects such bits. With a direct
-    /// component of 1/10, the bits are valid again.
+    /// The finest stripes have a period of 4. Blurred by σ columns, these stripes have a contrast of about
+    /// exp(-2π²σ²/16)·4/π, which is 2e-5 for σ = 3. A contrast threshold rejects bits with this contrast.
+    /// With a direct component of 1/10, the bits are valid again.
     #[test]
     fn narrow_codes_fade_in_blurred_light() {
         let blurred = Light::direct(0.0).plus_blurred(1.0, 3.0, 0.0);
@@ -118,8 +123,8 @@ mod tests {
         assert!(got[inner].iter().enumerate().filter(|(i, c)| **c == *i as f64 + 20.5).count() > 150);
     }
 
-    /// The test uses 20,000 pixels. With noise of 1/8 of the amplitude, the difference for a bit is 8/√2
-    /// = 5.7 standard errors, so none of 160,000 bits is expected to be wrong (probability 8e-9 each).
+    /// The test uses 20,000 pixels. With noise of 1/8 of the amplitude, the difference for a bit is 8/√2 =
+    /// 5.7 standard errors. None of 160,000 bits is therefore expected to be wrong (probability 8e-9 each).
     /// With noise of 1/2, the difference is √2 standard errors, and 7.9 % of the bits are wrong.
     #[test]
     fn bit_error_rate_matches_theory() {

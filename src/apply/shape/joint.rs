@@ -1,17 +1,18 @@
-//! Joint optimization of scan and polarization (Baek & Heide 2021, section 8.1; with all light: Baek et al.
-//! 2018).
+//! Optimizes scan and polarization jointly, as in Baek & Heide (2021, section 8.1). With all light, the
+//! method is that of Baek et al. (2018).
 //!
 //! The unknowns are the depths and, for each pixel, the correct one of the two candidate normals from
-//! polarization. The normals of the current surface select the candidates, and the least-squares surface is
-//! fitted to depths and selected normals ([`super::fusion`]). These two steps are repeated until no selection
-//! changes, at most ten times.
+//! polarization. The normals of the current surface select the candidates. Then the least-squares surface is
+//! fitted to the depths and the selected normals ([`super::fusion`]). These two steps are repeated at most
+//! ten times, until no selection changes.
 //!
-//! Normals of the surface are fitted to windows and do not resolve curvature within a window, while
-//! polarization yields a normal for each pixel. Therefore the final normals are the means of these two
-//! normals, weighted by inverse variances.
+//! Normals of the surface are fitted to windows and do not resolve curvature within a window. Polarization
+//! yields a normal for each pixel. The final normals are therefore the means of surface normals and
+//! polarization normals, weighted by inverse variances.
 //!
-//! The refractive index, which polarization alone does not determine, can also be fitted. The fitted index
-//! minimizes the median absolute difference between the zenith angles and those of the coarse surface.
+//! Polarization alone does not determine the refractive index. The index can therefore be fitted. The fitted
+//! index minimizes the median absolute difference between the zenith angles from polarization and the zenith
+//! angles of the coarse surface.
 
 use super::fusion::{Believed, fuse};
 use super::polarization::{Cues, Reflection, cues, frame, nearest};
@@ -28,18 +29,19 @@ const INDICES: [f64; 3] = [1.15, 2.5, 0.05];
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// Depth along the camera's axis, metres; one channel.
+    /// Depth along the camera's axis, in metres, in one channel.
     pub depth: Map,
-    /// Unit normals, camera frame; three channels.
+    /// Unit normals in the camera's frame, in three channels.
     pub normals: Map,
 }
 
 /// The result of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Least-squares depths, and the means of each surface normal and the selected candidate normal.
+    /// Least-squares depths, and normals. Each normal is the mean of the surface normal and the selected
+    /// candidate normal.
     pub surface: Surface,
-    /// The selected candidate normal in each pixel, camera frame; three channels.
+    /// The selected candidate normal in each pixel, in the camera's frame, in three channels.
     pub chosen: Map,
     /// Refractive index, given or fitted.
     pub index: f64,
@@ -47,20 +49,21 @@ pub struct Joint {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Refractive index of the object; `None` to fit the index.
+    /// Refractive index of the object, or `None` to fit the index.
     pub index: Option<f64>,
     /// Window for the normals of the scan.
     pub coarse: Window,
     /// Window for the normals of the fused surface.
     pub fine: Window,
-    /// Standard deviation of the normals from polarization, radians.
+    /// Standard deviation of the normals from polarization, in radians.
     pub sigma_normals: f64,
-    /// Standard deviation of the fused surface's normals (due to curvature within the window), radians.
+    /// Standard deviation of the fused surface's normals, in radians. Curvature within the window causes
+    /// these errors.
     pub sigma_surface: f64,
 }
 
-/// Returns the refractive index for which the zenith angles from polarization are closest to those of a
-/// coarse surface.
+/// Returns the refractive index for which the zenith angles from polarization are closest to the zenith
+/// angles of a coarse surface.
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
     let count = ((last - first) / step).round() as usize;
@@ -81,8 +84,8 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
-/// Returns the means of the normals in `a` and `b`, weighted by inverse variances, as unit vectors. If only
-/// one of two normals is known, it is returned.
+/// Returns the means of the normals in `a` and `b`, weighted by inverse variances, as unit vectors. If one of
+/// the two normals is unknown, the known normal is returned.
 fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     Map::from_fn(a.width, a.height, 3, |x, y, out| {
         let weighted = |map: &Map, sigma: f64| {
@@ -98,8 +101,8 @@ fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     })
 }
 
-/// Reconstructs the surface from a scan (`depth` and its standard deviation `sigma_depth`, both in metres)
-/// and Stokes vectors of diffuse light.
+/// Reconstructs the surface from a scan and from Stokes vectors of diffuse light. The scan consists of
+/// `depth` and its standard deviation `sigma_depth`, which are in metres.
 pub fn reconstruct(
     camera: &Pinhole,
     depth: &Map,
@@ -115,7 +118,7 @@ pub fn reconstruct(
     let mut fused = fuse(camera, depth, &chosen, &believed);
     for _ in 1..ROUNDS {
         let better = nearest(camera, &cues, &normals(camera, &fused, options.fine));
-        // NaN differs from itself, so only known values are compared.
+        // NaN differs from itself, so pairs of NaN are compared separately.
         let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
         if better.data.iter().zip(&chosen.data).all(same) {
             break;
@@ -151,9 +154,9 @@ mod tests {
         }
     }
 
-    /// For a sphere with depth noise of 1 mm, the normals of the scan have errors of tens of degrees.
-    /// With exact Stokes vectors, depths and normals of the joint method are accurate, for a given and
-    /// for a fitted index.
+    /// For a sphere with depth noise of 1 mm, the normals of the scan have errors of tens of degrees. With
+    /// exact Stokes vectors, depths and normals of the joint method are accurate. The refractive index is
+    /// given in one part of the test and fitted in another part.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn a_noisy_scan_and_exact_polarization_reconstruct_a_sphere() {

@@ -1,6 +1,6 @@
 //! Learns free parameters of methods on training variants. The parameters are chosen one after another, each
-//! from a short list of values. The mean angular error of normals is minimized. A pixel without a normal
-//! counts as an error of 90°.
+//! from a short list of values. The chosen value minimizes the mean angular error of normals. A pixel without
+//! a normal contributes an error of 90°.
 
 use super::errors::angular;
 use super::joint::Surface;
@@ -8,7 +8,7 @@ use super::methods::{Code, Method, Parameters, ShapeError, run};
 use super::seen::Seen;
 use rayon::prelude::*;
 
-/// A method, and whether it uses the scene with the sprayed object.
+/// A method, and whether the method uses the scene with the sprayed object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Route {
     pub method: Method,
@@ -19,21 +19,21 @@ pub(super) struct Route {
 /// A learned parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
-    /// Radius of the window for normals of scans, pixels.
+    /// Radius of the window for normals of scans, in pixels.
     ScanRadius,
-    /// Radius of the window for normals of fused surfaces, pixels.
+    /// Radius of the window for normals of fused surfaces, in pixels.
     FusedRadius,
-    /// Mean period of micro phase shifting, columns.
+    /// Mean period of micro phase shifting, in columns.
     MicroPeriod,
     /// Refractive index, for methods without a scan.
     Index,
-    /// Whether specular reflection is excluded from the degree of polarization, 0 or 1.
+    /// Whether specular reflection is excluded from the degree of polarization: 1 if so, otherwise 0.
     MirroredOff,
     /// Standard deviation of decoded columns, in columns.
     SigmaColumns,
-    /// Standard deviation of the normals from polarization, degrees.
+    /// Standard deviation of the normals from polarization, in degrees.
     SigmaNormals,
-    /// Standard deviation of the fused surface's normals, degrees.
+    /// Standard deviation of the fused surface's normals, in degrees.
     SigmaSurface,
 }
 
@@ -80,7 +80,7 @@ impl Free {
 }
 
 impl Route {
-    /// Returns the free parameters, in the order of learning.
+    /// Returns the method's free parameters, in the order of learning.
     pub(super) const fn free(self) -> &'static [Free] {
         match self.method {
             Method::StructuredLight(Code::Micro, _) => &[Free::ScanRadius, Free::MicroPeriod],
@@ -115,8 +115,8 @@ impl Route {
     /// Returns the parameters with the least loss on training variants, and a description of these
     /// parameters.
     pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
-        // A joint method uses the best parameters of its structured-light scan alone, because learning
-        // them is much faster.
+        // A joint method uses the best parameters of the structured-light scan alone. The parameters of a
+        // scan can be learned much faster.
         let (mut best, mut words) = match self.method {
             Method::Joint(code, light) => {
                 let scan = Self { method: Method::StructuredLight(code, light), ..self };
@@ -135,7 +135,8 @@ impl Route {
                     Ok((self.loss(train, &p)?, *value, p))
                 })
                 .collect();
-            // Of equal values, use the first, so that the result does not depend on the number of threads.
+            // Of equally good values, the first one is used. The result therefore does not depend on the
+            // number of threads.
             if let Some((_, value, p)) = tried?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 words.push(format!("{} {value}", free.name()));
                 best = p;

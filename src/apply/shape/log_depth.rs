@@ -1,18 +1,18 @@
-//! Least squares over the logarithm of depth by conjugate gradients, for given values at pixels and given
-//! steps between neighbouring pixels:
+//! Solves a least-squares problem for the logarithm of depth by conjugate gradients. Values at pixels and
+//! steps between neighbouring pixels are given. The minimized function is
 //!
 //! > E(ℓ) = Σ_i w_i (ℓ_i - v_i)² + Σ_{i→j} w_ij (ℓ_j - ℓ_i - g_ij)²
 //!
-//! over the pixels i and their right and lower neighbours j. The matrix of the normal equations is the sum of
-//! a diagonal matrix and a graph Laplacian, and is symmetric and positive semidefinite. Conjugate gradients
-//! with the diagonal as preconditioner (Saad 2003, alg. 9.1) do not store the matrix.
+//! where i are the pixels and j their right and lower neighbours. The matrix of the normal equations is the
+//! sum of a diagonal matrix and a graph Laplacian. The matrix is symmetric and positive semidefinite.
+//! Conjugate gradients with the diagonal as preconditioner (Saad 2003, alg. 9.1) do not store the matrix.
 
-/// A value, or a step to a neighbour, with its weight. The weight is 0 if there is no value or step.
+/// A value, or a step to a neighbour, with its weight. The weight is 0 if the value or step does not exist.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
-    /// The value v of a pixel, or the step g: the neighbour's value minus that of the pixel.
+    /// The value v of a pixel, or the step g. The step is the neighbour's value minus the pixel's value.
     pub step: f64,
-    /// Weight, the inverse of the variance.
+    /// Weight, which is the inverse of the variance.
     pub weight: f64,
 }
 
@@ -21,16 +21,16 @@ pub struct Step {
 pub struct LogDepth {
     /// Number of pixel columns.
     pub width: usize,
-    /// The value v of each pixel and its weight, row by row.
+    /// The value v of each pixel and the weight of the value, row by row.
     pub values: Vec<Step>,
-    /// Steps to the right neighbour; steps of the last column are ignored.
+    /// Steps to the right neighbour. Steps of the last column are ignored.
     pub right: Vec<Step>,
-    /// Steps to the lower neighbour; steps of the last row are ignored.
+    /// Steps to the lower neighbour. Steps of the last row are ignored.
     pub down: Vec<Step>,
 }
 
 impl LogDepth {
-    /// Calls `f` with both pixels and the step of every pair of neighbours.
+    /// Calls `f` for every pair of neighbours, with the two pixels and the step.
     pub fn pairs(&self, mut f: impl FnMut(usize, usize, Step)) {
         let n = self.values.len();
         for i in 0..n {
@@ -43,7 +43,7 @@ impl LogDepth {
         }
     }
 
-    /// Returns A x of the normal equations A ℓ = b.
+    /// Returns the product A x for the normal equations A ℓ = b.
     fn times(&self, x: &[f64]) -> Vec<f64> {
         let mut out: Vec<f64> = self.values.iter().zip(x).map(|(v, x)| v.weight * x).collect();
         self.pairs(|i, j, s| {
@@ -54,9 +54,9 @@ impl LogDepth {
         out
     }
 
-    /// Returns the least-squares values, iterating from `start` until the residual is below `tolerance`
-    /// times the norm of the right side, with at most four iterations per pixel. Pixels without any
-    /// weight keep their start value.
+    /// Returns the least-squares values. The iteration begins at `start` and stops when the residual is below
+    /// `tolerance` times the norm of the right side. There are at most four iterations per pixel. Pixels
+    /// without any weight keep their start value.
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
         let mut diagonal: Vec<f64> = self.values.iter().map(|v| v.weight).collect();
@@ -137,10 +137,9 @@ mod tests {
         assert!(got.iter().zip(want.iter()).all(|(g, w)| (g - w).abs() < 1e-9));
     }
 
-    /// For values with noise of variance 1 and exact steps of weight q, the mean squared error is Σ 1/(1 +
-    /// qμ)² / (wh). The sum is over the eigenvalues of the Laplacian on the grid, μ = 4 - 2cos(πk/w) -
-    /// 2cos(πl/h). The test uses 60 grids of 24 × 20 pixels and a tolerance of five standard errors of
-    /// the measured mean.
+    /// Values with noise of variance 1 and exact steps of weight q have a mean squared error of Σ 1/(1 + qμ)²
+    /// / (wh). The sum is over the eigenvalues of the Laplacian on the grid, μ = 4 - 2cos(πk/w) - 2cos(πl/h).
+    /// The test uses 60 grids of 24 × 20 pixels and a tolerance of five standard errors of the measured mean.
     #[test]
     fn noise_reduction_by_exact_steps_matches_theory() {
         let (w, h) = (24, 20);

@@ -1,24 +1,27 @@
-//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
-//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
+//! XOR codes, which are Gray codes that are robust to long-range indirect light (Gupta, Agrawal,
+//! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
 //!
-//! Strong indirect light from the surroundings of a wide stripe inverts the bits of its pixels. Therefore
-//! every pattern is combined by exclusive OR with one fine pattern, the base, which is also projected
-//! alone. All projected patterns then have narrow stripes, for which long-range indirect light is the
-//! same under a pattern and its inverse. Decoding combines the bits with the bit of the base by exclusive
-//! OR. The base of XOR-02 has stripes of 2 columns, that of XOR-04 stripes of 4, which are more robust to
-//! short-range blur. [`consensus`] keeps columns on which two codes agree: these two long-range codes and
-//! the conventional Gray code (their ensemble without its fourth code, which has only wide stripes).
+//! Strong indirect light from the surroundings of a wide stripe inverts the bits of the stripe's pixels.
+//! Every pattern is therefore combined by exclusive OR with one fine pattern, the base. The base is also
+//! projected alone. All projected patterns then have narrow stripes. For narrow stripes, long-range indirect
+//! light is the same under a pattern and its inverse. Decoding combines the bits with the bit of the base by
+//! exclusive OR.
+//!
+//! The base of XOR-02 has stripes of 2 columns. The base of XOR-04 has stripes of 4 columns, which are more
+//! robust to short-range blur. [`consensus`] keeps columns on which two of three codes agree: XOR-02, XOR-04
+//! and the conventional Gray code. The ensemble of Gupta et al. contains a fourth code, all of whose stripes
+//! are wide. The fourth code is omitted.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
 use crate::map::Map;
 
-/// The stripes that are combined with all others.
+/// The base pattern, whose stripes are combined with all other patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// XOR-02: stripes of 2 columns.
+    /// XOR-02, with a base of stripes of 2 columns.
     Xor02,
-    /// XOR-04: stripes of 4 columns.
+    /// XOR-04, with a base of stripes of 4 columns.
     Xor04,
 }
 
@@ -32,7 +35,7 @@ impl Base {
     }
 }
 
-/// Returns the patterns, each followed by its inverse, from the coarsest bit to the finest.
+/// Returns the patterns from the coarsest bit to the finest. Each pattern is followed by its inverse.
 pub fn patterns(columns: usize, base: Base) -> Patterns {
     let n = bits(columns);
     let base = base.bit(n);
@@ -45,7 +48,7 @@ pub fn patterns(columns: usize, base: Base) -> Patterns {
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If the number of captures does not match the patterns.
+/// Returns an error if the number of captures does not match the patterns.
 pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -> Result<Decoded, CodeError> {
     let n = bits(columns);
     let base = base.bit(n);
@@ -57,9 +60,9 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     })
 }
 
-/// Returns, for each pixel, the mean column of two codes that agree to within one column, or NaN if no
-/// pair agrees. If several pairs agree, the pair with the largest confidence is used. The confidence of a
-/// pair is the larger of its two confidences.
+/// Returns, for each pixel, the mean column of two codes that agree to within one column. If no pair agrees,
+/// the result is NaN. If several pairs agree, the pair with the largest confidence is used. The confidence of
+/// a pair is the larger of the confidences of its two codes.
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
     for (i, column) in out.column.data.iter_mut().enumerate() {
@@ -106,8 +109,9 @@ mod tests {
         }
     }
 
-    /// The indirect light is 1.5 times as bright as the direct light and spread widely around a column a
-    /// quarter of the image away. The Gray code is wrong in many columns, the XOR codes in none.
+    /// The indirect light is 1.5 times as bright as the direct light. The indirect light is spread widely
+    /// around a column a quarter of the image away. The Gray code is wrong in many columns, and the XOR codes
+    /// are wrong in no column.
     #[test]
     fn long_range_light_does_not_flip_bits() {
         let n = 256;

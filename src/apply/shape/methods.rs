@@ -1,7 +1,7 @@
-//! The methods of Fig. 11, which compute depth and normals from the inputs, and the methods' parameters.
+//! The methods of Fig. 11 and the parameters of these methods. Each method computes depth and normals from
+//! the inputs.
 //!
-//! All methods use the same render: T(s, u) for all light and for the epipolar band, and the Mueller
-//! images of both.
+//! All methods use the same render: T(s, u) and the Mueller images, for all light and for the epipolar band.
 
 use super::column_light::{CodeError, ColumnLight, Decoded};
 use super::joint::{Options, Surface, reconstruct};
@@ -15,7 +15,7 @@ use thiserror::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Code {
-    /// Gray code with inverses.
+    /// Gray code with inverse patterns.
     Gray,
     /// Multi-frequency phase shifting.
     Phase,
@@ -36,17 +36,17 @@ pub enum Light {
 /// A method of shape reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Structured light: depth from a code, normals from planes that are fitted to the depth.
+    /// Structured light. A code yields the depth, and planes that are fitted to the depth yield the normals.
     StructuredLight(Code, Light),
-    /// Shape from polarization only, which yields normals but no depth (Atkinson & Hancock 2006).
+    /// Shape from polarization alone, which yields normals but no depth (Atkinson & Hancock 2006).
     Polarization(Light),
-    /// Joint optimization of structured light and polarization, with all light (Baek et al. 2018) or epipolar
-    /// light (Baek & Heide 2021).
+    /// Joint optimization of structured light and polarization. The light is all light (Baek et al. 2018) or
+    /// epipolar light (Baek & Heide 2021).
     Joint(Code, Light),
 }
 
 impl Method {
-    /// Returns the name in tables.
+    /// Returns the method's name in tables.
     pub fn name(self) -> String {
         let code = |code| match code {
             Code::Gray => "Gray code",
@@ -70,15 +70,15 @@ impl Method {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
     pub rig: Rig,
-    /// T(s, u), summed over rows.
+    /// T(s, u) of all light, summed over rows.
     pub columns: ColumnLight,
     /// T(s, u) of the epipolar band.
     pub epipolar_columns: ColumnLight,
-    /// Mueller images under full light: 16 channels, row by row.
+    /// Mueller images of all light, with 16 channels, row by row.
     pub mueller: Map,
-    /// Mueller images of the epipolar band (of one time bin, if the rig is time-gated).
+    /// Mueller images of the epipolar band. If the rig is time-gated, the images are those of one time bin.
     pub epipolar_mueller: Map,
-    /// The object's pixels: 1 inside, otherwise 0.
+    /// Mask of the object: 1 inside, 0 outside.
     pub mask: Map,
 }
 
@@ -86,18 +86,18 @@ pub struct Inputs {
 pub struct Parameters {
     /// Minimum contrast of a code's captures.
     pub least_contrast: f64,
-    /// Mean period of micro phase shifting, columns.
+    /// Mean period of micro phase shifting, in columns.
     pub micro_period: f64,
-    /// Refractive index; `None` to fit it to a scan (1.5 for methods without a scan).
+    /// Refractive index, or `None` to fit the index to a scan. With `None`, methods without a scan use 1.5.
     pub index: Option<f64>,
     pub scan_window: Window,
     /// Window for the normals of fused surfaces.
     pub fused_window: Window,
     /// Standard deviation of decoded columns, in columns.
     pub sigma_columns: f64,
-    /// Standard deviation of the normals from polarization, degrees.
+    /// Standard deviation of the normals from polarization, in degrees.
     pub sigma_normals_deg: f64,
-    /// Standard deviation of the fused surface's normals, degrees.
+    /// Standard deviation of the fused surface's normals, in degrees.
     pub sigma_surface_deg: f64,
     /// Whether specular reflection is excluded from the degree of polarization.
     pub mirrored_off: bool,
@@ -105,7 +105,7 @@ pub struct Parameters {
 
 impl Default for Parameters {
     /// Returns the default parameters. The parameters of the fusion were chosen for a sphere and a marble
-    /// doll, 5 cm high in images of 64 × 64 pixels.
+    /// doll. The doll is 5 cm high in images of 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -160,7 +160,7 @@ fn check(inputs: &Inputs) -> Result<(), ShapeError> {
 /// Captures the patterns of a code under T(s, u) and decodes the columns.
 ///
 /// # Errors
-/// If the light has too few columns for the code.
+/// Returns an error if the light has too few columns for the code.
 pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<Decoded, CodeError> {
     let (n, least) = (light.light.channels, parameters.least_contrast);
     let logical = |base| {
@@ -199,11 +199,11 @@ fn masked(map: &Map, mask: &Map) -> Map {
     })
 }
 
-/// Runs a method. The depth of shape from polarization only is NaN.
+/// Runs a method. Shape from polarization alone yields a depth of NaN.
 ///
 /// # Errors
-/// If the resolution of a map differs from that of the camera, or the light has too many or too few
-/// columns for the code.
+/// Returns an error if the resolution of a map differs from that of the camera. Also returns an error if the
+/// light has too many or too few columns for the code.
 pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
     check(inputs)?;
     let camera = &inputs.rig.camera;
@@ -262,12 +262,12 @@ pub(super) mod tests {
     use crate::shape::synthetic::{Shape, rig};
 
     const COLUMNS: usize = 512;
-    /// Side length of the camera image, pixels.
+    /// Side length of the camera image in pixels.
     const SIDE: usize = 32;
 
-    /// Returns the inputs and the true shape of a sphere of diffuse glass. Direct light comes from one or
-    /// two columns per pixel; other pixels are dark. The fraction `blurred` of all light comes uniformly
-    /// from 36 columns to the left and is not epipolar.
+    /// Returns the inputs and the true shape of a sphere of diffuse glass. Each lit pixel receives direct
+    /// light from one or two columns. All other pixels are dark. The fraction `blurred` of all light comes
+    /// uniformly from 36 columns to the left. The light from the left is not epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(SIDE, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);
@@ -302,9 +302,9 @@ pub(super) mod tests {
         (inputs, shape)
     }
 
-    /// Depth is as accurate as the code. Half a column of Gray code is 0.25 mm here (z²/bf), and the
-    /// error of sinusoids is a thirtieth of this value. The normals of joint methods are accurate within
-    /// the limits of a window of 3 × 3 pixels on a sphere.
+    /// Depth is as accurate as the code. In this test, half a column of Gray code is 0.25 mm (z²/bf). The
+    /// error of sinusoids is a thirtieth of this value. The normals of joint methods are accurate within the
+    /// limits of a window of 3 × 3 pixels on a sphere.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn every_method_reconstructs_a_sphere() {

@@ -1,10 +1,11 @@
-//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods. Slowly
-//! varying indirect light and defocus then have the same effect in all captures.
+//! Micro phase shifting (Gupta & Nayar 2012). The patterns are sinusoids of a few short, nearly equal
+//! periods. Slowly varying indirect light and defocus therefore have the same effect in all captures.
 //!
-//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and
-//! one of each other period, I_f = O + A cos φ_f. Offset O and amplitude A are common because the periods
-//! are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F form the code vector. A pixel is
-//! assigned the column with the closest code vector, and the first phase determines the subpixel position.
+//! With F periods there are F + 2 captures. The first period has three captures, I_k = O + A cos(φ_1 -
+//! 2πk/3). Each other period has one capture, I_f = O + A cos φ_f. Offset O and amplitude A are common to all
+//! captures because the periods are close. The F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F form the
+//! code vector. A pixel is assigned the column with the closest code vector. The first phase determines the
+//! subpixel position.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
@@ -30,8 +31,8 @@ fn distance2(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
-/// Returns the minimum distance between the code vectors of columns that are at least half a period
-/// apart, which limits the allowed noise.
+/// Returns the minimum distance between the code vectors of columns that are at least half a period apart.
+/// The minimum distance limits the permissible noise.
 pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
     let apart = periods.first().map_or(1, |p| (p / 2.0) as usize).max(1);
@@ -44,8 +45,9 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
-/// several pseudorandom sets (the same on every call). Gupta & Nayar also choose the periods by search.
+/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns. The result is
+/// the best of several pseudorandom sets, which are the same on every call. Gupta & Nayar also choose the
+/// periods by search.
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -60,7 +62,7 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     best.1
 }
 
-/// Returns the patterns: three for the first period, and one for each other period.
+/// Returns the patterns. The first period has three patterns, and each other period has one pattern.
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     let captures = if periods.is_empty() { 0 } else { periods.len() + STEPS - 1 };
     Patterns::from_fn(captures, columns, |k, u| match k.checked_sub(STEPS) {
@@ -69,10 +71,11 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     })
 }
 
-/// Decodes captures of [`patterns`]; pixels with less than `least_contrast` have no column.
+/// Decodes captures of [`patterns`]. Pixels with less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If the number of captures does not match the patterns, or there are no periods, or periods are too short.
+/// Returns an error if the number of captures does not match the patterns, if there are no periods, or if
+/// periods are too short.
 pub fn decode(
     captures: &Map,
     columns: usize,
@@ -136,9 +139,9 @@ mod tests {
         assert!(margin(256, &[16.0]) < 1e-9);
     }
 
-    /// Indirect light that causes a bias of 13 columns for a period of the image's width (see
-    /// `phase_shift`) causes a bias below 1e-6 columns. For periods of 16, a Gaussian of σ = 20 is
-    /// attenuated by exp(-2π²·400/256) = 4e-14.
+    /// For a period of the image's width, the indirect light causes a bias of 13 columns (see `phase_shift`).
+    /// For micro phase shifting, the same light causes a bias below 1e-6 columns. For periods of 16, a
+    /// Gaussian of σ = 20 is attenuated by exp(-2π²·400/256) = 4e-14.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn smooth_indirect_light_does_not_bias() {
@@ -151,9 +154,9 @@ mod tests {
         }
     }
 
-    /// Indirect light from one other column (a mirror) contains all frequencies, so it biases every code
-    /// of sinusoids. The bias is the phase angle of the sum of two phasors of lengths 1 and 0.3, which
-    /// are four columns (about 90°) apart.
+    /// Indirect light from one other column (a mirror) contains all frequencies, so this light biases every
+    /// code of sinusoids. The bias is the phase angle of the sum of two phasors of lengths 1 and 0.3. The
+    /// phasors are four columns (about 90°) apart.
     #[test]
     fn mirrored_light_still_biases() {
         let n = 256;

@@ -1,17 +1,17 @@
-//! Shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth from structured
-//! light, normals from polarization, and the combination of both. Each is computed from all light or from
-//! epipolar light only.
+//! Measures shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11). Structured light
+//! yields depth, and polarization yields normals. The third method combines depth and normals. Each quantity
+//! is computed from all light or from epipolar light.
 //!
 //! > T(s, u) ─ pattern ─► captures ─ code ─► projector column ─ triangulation ─► depth ─► normals
 //! >                                                                       └─ with Stokes images ─► fused depth ─► normals
 //!
-//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u),
-//! the tensor summed over the projector's rows ([`column_light`]). Therefore, no separate renders are
-//! needed for the patterns.
+//! Every pattern of structured light drives whole projector columns. A capture is therefore linear in T(s,
+//! u), the tensor summed over the projector's rows ([`column_light`]). No separate renders are needed for the
+//! patterns.
 //!
-//! **Frames.** Depths are z along the camera's axis, metres. Normals are unit vectors in the camera's frame
-//! (x right, y down, z forward) that point toward the camera. Unknown values are NaN. Pixel (i, j) covers [i,
-//! i+1) × [j, j+1): the centre of column i is i + ½.
+//! **Frames.** Depths are z along the camera's axis, in metres. Normals are unit vectors in the camera's
+//! frame (x right, y down, z forward) that point toward the camera. Unknown values are NaN. Pixel (i, j)
+//! covers [i, i+1) × [j, j+1), so the centre of column i is i + ½.
 
 pub mod application;
 #[cfg(test)]

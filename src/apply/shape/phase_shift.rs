@@ -1,13 +1,13 @@
-//! Phase shifting with temporal unwrapping (Srinivasan et al. 1984; Huntley & Saldner 1993): sinusoids of
-//! decreasing period, each with four phase shifts of 90°.
+//! Phase shifting with temporal unwrapping (Srinivasan et al. 1984; Huntley & Saldner 1993). The patterns are
+//! sinusoids of decreasing period, each with four phase shifts of 90°.
 //!
-//! Captures of period P are I_k = O + A cos(φ - kπ/2), φ = 2πu/P, so tan φ = (I_1 - I_3)/(I_0 - I_2),
-//! independent of O. The longest period spans the image and needs no unwrapping. For each shorter period,
-//! the number of whole periods is determined from the previous period.
+//! Captures of period P are I_k = O + A cos(φ - kπ/2), φ = 2πu/P. Hence tan φ = (I_1 - I_3)/(I_0 - I_2),
+//! independent of O. The longest period spans the image and needs no unwrapping. For each shorter period, the
+//! number of whole periods is determined from the previous period.
 //!
-//! The phasor of indirect light g(u') is added to that of the direct light, A e^{iφ} = d e^{2πiu/P} + Σ g(u')
-//! e^{2πiu'/P}. The phase error is the angle between the two sums. The phase error is largest for long
-//! periods, because blur does not attenuate waves of long periods.
+//! The phasor of indirect light g(u') is added to the phasor of the direct light, A e^{iφ} = d e^{2πiu/P} + Σ
+//! g(u') e^{2πiu'/P}. The phase error is the angle between the sum and the phasor of the direct light. The
+//! phase error is largest for long periods, because blur does not attenuate waves of long periods.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
@@ -16,8 +16,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Returns the periods, in projector columns: the image's width, then each a quarter of the previous one,
-/// down to at most 16 columns.
+/// Returns the periods in projector columns. The first period is the image's width. Each further period is a
+/// quarter of the previous period, down to at most 16 columns.
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {
@@ -39,30 +39,30 @@ fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     )))
 }
 
-/// Returns the drive of column `u` by a sinusoid of period `period`, delayed by `phase`.
+/// Returns the drive of column `u` by a sinusoid of period `period`, with the phase delay `phase`.
 pub(super) fn sinusoid(u: usize, period: f64, phase: f64) -> f64 {
     0.5 + 0.5 * (TAU * (u as f64 + 0.5) / period - phase).cos()
 }
 
-/// Returns the coordinate closest to `near` with phase `phase` in period `period`.
+/// Returns the coordinate closest to `near` that has the phase `phase` in period `period`.
 pub(super) fn unwrap(phase: f64, period: f64, near: f64) -> f64 {
     let turn = phase / TAU;
     period * (turn + (near / period - turn).round())
 }
 
-/// Returns the patterns: four per period, in the order of the periods.
+/// Returns the patterns in the order of the periods, with four patterns per period.
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     Patterns::from_fn(STEPS * periods.len(), columns, |k, u| {
         sinusoid(u, periods[k / STEPS], (k % STEPS) as f64 * FRAC_PI_2)
     })
 }
 
-/// Decodes captures of [`patterns`]; pixels whose shortest period has less than `least_contrast` have no
-/// column.
+/// Decodes captures of [`patterns`]. A pixel has no column if the contrast of its shortest period is below
+/// `least_contrast`.
 ///
 /// # Errors
-/// If the number of captures does not match the patterns, or the periods do not decrease from at least the
-/// image's width.
+/// Returns an error if the number of captures does not match the patterns. Also returns an error if the
+/// periods do not decrease from at least the image's width.
 pub fn decode(
     captures: &Map,
     columns: usize,
@@ -109,8 +109,8 @@ mod tests {
         }
     }
 
-    /// If a point receives the fractions 1 - a and a of its light from two neighbouring columns, the
-    /// error of the decoded coordinate is below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
+    /// A point receives the fractions 1 - a and a of its light from two neighbouring columns. The error of
+    /// the decoded coordinate is then below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
     #[test]
     fn between_columns_it_is_exact_to_third_order() {
         let (n, period) = (256, 16.0);
@@ -149,9 +149,9 @@ mod tests {
         assert!(bias(16.0).abs() < 1e-9);
     }
 
-    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased by
-    /// 36 columns. This bias exceeds half of the next period of 64 columns, so the number of whole periods of
-    /// 64 columns is wrong. All columns are wrong by exactly 64.
+    /// The indirect light is as bright as the direct light and comes from 80 columns away. The period of 256
+    /// is then biased by 36 columns. This bias exceeds half of the next period of 64 columns, so the number
+    /// of whole periods of 64 columns is wrong. All columns are wrong by exactly 64.
     #[test]
     fn biased_long_periods_unwrap_incorrectly() {
         let n = 1024;

@@ -1,18 +1,18 @@
 //! Normals from polarization, with a 180° ambiguity (Atkinson & Hancock 2006; Kadambi et al. 2015;
 //! Baek et al. 2018).
 //!
-//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree
-//! √(s1² + s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The angle ½
-//! atan2(s2, s1) is the azimuth of the normal for diffuse light from below the surface, and differs by
-//! 90° from it for specular reflection. Both have a 180° ambiguity.
+//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree √(s1² +
+//! s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). For diffuse light from below
+//! the surface, the angle ½ atan2(s2, s1) is the azimuth of the normal. For specular reflection, the azimuth
+//! differs from this angle by 90°. Each azimuth has a 180° ambiguity.
 //!
-//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x axis projected onto the
-//! plane perpendicular to the ray, and the second axis is d × x, where d is the propagation direction of
-//! the light, so angles increase counter-clockwise in the image.
+//! Angles refer to the pixel's frame (`CONVENTIONS.md`). Let d be the propagation direction of the light. The
+//! first axis x is the camera's x axis, projected onto the plane perpendicular to the ray. The second axis is
+//! d × x, so angles increase counter-clockwise in the image.
 //!
 //! If the projector is near the camera, one specular reflection reverses the handedness of circular
-//! polarization, T33 = -T00. Diffuse light is not circularly polarized (Baek et al. 2018). T00 + T33 is
-//! therefore the diffuse light only.
+//! polarization, so T33 = -T00. Diffuse light is not circularly polarized (Baek et al. 2018). T00 + T33 is
+//! therefore the diffuse light alone.
 
 use super::zenith;
 use crate::map::Map;
@@ -25,15 +25,15 @@ use std::f64::consts::FRAC_PI_2;
 pub enum Reflection {
     /// Diffuse light that leaves the object through the surface.
     Diffuse,
-    /// Specular light, at zenith angles below Brewster's.
+    /// Specular light at zenith angles below Brewster's angle.
     Specular,
 }
 
 /// The polarization cues of every pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cues {
-    /// Degree of polarization, zenith angle from the view direction and azimuth (modulo 180°) of the normal,
-    /// radians; NaN for dark pixels.
+    /// Degree of polarization, zenith angle from the view direction, and azimuth (modulo 180°) of the normal.
+    /// The angles are in radians. Dark pixels are NaN.
     pub angles: Map,
 }
 
@@ -68,28 +68,29 @@ pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     Cues { angles }
 }
 
-/// Returns the frame of the light that reaches a pixel: the axes x and d × x, and the propagation
-/// direction d toward the camera.
+/// Returns the frame of the light that reaches a pixel. The frame consists of the axes x and d × x, and the
+/// propagation direction d toward the camera.
 pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
     let d = -camera.centre(x, y).normalize();
     let horizontal = (Vector3::x() - d * d.x).normalize();
     [horizontal, d.cross(&horizontal), d]
 }
 
-/// Returns the normal of a pixel, camera frame, from the zenith angle to the view direction and the azimuth.
+/// Returns the normal of a pixel in the camera's frame, from the zenith angle to the view direction and the
+/// azimuth.
 pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -> Vector3<f64> {
     let [right, up, d] = frame(camera, x, y);
     d * zenith.cos() + (right * azimuth.cos() + up * azimuth.sin()) * zenith.sin()
 }
 
-/// Returns both candidate normals of a pixel, or NaN if the pixel has no cues.
+/// Returns the two candidate normals of a pixel, or NaN if the pixel has no cues.
 pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
     let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
-/// Returns the candidates closest to approximate normals, such as those of a coarse scan, or NaN for pixels
-/// without an approximate normal.
+/// Returns the candidates closest to approximate normals, such as the normals of a coarse scan. Pixels
+/// without an approximate normal are NaN.
 pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
         let guess = Vector3::from_column_slice(guess.at(x, y));
@@ -121,7 +122,7 @@ pub(super) mod tests {
                 // The plane of polarization is perpendicular to the plane of the normal.
                 Reflection::Specular => -zenith::specular(cos.acos(), n),
             };
-            // Compute (cos 2α, sin 2α) from the components of the normal, without computing α.
+            // (cos 2α, sin 2α) is computed from the components of the normal, without computing α.
             let (a, b) = (normal.dot(&right), normal.dot(&up));
             let length = (a * a + b * b).max(1e-300);
             out[0] = cos;
@@ -141,8 +142,8 @@ pub(super) mod tests {
             for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
                 let want = Vector3::from_column_slice(shape.normals.at(x, y));
                 let zenith = want.dot(&frame(&camera, x, y)[2]).acos();
-                // Above Brewster's angle, the smaller of the two zenith angles is returned for specular
-                // reflection.
+                // Above Brewster's angle, the result for specular reflection is the smaller of the two zenith
+                // angles.
                 if zenith.is_nan() || (reflection == Reflection::Specular && zenith > 0.97) {
                     continue;
                 }
@@ -155,8 +156,8 @@ pub(super) mod tests {
         }
     }
 
-    /// Tests the handedness of the azimuth: the second axis of the frame points up, so s2 > 0 for a
-    /// normal to the upper right.
+    /// Tests the handedness of the azimuth. The second axis of the frame points up, so s2 > 0 for a normal to
+    /// the upper right.
     #[test]
     fn a_normal_to_the_upper_right_has_positive_s2() {
         let camera = rig(64, 256).camera;

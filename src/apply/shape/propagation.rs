@@ -1,5 +1,5 @@
-//! Resolves the 180° ambiguity of normals from polarization without depth: azimuths are propagated from
-//! the outline (Miyazaki et al. 2003; Atkinson & Hancock 2006).
+//! Resolves the 180° ambiguity of normals from polarization without depth. Azimuths are propagated from the
+//! outline (Miyazaki et al. 2003; Atkinson & Hancock 2006).
 //!
 //! At the outline of a smooth object, the normal is perpendicular to the view direction and points outward.
 //! From the outline inward, the ambiguity is resolved pixel by pixel in descending order of zenith angle.
@@ -13,11 +13,11 @@ use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Distance in pixels up to which pixels outside the object are searched to find the direction of the
-/// outline.
+/// Distance in pixels from a pixel of the object. Pixels outside the object are searched up to this distance
+/// to find the direction of the outline.
 const REACH: isize = 3;
 
-/// A pixel with resolved neighbours, and its zenith angle.
+/// A pixel with resolved neighbours, and the zenith angle of the pixel.
 struct Next {
     zenith: f64,
     at: [usize; 2],
@@ -50,8 +50,8 @@ fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> 
         .filter(move |at| *at != [x as isize, y as isize])
 }
 
-/// Returns the normals of the object's pixels, for which the single channel of `inside` is nonzero. Other
-/// pixels and pixels without cues are NaN.
+/// Returns the normals of the object's pixels. For these pixels, the single channel of `inside` is nonzero.
+/// Other pixels and pixels without cues are NaN.
 pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let (w, h) = (inside.width, inside.height);
     let within = |[x, y]: [isize; 2]| x >= 0 && y >= 0 && x < w as isize && y < h as isize;
@@ -62,7 +62,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let mut normals = Map::from_fn(w, h, 3, |_, _, out| out.fill(f64::NAN));
     let mut queue = BinaryHeap::new();
     let mut queued = vec![false; w * h];
-    // Selects the candidate of a pixel that is closest to a direction.
+    // Selects the candidate of a pixel that is closest to the direction `toward`.
     let decide = |at: [usize; 2], toward: Vector3<f64>, normals: &mut Map| {
         let [a, b] = candidates(camera, cues, at);
         let chosen = if b.dot(&toward) > a.dot(&toward) { b } else { a };
@@ -70,7 +70,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
         normals.data[first..first + 3].copy_from_slice(chosen.as_slice());
     };
     for at in (0..h).flat_map(|y| (0..w).map(move |x| [x, y])).filter(|at| known(*at)) {
-        // The edge of the image does not count as outline.
+        // The edge of the image is not an outline.
         let beside = around(at, 1).any(|n| within(n) && !is_inside(n));
         if beside {
             let outside = around(at, REACH).filter(|n| within(*n) && !is_inside(*n));

@@ -1,4 +1,4 @@
-//! One variant of the statue: the input of the methods, and the true shape.
+//! One variant of the statue. The variant consists of the input of the methods and the true shape.
 
 use super::column_light::ColumnLight;
 use super::methods::Inputs;
@@ -8,24 +8,24 @@ use crate::observation::Observation;
 use nalgebra::Vector3;
 use tensor::axes::AxisKind;
 
-/// Wavelength that all methods use, nanometres.
+/// Wavelength that all methods use, in nanometres.
 const WAVELENGTH: f64 = 550.0;
 
 pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
     pub inputs: Inputs,
-    /// Input of the methods in which T(s, u) is that of the same statue after spraying with matte paint.
-    /// All other inputs are those of the unsprayed statue.
+    /// Input of the methods. T(s, u) is that of the same statue after spraying with matte paint. All other
+    /// inputs are those of the unsprayed statue.
     pub sprayed: Inputs,
-    /// True depth, metres, and normals in the camera's frame, for pixels that the statue covers completely;
-    /// otherwise NaN.
+    /// True depth in metres, and true normals in the camera's frame. Pixels that the statue does not cover
+    /// completely are NaN.
     pub depth: Map,
     pub normals: Map,
 }
 
 /// Returns the means of a slice at [`WAVELENGTH`] as an image over `y` and `x`. The remaining `channels`
-/// entries are the channels.
+/// entries are the channels of the image.
 fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Result<Map, ApplyError> {
     let wrong = |axis| ApplyError::Axis { variant: o.variant, slice: name.to_owned(), axis };
     let mean = &o.slice(name)?.mean;

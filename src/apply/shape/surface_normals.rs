@@ -1,10 +1,10 @@
 //! Normals from a depth map by robust fits of planes to windows.
 //!
-//! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a|
-//! (n·P = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera). The vector a is
-//! fitted to a window by weighted least squares. The weights are those of Tukey's biweight at 4.685
-//! robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981), so that neighbours
-//! beyond an edge do not affect the fit.
+//! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a|. (n·P
+//! = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera.) The vector a is fitted to a
+//! window by weighted least squares. The weights are those of Tukey's biweight at 4.685 robust standard
+//! deviations (1.4826 medians of the absolute residuals; Huber 1981). Neighbours beyond an edge therefore do
+//! not affect the fit.
 
 use crate::map::Map;
 use crate::pinhole::Pinhole;
@@ -39,7 +39,7 @@ fn fit(points: &[(Vector3<f64>, f64)], weights: &[f64]) -> Option<Vector3<f64>> 
     solution.iter().all(|v| v.is_finite()).then_some(solution)
 }
 
-/// Fits the plane 1/z = a·(x, y, 1) to points (x, y, 1) with their 1/z.
+/// Fits the plane 1/z = a·(x, y, 1) to points (x, y, 1) with known values of 1/z.
 fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     let mut weights = vec![1.0; points.len()];
     let mut plane = fit(points, &weights)?;
@@ -53,7 +53,7 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
         let scale = 1.4826 * sorted[sorted.len() / 2];
         let size = points.iter().map(|(_, i)| i.abs()).fold(0.0, f64::max);
         if scale <= 1e-12 * size {
-            // At least half of the points are on the plane: use only these.
+            // At least half of the points are on the plane. The fit uses these points alone.
             for (weight, r) in weights.iter_mut().zip(&residuals) {
                 *weight = f64::from(u8::from(*r <= 1e-9 * size));
             }
@@ -71,8 +71,8 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     Some(plane)
 }
 
-/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame, or NaN if too few
-/// depths are known. The depth of the central pixel of a window must be known.
+/// Returns the normals of a depth map in the camera's frame. Depths are z along the axis, in metres. A normal
+/// is NaN if too few depths are known. The depth of the central pixel of a window must be known.
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);
     let mut points = Vec::new();
@@ -88,7 +88,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
             for i in x.saturating_sub(r)..(x + r + 1).min(w) {
                 let z = depth.at(i, j)[0];
                 if z > 0.0 {
-                    // Use relative coordinates in pixels, so that the fit is well conditioned.
+                    // The fit uses relative coordinates in pixels, and is therefore well conditioned.
                     let at = camera.centre(i, j) - middle;
                     let at = Vector3::new(at.x * camera.focal[0], at.y * camera.focal[1], 1.0);
                     points.push((at, 1.0 / z));
@@ -101,7 +101,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
         if let Some(p) = plane(&points, window.robust) {
             let slope = [p.x * camera.focal[0], p.y * camera.focal[1]];
             let a = Vector3::new(slope[0], slope[1], p.z - slope[0] * middle.x - slope[1] * middle.y);
-            // The vector a must point away from the camera: a·ray > 0.
+            // The vector a must point away from the camera, so a·ray > 0.
             if a.dot(&middle) > 0.0 {
                 out.copy_from_slice((-a.normalize()).as_slice());
             }
@@ -141,15 +141,16 @@ mod tests {
             let pairs = got.data.chunks(3).zip(shape.normals.data.chunks(3));
             pairs.filter(|(a, b)| angle(a, b) > 1e-3).count()
         };
-        // On average 5 of 25 depths are wrong. More than half are rarely wrong (p < 1e-3 inside the
-        // image, more often in windows of 9 pixels at the corners).
+        // On average, 5 of the 25 depths of a window are wrong. More than half of the depths are rarely
+        // wrong. The probability is below 1e-3 inside the image, and larger in windows of 9 pixels at the
+        // corners.
         assert!(wrong(robust) < 48 * 48 / 20, "{}", wrong(robust));
         assert!(wrong(Window { robust: false, ..robust }) > 48 * 48 * 9 / 10);
     }
 
-    /// For inverse depths with noise σ, least squares over 5 × 5 pixels yield slopes with variance σ²/50
-    /// per pixel (Σ i² = 50). The test uses 150 × 9 disjoint windows and a tolerance of five standard
-    /// errors of the variance.
+    /// For inverse depths with noise σ, least squares over 5 × 5 pixels yields slopes with variance σ²/50 per
+    /// pixel (Σ i² = 50). The test uses 150 × 9 disjoint windows and a tolerance of five standard errors of
+    /// the variance.
     #[test]
     fn normal_noise_matches_theory() {
         let camera = rig(21, 256).camera;

@@ -1,4 +1,5 @@
-//! Synthetic scenes for tests: rows of T(s, u), a calibrated camera and projector, planes and spheres.
+//! Synthetic scenes for tests. The scenes contain rows of T(s, u), a calibrated camera and projector, planes
+//! and spheres.
 
 use super::column_light::ColumnLight;
 use crate::map::Map;
@@ -10,7 +11,7 @@ use std::f64::consts::TAU;
 /// A function that returns another column, given a column and the number of columns.
 type Elsewhere = fn(usize, usize) -> usize;
 
-/// The light T(s, u) of a row of pixels, in which pixel i receives its direct light from column i.
+/// The light T(s, u) of a row of pixels. Pixel i receives its direct light from column i.
 pub struct Light {
     direct: f64,
     constant: f64,
@@ -33,8 +34,8 @@ impl Light {
         Self { at: Some((light, column)), ..self }
     }
 
-    /// Adds indirect light with sum `light`, spread over columns as a Gaussian of standard deviation
-    /// `sigma` columns around a column that is shifted by `shift`.
+    /// Adds indirect light with sum `light`. The light is spread over columns as a Gaussian of standard
+    /// deviation `sigma` columns. The centre of the Gaussian is a column that is shifted by `shift`.
     pub fn plus_blurred(self, light: f64, sigma: f64, shift: f64) -> Self {
         Self { blurred: Some([light, sigma, shift]), ..self }
     }
@@ -74,8 +75,9 @@ pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
     out
 }
 
-/// Returns a camera of `size` × `size` pixels to the left of the origin and a projector of `columns` columns
-/// 60 mm to its right, both directed at a point 0.2 m away.
+/// Returns a camera of `size` × `size` pixels and a projector of `columns` columns. The camera is to the left
+/// of the origin, and the projector is 60 mm to the right of the camera. Camera and projector are directed at
+/// a point 0.2 m away.
 pub fn rig(size: usize, columns: usize) -> Rig {
     let toward = |x: f64, n: usize| Pinhole {
         resolution: [n, n],
@@ -88,15 +90,15 @@ pub fn rig(size: usize, columns: usize) -> Rig {
     Rig { camera: toward(-0.03, size), projector: toward(0.03, columns) }
 }
 
-/// Depths and camera-frame normals of a surface in a camera image; NaN for pixels without the surface.
+/// Depths and camera-frame normals of a surface in a camera image. Pixels without the surface are NaN.
 pub struct Shape {
     pub depth: Map,
     pub normals: Map,
 }
 
 impl Shape {
-    /// Returns the shape from a function of origin and direction, which gives the depth along each pixel's
-    /// ray and the normal in world coordinates.
+    /// Returns the shape from a function of origin and direction. The function returns the depth along each
+    /// pixel's ray and the normal in world coordinates.
     fn seen(
         camera: &Pinhole,
         hit: impl Fn(Vector3<f64>, Vector3<f64>) -> Option<(f64, Vector3<f64>)>,
@@ -121,7 +123,7 @@ impl Shape {
         })
     }
 
-    /// Returns the sphere of radius `r`, metres, about (0, 0, 0.22).
+    /// Returns the sphere of radius `r`, in metres, about (0, 0, 0.22).
     pub fn sphere(camera: &Pinhole, r: f64) -> Self {
         Self::seen(camera, |o, d| {
             let q = o - Vector3::new(0.0, 0.0, 0.22);

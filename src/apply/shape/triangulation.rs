@@ -1,16 +1,16 @@
-//! Depth from a projector column: the intersection of the camera's ray with the plane of the column (Hartley
-//! & Zisserman 2004, ch. 12).
+//! Computes depth from a projector column. The point is the intersection of the camera's ray with the plane
+//! of the column (Hartley & Zisserman 2004, ch. 12).
 //!
-//! The plane of column u contains the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u -
-//! c)/f. The ray o + z·d, with d of depth 1, intersects it at z = m·(p - o) / m·d.
+//! The plane of column u contains the projector's centre p and is perpendicular to m = R_p (1, 0, -x),
+//! x = (u - c)/f. The ray o + z·d, with d of depth 1, intersects the plane at z = m·(p - o) / m·d.
 
 use crate::map::Map;
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
-/// Returns the depth along the camera's axis of the point that projector column coordinate `column`
-/// illuminates in camera pixel (x, y), or `None` if the ray does not intersect the plane in front of the
-/// camera.
+/// Returns the depth along the camera's axis of a point in camera pixel (x, y). The point is illuminated by
+/// the projector column coordinate `column`. Returns `None` if the ray does not intersect the plane in front
+/// of the camera.
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
     let across = (column - projector.principal[0]) / projector.focal[0];
@@ -27,8 +27,8 @@ pub fn depth(rig: &Rig, columns: &Map) -> Map {
     })
 }
 
-/// Returns the ratio of depth error to column error of a code: |dz/du|, metres per column, from
-/// differences of half a column.
+/// Returns the ratio of depth error to column error of a code, |dz/du|, in metres per column. The ratio is
+/// computed from differences of half a column.
 pub fn depth_per_column(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let near = depth_at(rig, x, y, column - 0.5)?;
     Some((depth_at(rig, x, y, column + 0.5)? - near).abs())
@@ -57,8 +57,8 @@ mod tests {
         }
     }
 
-    /// An error of half a column causes a depth error of half of `depth_per_column`, which is about z²/(b
-    /// f) for two parallel devices.
+    /// An error of half a column causes a depth error of half of `depth_per_column`. For two parallel
+    /// devices, `depth_per_column` is about z²/(b f).
     #[test]
     fn depth_errors_follow_column_errors() {
         let rig = rig(64, 512);

@@ -1,21 +1,21 @@
 //! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
 //!
-//! Diffuse light from below the surface leaves through the surface with the degree of polarization, for s
-//! = sin²θ, c = cos θ and index n,
+//! Diffuse light from below the surface leaves through the surface. For s = sin²θ, c = cos θ and index n, the
+//! degree of polarization is
 //!
 //! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
 //!
-//! which increases from 0 to its maximum at grazing angles. The light is polarized parallel to the plane
-//! of emission. Specular reflection is polarized perpendicular to this plane,
+//! which increases from 0 to its maximum at grazing angles. Diffuse light is polarized parallel to the plane
+//! of emission. Specular reflection is polarized perpendicular to this plane, with the degree
 //!
 //! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
 //!
-//! with the value 1 at Brewster's angle, tan θ = n. Each degree of polarization below 1 therefore occurs
-//! at two angles.
+//! which is 1 at Brewster's angle, tan θ = n. Each degree of polarization below 1 therefore occurs at two
+//! angles.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// Number of bisection steps for angles, which gives an accuracy of 1e-15 rad.
+/// Number of bisection steps for angles. With 52 steps, angles are accurate to 1e-15 rad.
 const HALVINGS: usize = 52;
 
 /// Returns ρ_d for light that leaves a medium of index `n` at `zenith` radians from the normal.
@@ -49,8 +49,8 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
     0.5 * (from + to)
 }
 
-/// Returns the zenith angle of diffuse light with this degree of polarization, radians; π/2 if the degree
-/// exceeds the maximum, NaN if the degree is invalid.
+/// Returns the zenith angle in radians of diffuse light with this degree of polarization. The result is π/2
+/// if the degree exceeds the maximum, and NaN if the degree is invalid.
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;
@@ -58,8 +58,8 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
 }
 
-/// Returns the two zenith angles, radians, of specular reflection with this degree of polarization: below
-/// and above Brewster's angle.
+/// Returns the two zenith angles, in radians, of specular reflection with this degree of polarization. The
+/// first angle is below Brewster's angle, and the second is above it.
 pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return [f64::NAN; 2];
@@ -85,8 +85,8 @@ mod tests {
                 let block = fresnel.reflection.to_mueller().lane(0).map(|row| row.map(f64::from));
                 let (mean, difference) = (block[0][0], block[1][0]);
                 assert!((difference / mean - specular(zenith, n)).abs() < 2e-5, "{n} {zenith}");
-                // The light that is not reflected is transmitted; the transmittance is the same in both
-                // directions.
+                // The interface transmits the light that it does not reflect. The transmittance is the same
+                // in the two directions.
                 let through = difference / (1.0 - mean);
                 assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
             }
@@ -101,7 +101,7 @@ mod tests {
                 assert!((of_diffuse(diffuse(zenith, n), n) - zenith).abs() < 1e-6, "{n} {zenith}");
                 let both = of_specular(specular(zenith, n), n);
                 let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
-                // At Brewster's angle the degree has zero slope, so half of the digits are lost.
+                // At Brewster's angle, the degree has zero slope, so half of the digits are lost.
                 let flat = (zenith - n.atan()).abs() < 0.01;
                 assert!(nearest < if flat { 1e-5 } else { 1e-6 }, "{n} {zenith}: {both:?}");
                 assert!(both[0] <= n.atan() + 1e-6 && both[1] >= n.atan() - 1e-6);

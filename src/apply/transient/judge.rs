@@ -1,10 +1,11 @@
-//! Computes the metrics of a scoring on a variant, with the renderer's labels as ground truth.
+//! Computes the metrics of a scoring on a variant. The renderer's labels are the ground truth.
 
 use super::score::{Scoring, counts};
 use super::seen::{Seen, Target};
 use crate::metrics::roc;
 
-/// Minimum number of positives and of negatives in a bin for which an area is computed.
+/// Minimum number of positives and minimum number of negatives in a bin. For smaller numbers, no area is
+/// computed.
 const FEW: usize = 5;
 
 /// Returns the area under the ROC curve over all lit pixels and bins.
@@ -13,7 +14,7 @@ pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     roc::area(&positive, &negative)
 }
 
-/// Returns the mean over bins of the area under the ROC curve within a bin, or NaN if no bin has enough
+/// Returns the mean over bins of the area under the ROC curve within a bin. Returns NaN if no bin has enough
 /// positives and negatives.
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
@@ -34,8 +35,8 @@ pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     counts.f1()
 }
 
-/// Returns the correlation between the positive part of the score, which images show, and the light of
-/// the target, over lit pixels and bins.
+/// Returns the correlation between the positive part of the score and the light of the target, over lit
+/// pixels and bins. Images show the positive part of the score.
 pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let pairs = seen
         .lit
@@ -44,7 +45,7 @@ pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     pearson(&pairs.collect::<Vec<_>>())
 }
 
-/// Returns [`correlation`] for the sums over the bins of each pixel.
+/// Returns the correlation as in [`correlation`] for the sums over the bins of each pixel.
 pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
     let mut lit = vec![false; sums.len()];
@@ -58,7 +59,7 @@ pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Targe
     pearson(&pairs)
 }
 
-/// Returns Pearson's correlation, or 0 for a constant score, and NaN for a constant truth.
+/// Returns Pearson's correlation. The result is 0 for a constant score and NaN for a constant truth.
 fn pearson(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));

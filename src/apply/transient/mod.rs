@@ -1,14 +1,16 @@
-//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of a
-//! coaxial rig in each bin of travel time by its change of circular polarization.
+//! Temporal-polarimetric analysis (Baek & Heide 2021, section 6.2, Fig. 8). The analysis separates the light
+//! of a coaxial rig in each bin of travel time by the light's change of circular polarization.
 //!
-//! Each specular reflection reverses the handedness of circular light, and diffuse surfaces depolarize
-//! the light. Hence -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, where
-//! the handedness of s3 is defined looking toward the source for both directions (CONVENTIONS.md). The
-//! renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had
-//! only specular reflections, an odd number for inverting and an even number for keeping. (With s' = s,
-//! an even number occurs only between two sides of a crease within one pixel. All longer paths end where
-//! they began, after an odd number of reflections.) Thresholds, and signs that physics does not
-//! determine, are learned from the training variants.
+//! Each specular reflection reverses the handedness of circular light, and diffuse surfaces depolarize the
+//! light. Hence -T33 > 0 is "circular-inverting" light, and T33 > 0 is "circular-keeping" light. The
+//! handedness of s3 is defined looking toward the source for each of the two directions (CONVENTIONS.md).
+//!
+//! The renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had no
+//! reflections other than specular reflections. The number of reflections is odd for inverting light and even
+//! for keeping light. With s' = s, an even number of reflections occurs between two sides of a crease within
+//! one pixel, and nowhere else. All longer paths end at their start point, after an odd number of
+//! reflections. Thresholds, and signs that physics does not determine, are learned from the training
+//! variants.
 
 mod judge;
 mod score;

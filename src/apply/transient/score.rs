@@ -7,15 +7,15 @@ use crate::metrics::roc::area;
 /// The quantity from which a score is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Measure {
-    /// T33 of the bin: positive for preserved circular polarization.
+    /// T33 of the bin. The value is positive for preserved circular polarization.
     Circular,
     /// T33/T00 of the bin.
     CircularShare,
-    /// T30 + T33: right-handed illumination, and right-handed minus left-handed light detected. Requires
-    /// two captures.
+    /// T30 + T33. The illumination is right-handed, and the value is the detected right-handed minus
+    /// left-handed light. The measure requires two captures.
     CircularPair,
-    /// T10 + T11: horizontally polarized illumination, and parallel minus crossed polarization detected.
-    /// Requires two captures.
+    /// T10 + T11. The illumination is horizontally polarized, and the value is the detected parallel minus
+    /// crossed polarization. The measure requires two captures.
     LinearPair,
     /// T00 of the bin.
     Intensity,
@@ -48,7 +48,7 @@ impl Measure {
     }
 }
 
-/// A measure with its learned signs and thresholds, for both targets.
+/// A measure with the learned signs and thresholds for the two targets.
 pub(super) struct Scoring {
     measure: Measure,
     sign: [f64; 2],
@@ -59,7 +59,7 @@ pub(super) struct Scoring {
 const STEPS: usize = 200;
 
 impl Scoring {
-    /// Learns undetermined signs, and the thresholds with the largest F1, from training variants.
+    /// Learns undetermined signs from training variants. Also learns the thresholds with the largest F1.
     pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
         let mut out = Self { measure, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
         for (i, target) in TARGETS.into_iter().enumerate() {
@@ -81,8 +81,8 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Returns the scores of lit places of the target, and of all other lit places, among the places that
-    /// satisfy `counts`.
+    /// Returns the scores of lit places of the target and the scores of all other lit places. Only places
+    /// that satisfy `counts` are included.
     pub(super) fn groups<'a>(
         &self,
         all: impl IntoIterator<Item = &'a Seen>,
@@ -100,8 +100,8 @@ impl Scoring {
     }
 }
 
-/// Returns the threshold with the largest F1 among scores at evenly spaced ranks of the positives;
-/// infinite without positives.
+/// Returns the threshold with the largest F1. The candidates are scores at evenly spaced ranks of the
+/// positives. The result is infinite without positives.
 fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
     let mut positive: Vec<f64> = positive.iter().copied().filter(|v| v.is_finite()).collect();
     let mut negative: Vec<f64> = negative.iter().copied().filter(|v| v.is_finite()).collect();

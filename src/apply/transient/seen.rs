@@ -1,5 +1,5 @@
-//! A variant's transient Mueller matrices, and the ground truth of its light, from labels and numbers of
-//! reflections.
+//! A variant's transient Mueller matrices, and the ground truth of the variant's light. Labels and numbers of
+//! reflections determine the ground truth.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -26,14 +26,15 @@ pub(super) enum Target {
 
 pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 
-/// One variant with one seed. Places are pixels with their bins: `pixel * bins + bin`.
+/// One variant with one seed. Places are pairs of a pixel and a bin, with the index `pixel * bins + bin`.
 pub(super) struct Seen {
     pub variant: u64,
     pub pixels: Pixels,
     /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
-    /// Light in W/(m² sr nm) that had only specular reflections: an odd number in the first list, an even
-    /// number in the second list.
+    /// Light in W/(m² sr nm) that had no reflections other than specular reflections. The first list contains
+    /// light after an odd number of reflections. The second list contains light after an even number of
+    /// reflections.
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }
@@ -63,8 +64,8 @@ impl Seen {
         Ok(Self { variant: o.variant, pixels, lit, labelled, all })
     }
 
-    /// Returns the light at a place that had only specular reflections, with the number of
-    /// reflections of `target`.
+    /// Returns the light at a place after specular reflections alone. `target` selects odd or even numbers of
+    /// reflections.
     pub(super) fn light(&self, target: Target, place: usize) -> f64 {
         self.labelled[usize::from(target == Target::Keeping)][place]
     }

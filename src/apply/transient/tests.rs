@@ -1,4 +1,4 @@
-//! Tests with known light paths: scores detect the intended differences and nothing else.
+//! Tests with known light paths. Scores detect the intended differences and nothing else.
 
 use super::*;
 use crate::isolation::tests::mean;
@@ -14,9 +14,10 @@ const BOUNCES: usize = 4;
 /// The differences between specular and diffuse light.
 #[derive(Clone, Copy)]
 struct Differs {
-    /// Whether the circular polarization differs.
+    /// Whether specular light differs from diffuse light in circular polarization.
     circular: bool,
-    /// Whether the linear polarization differs, for horizontal input light.
+    /// Whether specular light differs from diffuse light in linear polarization. The input light is
+    /// horizontally polarized.
     linear: bool,
     /// Factor of the brightness of specular light.
     bright: f64,
@@ -26,8 +27,8 @@ struct Differs {
 
 const AS_IN_NATURE: Differs = Differs { circular: true, linear: true, bright: 1.0, mixed: true };
 
-/// Returns the kind of light: 0 or 1 after an odd or even number of specular reflections, 2 for diffuse
-/// light.
+/// Returns the kind of light. The kind is 0 after an odd number of specular reflections, 1 after an even
+/// number, and 2 for diffuse light.
 fn kind(pixel: usize, bin: usize, mixed: bool) -> usize {
     if mixed { (pixel + bin) % 3 } else { pixel % 3 }
 }
@@ -65,8 +66,9 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
             ];
             let mut mean = zeros("labelled", axes);
             for (place, b) in bright.iter().enumerate() {
-                // Specular light contains some diffuse light. Light after an odd number of reflections
-                // has the label of a mirror (2), light after an even number that of microfacets (4).
+                // Specular light contains some diffuse light. Light after an odd number of reflections has
+                // the label of a mirror (2). Light after an even number of reflections has the label of
+                // microfacets (4).
                 let (bounces, label) = [(1, 2), (2, 4), (1, 8)][kind(place / BINS, place % BINS, d.mixed)];
                 mean.data[(place * BOUNCES + bounces) * 16 + label] += (0.8 * b) as f32;
                 mean.data[(place * BOUNCES + 2) * 16 + 12] += (0.2 * b) as f32;
@@ -86,9 +88,10 @@ fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
 const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
-/// For physically plausible light, circular polarization separates all kinds, and so does one pair of
-/// captures. Linear polarization separates specular from diffuse light, but not odd from even numbers of
-/// reflections. Intensity separates no kinds, and without time all kinds are mixed.
+/// The light is physically plausible. Circular polarization then separates all kinds, and one pair of
+/// captures is sufficient for the same separation. Linear polarization separates specular from diffuse light,
+/// but does not separate odd from even numbers of reflections. Intensity separates no kinds. Without time,
+/// all kinds are mixed.
 #[test]
 fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);
@@ -100,8 +103,8 @@ fn circular_polarization_separates_odd_from_even() {
     }
     for metric in [INVERTING, KEEPING] {
         let linear = of("parallel less crossed, time-gated", metric);
-        // Scores are higher than those of diffuse light and equal to those of the other kind, so the area
-        // is 3/4.
+        // The scores are higher than the scores of diffuse light, and equal to the scores of the other
+        // specular kind. The area is therefore 3/4.
         assert!((linear - 0.75).abs() < 0.05, "{linear}");
         let intensity = of("transient intensity", metric);
         assert!((intensity - 0.5).abs() < 0.08, "{intensity}");
@@ -112,9 +115,10 @@ fn circular_polarization_separates_odd_from_even() {
     assert!(of("(3,3) of the bin", "correlation, inverting, summed over time") > 0.98);
 }
 
-/// Baselines are better or equal where expected: intensity if specular light is brighter and not
-/// polarized, linear polarization if only the linear polarization differs, and the sum over time if each
-/// pixel contains one kind.
+/// Baselines are better than or equal to the first method in three cases:
+/// - Intensity, if specular light is brighter and not polarized.
+/// - Linear polarization, if no other property differs.
+/// - The sum over time, if each pixel contains one kind.
 #[test]
 fn baselines_win_or_tie_where_expected() {
     let d = Differs { circular: false, linear: false, bright: 6.0, mixed: true };
@@ -127,13 +131,13 @@ fn baselines_win_or_tie_where_expected() {
     let d = Differs { mixed: false, ..AS_IN_NATURE };
     let of = worth(d);
     assert!(of("(3,3) summed over time", INVERTING) > 0.999);
-    // A sum of six bins has less noise than one.
+    // A sum of six bins has less noise than a single bin.
     let (one, six) = (of("(3,3) of the bin", INVERTING), of("(3,3) summed over time", INVERTING));
     assert!(six >= one - 1e-3, "{six} against {one}");
 }
 
-/// The training variants have dim specular light. The sign of intensity that is learned from them is
-/// kept, although the test variants differ.
+/// The training variants have dim specular light. The sign of the intensity is learned from the training
+/// variants. The sign is kept although the test variants differ.
 #[test]
 fn signs_are_learned_only_from_training_variants() {
     let dim = Differs { bright: 0.1, ..AS_IN_NATURE };
@@ -155,7 +159,7 @@ fn labels_and_reflections_are_counted() {
         let k = kind(place / BINS, place % BINS, true);
         assert_eq!(seen.is(Target::Inverting, *place), k == 0);
         assert_eq!(seen.is(Target::Keeping, *place), k == 1);
-        // Light that interacted with both microfacets and diffuse surfaces (label 12) belongs to no target.
+        // Light that interacted with microfacets and with diffuse surfaces (label 12) belongs to no target.
         assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
     }
 }

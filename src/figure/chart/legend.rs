@@ -1,5 +1,5 @@
-//! Draws the legend of a chart: in the corner of the plot where it covers the least data, or to the right of
-//! the plot.
+//! Draws the legend of a chart. The legend is in the corner of the plot where the legend covers the least
+//! data, or to the right of the plot.
 
 use image::Rgb;
 
@@ -21,9 +21,10 @@ const OFF: f64 = 12.0;
 const NAME: f64 = 320.0;
 /// Maximum number of entries inside the plot.
 const MOST_INSIDE: usize = 9;
-/// Maximum fraction of a legend's pixels that can cover lines and markers if the legend is inside the plot.
+/// Maximum fraction of a legend's pixels that may cover lines and markers. If the fraction is larger, the
+/// legend is not inside the plot.
 const COVERED: f64 = 0.02;
-/// Distance in pixels between the points at which lines are sampled to estimate their coverage.
+/// Distance in pixels between sample points on a line. The coverage of lines is estimated from these points.
 const STEP: f64 = 4.0;
 /// Maximum number of sample points per line segment.
 const MOST_STEPS: f64 = 20_000.0;
@@ -32,7 +33,7 @@ const PIECE: f64 = STEP * NIB.line;
 /// Number of pixels that a marker covers.
 const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 
-/// Draws the legend of all named series; a legend to the right of the plot widens the page.
+/// Draws the legend of all named series. A legend to the right of the plot widens the page.
 pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
     let named = series.iter().filter(|s| !s.name.trim().is_empty());
     let entries: Vec<_> = named.map(|s| (s, fit(s.name.trim(), TICK, NAME))).collect();
@@ -60,8 +61,8 @@ pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn
     }
 }
 
-/// Returns sample points on the lines and markers of series, each with the number of pixels that it
-/// represents.
+/// Returns sample points on the lines and markers of series. Each point has the number of pixels that the
+/// point represents.
 fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
     let mut places = Vec::new();
     for s in series {
@@ -101,7 +102,7 @@ fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect>
         .map(|c| c.0)
 }
 
-/// Draws a legend sample of a series from its left end with the given length.
+/// Draws a legend sample of a series with the given left end and length.
 pub(crate) fn sample(
     page: &mut Drawing,
     ((x, y), length): (Point, f64),

@@ -1,22 +1,24 @@
-//! Computes the scale of a chart's axis: the range, the positions of values along the axis, and the ticks.
+//! Computes the scale of a chart's axis. The scale consists of the range, the positions of values along the
+//! axis, and the ticks.
 
 use super::series::ChartAxis;
 use crate::drawing::{Point, Rect};
 use crate::error::FigureError;
 use crate::ticks::{Ticks, brief};
 
-/// Maximum magnitude of the ends of automatic ranges, so that their difference stays finite.
+/// Maximum magnitude of the ends of automatic ranges. With this limit, the difference of the ends stays
+/// finite.
 const LARGEST: f64 = 1e300;
-/// Margin beyond the outermost values, as a fraction of their range.
+/// Margin beyond the outermost values, as a fraction of the range of values.
 const MARGIN: f64 = 0.04;
-/// Minimum range relative to the values. Labels of a narrower range would be equal.
+/// Minimum range relative to the values. The labels of a narrower range would be equal.
 const NARROWEST: f64 = 1e-9;
 
 /// Maps values to positions 0..1 along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     log: bool,
-    /// Low end of the axis; the exponent to base ten if the axis is logarithmic.
+    /// Low end of the axis, or the exponent of the low end to base ten if the axis is logarithmic.
     low: f64,
     high: f64,
 }
@@ -47,12 +49,15 @@ pub struct Marks {
 }
 
 impl Scale {
-    /// Returns the scale of an axis with its given range, or by default with a range that contains all values
-    /// that the axis can show.
+    /// Returns the scale of an axis with the given range. Without a given range, the range contains all
+    /// values that the axis can show.
     ///
     /// # Errors
-    /// [`FigureError::Option`] with the name `option` if the given range is not finite, is empty,
-    /// is narrower than a billionth of its values or, on a logarithmic axis, is not positive.
+    /// [`FigureError::Option`] with the name `option` if the given range is invalid. A range is invalid in
+    /// the following cases:
+    /// - The range is not finite or is empty.
+    /// - The range is narrower than a billionth of its values.
+    /// - The range is not positive, and the axis is logarithmic.
     pub fn new(
         axis: &ChartAxis,
         option: &'static str,
@@ -94,16 +99,16 @@ impl Scale {
         Ok(Self { log, low: a - pad, high: b + pad })
     }
 
-    /// Returns the position of a value, 0..1 from the low end of the axis. Returns `None` if the
-    /// value is not finite or, on a logarithmic axis, not positive.
+    /// Returns the position of a value, 0..1 from the low end of the axis. Returns `None` if the value is not
+    /// finite. On a logarithmic axis, also returns `None` for a value that is not positive.
     pub fn place(&self, value: f64) -> Option<f64> {
         let v = if self.log { value.log10() } else { value };
-        // Clamp distant values, so that later differences stay finite.
+        // Distant values are clamped, so that later differences stay finite.
         let place = ((v - self.low) / (self.high - self.low)).clamp(-1e3, 1e3);
         v.is_finite().then_some(place)
     }
 
-    /// Returns ticks with at most about `most` labels.
+    /// Returns ticks with approximately `most` labels or fewer.
     pub fn marks(&self, most: usize) -> Marks {
         let mut marks = if !self.log {
             Marks { major: Ticks::linear(self.low, self.high, most), minor: vec![] }
@@ -118,7 +123,7 @@ impl Scale {
         marks
     }
 
-    /// Returns ticks like [`Scale::marks`], with the maximum number of labels that fit into `length`
+    /// Returns ticks as in [`Scale::marks`]. The number of labels is the largest that fits into `length`
     /// pixels without overlap.
     pub fn marks_across(&self, length: f64) -> Marks {
         let mut most = 10;
@@ -128,7 +133,7 @@ impl Scale {
         self.marks(most)
     }
 
-    /// Returns the values `m` × 10ⁿ in the range of the axis, with their positions.
+    /// Returns the values `m` × 10ⁿ in the range of the axis, and the positions of these values.
     fn multiples(&self, m: f64) -> impl Iterator<Item = (f64, f64)> {
         let (low, span) = (self.low, self.high - self.low);
         (self.low.floor() as i32..=self.high.ceil() as i32).map(move |e| {
@@ -154,8 +159,8 @@ impl Scale {
         Marks { minor: minor.collect(), major }
     }
 
-    /// Returns ticks with labels at 1, 2 and 5 times powers of ten, or at round steps if the axis contains
-    /// few of these values.
+    /// Returns ticks with labels at 1, 2 and 5 times powers of ten. If the axis contains few of these values,
+    /// the labels are at round steps.
     fn within_decades(&self, most: usize) -> Marks {
         let on = |t: &(f64, f64)| (0.0..=1.0).contains(&t.1);
         let mut round: Vec<(f64, f64)> =
@@ -189,8 +194,8 @@ pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Ma
     Marks { major: Ticks { marks, exponent: 0 }, minor: vec![] }
 }
 
-/// Returns a label with the power of ten that its ticks factor out. The power is inserted before a bracketed
-/// unit at the end.
+/// Returns a label with the power of ten that the ticks factor out. If a bracketed unit ends the label, the
+/// power is inserted before the unit.
 pub fn label(text: &str, ticks: &Ticks) -> String {
     let text = text.trim();
     let unit = text.strip_suffix(']').and_then(|t| t.rsplit_once('['));

@@ -13,11 +13,11 @@ pub(super) const NIB: Nib = Nib { line: 2.2, bar: 1.4, radius: 5.2 };
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChartAxis {
-    /// Label of the axis, with unit; may be empty.
+    /// Label of the axis, with the unit. The label may be empty.
     pub label: String,
     /// Whether the axis is logarithmic to base ten instead of linear.
     pub log: bool,
-    /// Values at the low and the high end, in the unit of the label; by default the axis contains all points.
+    /// Values at the low and high ends, in the units of the label. By default, the axis contains all points.
     pub range: Option<(f64, f64)>,
     /// Values with names, which replace the numeric tick labels.
     pub named: Vec<(f64, String)>,
@@ -25,15 +25,15 @@ pub struct ChartAxis {
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// Name of the series in the legend; may be empty.
+    /// Name of the series in the legend. The name may be empty.
     pub name: String,
-    /// Points (x, y) in the units of the axes, joined in this order.
+    /// Points (x, y) in the units of the axes. Lines join the points in this order.
     pub points: Vec<(f64, f64)>,
-    /// Standard error of every y value. The standard error is drawn as an error bar of one standard error in
-    /// each direction. Errors that are not finite and positive have no bar.
+    /// Standard error of every y value. The error bar extends by one standard error in each direction. Errors
+    /// that are not finite and positive have no bar.
     pub errors: Option<Vec<f64>>,
     pub style: SeriesStyle,
-    /// Index of the colour in the colour-blind-safe palette (`BLACK` is 6), and of the marker.
+    /// Index of the marker, and of the colour in the colour-blind-safe palette (`BLACK` is 6).
     pub colour: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Tests the positions of known series in a chart, and degenerate series.
+//! Tests the positions of known series in a chart. Also tests degenerate series.
 
 use image::RgbImage;
 use proptest::prelude::*;
@@ -116,8 +116,8 @@ fn dashes_are_black_with_gaps() {
     assert!((450..750).contains(&dark) && white > 150, "{dark} {white}");
 }
 
-/// Tests that the legend avoids the data, and that the legend is outside the plot if there is no free corner
-/// or too many names.
+/// Tests that the legend avoids the data. The legend is outside the plot if there is no free corner or if
+/// there are too many names.
 #[test]
 fn legends_avoid_the_data() {
     let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
@@ -158,8 +158,8 @@ fn invalid_charts_are_refused() {
     assert!(message(&chart).contains("above 0"));
 }
 
-/// Tests charts of every style on both kinds of axis: each has a useful size and contains its text,
-/// and drawing is deterministic.
+/// Tests charts of every style on linear and logarithmic axes. Each chart must have a useful size and contain
+/// its text. Drawing must be deterministic.
 #[test]
 fn charts_have_a_useful_size_and_are_deterministic() {
     let styles = [SeriesStyle::Dashed, SeriesStyle::Band, SeriesStyle::LineMarkers, SeriesStyle::Line];

@@ -25,7 +25,7 @@ const CURVE: f64 = 0.35;
 const DOT: f64 = 0.7;
 /// Width of an arrow's shaft in millimetres.
 const SHAFT: f64 = 0.5;
-/// Length and half width of an arrow's head, in millimetres.
+/// Length and half width of the head of an arrow, in millimetres.
 const HEAD: (f64, f64) = (1.9, 0.8);
 /// Width of the outline around arrows, in millimetres.
 const RIM: f64 = 0.25;
@@ -58,7 +58,7 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     Ok(pen.page)
 }
 
-/// Returns [`PER_INCH`], or twice that number if a camera image has more pixels than its rectangle.
+/// Returns [`PER_INCH`], or twice this number if a camera image has more pixels than its rectangle.
 fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     let crowded = places.panels.iter().any(|placed| {
         let part = figure.parts[placed.part].as_ref();
@@ -72,8 +72,8 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
 }
 
-/// Reduces an image, by averaging colours, to at most the number of pixels of its rectangle. Only maps
-/// can have more pixels.
+/// Reduces an image to at most the number of pixels of its rectangle, by averaging colours. Images that are
+/// not maps never have more pixels than the rectangle.
 fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     let [w, h] = [place.w, place.h].map(|v| v as u32);
     if image.width() <= w && image.height() <= h {
@@ -98,7 +98,7 @@ impl Scribe {
         (x * self.scale, y * self.scale)
     }
 
-    /// Returns the rectangle with edges rounded to pixel boundaries, like those of images.
+    /// Returns the rectangle with edges rounded to pixel boundaries. Images have the same rounded edges.
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));
@@ -199,8 +199,8 @@ impl Scribe {
         self.beside(&up, (r.x, -1.0), r, &names[1]);
     }
 
-    /// Draws ticks and an axis name next to a rectangle, at the edge `x`: on the left if `way` is -1, on
-    /// the right if `way` is 1.
+    /// Draws ticks and an axis name next to a rectangle, at the edge `x`. The ticks are on the left if `way`
+    /// is -1, and on the right if `way` is 1.
     fn beside(&mut self, ticks: &Ticks, (x, way): (f64, f64), r: Rect, name: &str) {
         let align = if way < 0.0 { Align::End } else { Align::Start };
         let mut widest = 0.0_f64;
@@ -276,7 +276,7 @@ impl Scribe {
         self.page.area(corners.into_iter(), Rgb(ink.0), 1.0);
     }
 
-    /// Draws a scale bar: a white line under a label, on a dark background.
+    /// Draws a scale bar, which is a white line under a label on a dark background.
     fn scale_bar(&mut self, label: &str, r: Rect) {
         let wide = width(label, self.style(TICK)) / self.scale;
         let ground = Rect { x: r.x - 0.5, y: r.y - TICK - 0.4, w: r.w.max(wide) + 1.0, h: TICK + r.h + 0.8 };

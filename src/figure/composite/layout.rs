@@ -1,9 +1,10 @@
 //! Computes the layout of a composite, in millimetres from the upper left corner.
 //!
 //! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1)
-//! gap) / n. An image that spans k columns also covers the space between these columns. The space next to
-//! a column is that of the widest axis on its left and the widest colour bar on its right. The space
-//! above and below a row is computed in the same way.
+//! gap) / n. An image that spans k columns also covers the space between these columns. The space next to a
+//! column is the sum of two widths. The first is the width of the widest axis to the left of the column. The
+//! second is the width of the widest colour bar to the right of the column. The space above and below a row
+//! is computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};
@@ -37,7 +38,8 @@ pub const SPACE: f64 = 0.6;
 pub const BAR: f64 = 1.6;
 /// Line spacing of text, in em.
 pub const LINE: f64 = 1.28;
-/// Assumed length of an axis, in millimetres, to measure its ticks before the real length is computed.
+/// Assumed length of an axis in millimetres. The ticks are measured with this length before the actual length
+/// is known.
 const NOMINAL: f64 = 30.0;
 /// Length of a series' sample in a legend, in millimetres.
 pub const SAMPLE: f64 = 5.0;
@@ -58,10 +60,10 @@ pub struct Placed {
     /// Rectangle of each image.
     pub cells: Vec<Rect>,
     pub bar: Option<Rect>,
-    /// Entries of a chart's legend: index of the series, and position of the left end of the
-    /// sample, at half the height of capital letters.
+    /// Entries of a chart's legend. Each entry has the index of the series and the position of the left end
+    /// of the sample. The position is at half the height of capital letters.
     pub legend: Vec<(usize, Point)>,
-    /// Caption lines, and position of the left end of each line, at half the height of capital letters.
+    /// Caption lines, and the position of the left end of each line at half the height of capital letters.
     pub caption: Vec<(String, Point)>,
     /// For each inset, the rectangle of the crop and the rectangle of the magnified copy.
     pub insets: Vec<(Rect, Rect)>,
@@ -76,20 +78,20 @@ pub struct Layout {
     pub width: f64,
     pub height: f64,
     pub panels: Vec<Placed>,
-    /// Column headings, and position of the centre of each heading.
+    /// Column headings, and the position of the centre of each heading.
     pub columns: Vec<(String, Point)>,
-    /// Row headings, rotated to read upward, and position of the centre of each heading.
+    /// Row headings, and the position of the centre of each heading. The text is rotated to read upward.
     pub rows: Vec<(String, Point)>,
 }
 
-/// Returns a style whose em is in millimetres.
+/// Returns a style with the given em in millimetres.
 pub(super) fn style(em: f64) -> Style {
     Style { em, colour: INK }
 }
 
 /// Returns ticks of pixels or bins along an axis of `length` millimetres.
 pub(super) fn ticks(axis: &Scaled, length: f64, across: bool) -> Ticks {
-    // `Ticks` assumes text of 15 pixels.
+    // `Ticks` assumes a text height of 15 pixels.
     Ticks::coordinates(&axis.coords, length * 15.0 / TICK, across)
 }
 
@@ -126,8 +128,8 @@ fn below(tile: &Tile, w: f64) -> f64 {
     if tile.axes.is_some() || tile.chart.is_some() { UNDER + legend } else { 0.0 }
 }
 
-/// Returns the entries of a legend in rows that are at most `w` wide. Positions are relative to the
-/// upper left corner of the legend.
+/// Returns the entries of a legend in rows whose width is at most `w`. Positions are relative to the upper
+/// left corner of the legend.
 fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     let (mut out, mut x, mut row) = (vec![], 0.0, 0.0);
     let named = lines.chart.series.iter().enumerate();
@@ -142,8 +144,8 @@ fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     out
 }
 
-/// Returns the height of a tile of width `w`, and the width and height of each image in the tile, in
-/// millimetres.
+/// Returns the height of a tile of width `w`. Also returns the width and height of each image in the tile.
+/// All lengths are in millimetres.
 fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let Some((image, _)) = tile.cells.first() else {
         return (w * tile.aspect.unwrap_or(1.0), (0.0, 0.0));
@@ -152,14 +154,14 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let cell = (w - (columns - 1) as f64 * CELL_GAP) / columns as f64;
     let high = match tile.aspect {
         Some(aspect) => cell * aspect,
-        // Images of few rows have a minimum height, so that they remain visible.
+        // Images with few rows have a minimum height, so that the images remain visible.
         None => (cell * f64::from(image.height()) / f64::from(image.width())).max(1.0),
     };
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Returns the rows of the grid: the index, the part and the column of each panel. Empty positions are
-/// skipped.
+/// Returns the rows of the grid as lists of panels. Each panel has its index, part and column. Empty
+/// positions are skipped.
 fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
     for (i, part) in figure.parts.iter().enumerate() {
@@ -178,7 +180,8 @@ fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
 /// Computes the layout of a figure.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no panel, a number is out of range, or no space remains for images.
+/// [`FigureError::Option`] if there is no panel, if a number is out of range, or if no space remains for
+/// images.
 pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     figure.check()?;
     let n = figure.columns;
@@ -249,7 +252,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     Ok(out)
 }
 
-/// Returns the layout of a part whose image has its upper left corner at `(x, y)` and the width `w`, in
+/// Returns the layout of a part. The part's image has its upper left corner at `(x, y)` and the width `w`, in
 /// millimetres.
 fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     let tile = &part.tile;
@@ -279,8 +282,7 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     }
 }
 
-/// Returns the rectangle of an inset's crop, rounded to whole pixels, and the rectangle of the magnified
-/// copy.
+/// Returns two rectangles: an inset's crop, rounded to whole pixels, and the magnified copy.
 fn inset(inset: &Inset, tile: &Tile, picture: Rect) -> (Rect, Rect) {
     let size = tile.size().unwrap_or([1, 1]);
     let [px, py] = [picture.w / f64::from(size[0]), picture.h / f64::from(size[1])];

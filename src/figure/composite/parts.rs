@@ -13,16 +13,16 @@ pub const MOST_PANELS: usize = 200;
 
 #[derive(Clone, Debug)]
 pub struct Composite {
-    /// Title in the document's metadata; it is not drawn.
+    /// Title in the document's metadata. The title is not drawn.
     pub title: String,
     pub width_mm: f64,
     pub columns: usize,
     pub column_headings: Vec<String>,
-    /// Headings to the left of the rows, rotated to read upward.
+    /// Headings to the left of the rows. The text is rotated to read upward.
     pub row_headings: Vec<String>,
     /// Whether panels have letters.
     pub letters: bool,
-    /// Panels, row by row; `None` leaves a place of the grid empty.
+    /// Panels, row by row. `None` leaves a position of the grid empty.
     pub parts: Vec<Option<Part>>,
 }
 
@@ -40,14 +40,14 @@ pub struct Part {
     pub scale_bar: Option<ScaleBar>,
 }
 
-/// A crop of an image, magnified in one of its corners.
+/// A crop of an image. The crop is magnified in one corner of the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inset {
-    /// Left and upper edge, width and height as fractions of the image.
+    /// Left edge, upper edge, width and height of the crop, as fractions of the image.
     pub crop: [f64; 4],
     pub magnify: f64,
     pub corner: Corner,
-    /// Colour of the frames of the crop and of its magnified copy.
+    /// Colour of the frames of the crop and of the magnified copy.
     pub ink: Ink,
 }
 
@@ -59,9 +59,11 @@ pub struct Corner {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrow {
-    /// Start of the arrow, as fractions of the image from its left and upper edge.
+    /// Start of the arrow, measured from the image's left and upper edges. The values are fractions of the
+    /// image's size.
     pub from: [f64; 2],
-    /// Tip of the arrow, as fractions of the image from its left and upper edge.
+    /// Tip of the arrow, measured from the image's left and upper edges. The values are fractions of the
+    /// image's size.
     pub to: [f64; 2],
     pub ink: Ink,
 }
@@ -101,7 +103,7 @@ impl Ink {
 }
 
 impl Corner {
-    /// Parses the name of a corner: `upper left`, `upper right`, `lower left` or `lower right`.
+    /// Parses the name of a corner, which is `upper left`, `upper right`, `lower left` or `lower right`.
     pub fn named(name: &str) -> Option<Self> {
         let (vertical, side) = name.split_once(' ')?;
         let lower = match vertical {
@@ -118,17 +120,17 @@ impl Corner {
     }
 }
 
-/// Returns the letter of a panel: (a) to (z), (aa) to (az), …
+/// Returns the letter of a panel. The sequence is (a) to (z), (aa) to (az), and so on.
 pub fn letter(i: usize) -> String {
     let one = |i: usize| char::from(b'a' + (i % 26) as u8);
     if i < 26 { format!("({})", one(i)) } else { format!("({}{})", one(i / 26 - 1), one(i)) }
 }
 
 impl Inset {
-    /// Checks that the crop and its magnified copy are within the image.
+    /// Checks that the crop and the magnified copy are within the image.
     ///
     /// # Errors
-    /// [`FigureError::Option`] if the crop or its copy is outside the image.
+    /// [`FigureError::Option`] if the crop or the magnified copy extends beyond the image.
     pub fn check(&self) -> Result<(), FigureError> {
         let [x, y, w, h] = self.crop;
         let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
@@ -145,7 +147,7 @@ impl Inset {
         Ok(())
     }
 
-    /// Returns the crop of an image in whole pixels: left and upper edge, width and height.
+    /// Returns the left edge, upper edge, width and height of the crop in whole pixels of an image.
     pub fn pixels(&self, [w, h]: [u32; 2]) -> [u32; 4] {
         let along = |from: f64, size: f64, n: u32| {
             let first = ((from * f64::from(n)).round() as u32).min(n.saturating_sub(1));

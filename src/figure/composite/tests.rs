@@ -38,7 +38,7 @@ fn image(w: u32, h: u32) -> Option<Part> {
     Some(part(Tile::image(numbered(w, h))))
 }
 
-/// Returns a logarithmic chart of two named lines and one unnamed line, with or without a legend.
+/// Returns a logarithmic chart of two named lines and one unnamed line. The chart can have a legend.
 fn curves(legend: bool) -> Tile {
     let axis = |label: &str, log, range| ChartAxis {
         label: label.into(),
@@ -61,8 +61,8 @@ fn curves(legend: bool) -> Tile {
     of_chart(chart, legend).expect("a chart")
 }
 
-/// Tests that the legend is under the axis, with each name next to the line's colour, and that markers are at
-/// logarithmic positions.
+/// Tests that the legend is under the axis. Each name must be next to the line's colour, and markers must be
+/// at logarithmic positions.
 #[test]
 fn charts_have_a_legend_and_logarithmic_positions() {
     let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
@@ -82,7 +82,7 @@ fn charts_have_a_legend_and_logarithmic_positions() {
         assert!(*y > r.y + r.h && *y < with.height && *x >= r.x - 1e-9);
         assert_eq!(at(&img, (x + SAMPLE / 2.0, *y), scale), Rgb(colour));
     }
-    // If the figure is only as wide as a word, each name has its own row.
+    // In a figure that is as narrow as a word, each name has a row of its own.
     let narrow = Composite { width_mm: 31.0, ..figure(1, vec![Some(part(curves(true)))]) };
     let rows = layout(&narrow).expect("places").panels[0].legend.clone();
     assert!(near(rows[1].1.1 - rows[0].1.1, LINE * TICK) && near(rows[1].1.0, rows[0].1.0));
@@ -92,8 +92,8 @@ fn near(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-9
 }
 
-/// Tests two columns and two rows of 4:3 images in 84 mm without a colour bar against positions computed by
-/// hand.
+/// Tests two columns and two rows of 4:3 images in 84 mm without a colour bar. The expected positions are
+/// computed by hand.
 #[test]
 fn positions_match_the_closed_form() {
     let places = layout(&figure(2, (0..4).map(|_| image(40, 30)).collect())).expect("places");
@@ -112,8 +112,8 @@ fn positions_match_the_closed_form() {
     assert!(near(places.width, 84.0) && near(places.height, 2.0 * row - ROW_GAP + 2.0 * EDGE));
 }
 
-/// Tests that a colour bar narrows all images equally, that headings take space at the edges, and
-/// that a span covers the gap between columns.
+/// Tests that a colour bar narrows all images equally. Headings must take space at the edges, and a span must
+/// cover the gap between columns.
 #[test]
 fn colour_bars_headings_and_spans_take_space() {
     let with_bar = |x: f32| {
@@ -168,8 +168,8 @@ fn at(img: &RgbImage, (x, y): (f64, f64), scale: f64) -> Rgb<u8> {
     *img.get_pixel((x * scale) as u32, (y * scale) as u32)
 }
 
-/// Tests that the inset contains every pixel of the crop at its magnified position, and no pixel outside the
-/// crop.
+/// Tests that the inset contains every pixel of the crop at the magnified position. The inset must contain no
+/// other pixel.
 #[test]
 fn insets_show_the_pixels_of_their_crop() {
     let mut one = part(Tile::image(numbered(20, 10)));
@@ -192,13 +192,13 @@ fn insets_show_the_pixels_of_their_crop() {
         let middle = (large.x + (f64::from(i) + 0.5) * 3.0 * px, large.y + (f64::from(j) + 0.5) * 3.0 * px);
         assert_eq!(at(&img, middle, scale), Rgb([i + 3, j + 3, 200]), "({i}, {j})");
     }
-    // The rest of the image is unchanged.
+    // The rest of the image does not change.
     let first = (r.x + 0.5 * px, r.y + 0.5 * px);
     assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
 }
 
-/// Tests that the tip of an arrow is at its target: the pixel behind the tip has the arrow's colour, and
-/// the pixel in front of the tip does not.
+/// Tests that the tip of an arrow is at its target. The pixel behind the tip has the arrow's colour, and the
+/// pixel in front of the tip does not.
 #[test]
 fn arrow_tips_are_at_their_targets() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
@@ -225,7 +225,7 @@ fn letters_continue_after_z() {
     assert_eq!([0, 25, 26, 52].map(letter), ["(a)", "(z)", "(aa)", "(ba)"]);
 }
 
-/// Tests the physical size of a figure: 84 mm in the SVG, and the same size in points in the PDF.
+/// Tests the physical size of a figure. The SVG states 84 mm, and the PDF has the same size in points.
 #[test]
 fn figures_have_the_requested_physical_size() {
     let drawing = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");

@@ -89,7 +89,8 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     assert_eq!(one(664.0, 1.0), crate::colour::signed(0.5).0);
 }
 
-/// Returns a tensor in which only camera row 7 has light: projector column 3 of 8 is bright in time bin 5 of 10.
+/// Returns a tensor in which no camera row except row 7 has light. In this row, projector column 3 of 8 is
+/// bright in time bin 5 of 10.
 fn scanlines() -> Tensor {
     let bins = (0..10).map(|i| 105.0 + 10.0 * f64::from(i)).collect();
     tensor(
@@ -111,7 +112,7 @@ fn bright_bin_of_a_space_time_map_is_at_its_position() {
     let t = scanlines();
     let place = |r: usize, nm| seen(&View::SpaceTime(map_view(r, [0, 0], nm)), &panel(&t));
     let (img, r) = place(1, Some(550.0));
-    // Time runs upward: bin 5 of 10 is from 0.4 to 0.5 below the top.
+    // Time runs upward, so bin 5 of 10 is from 0.4 to 0.5 below the top.
     let bright = crate::colour::sequential(1.0).0;
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), bright);
     for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
@@ -207,7 +208,7 @@ fn lines_and_bands_of_a_profile_pass_through_their_rows() {
         assert!(dark(one) > dark(two) && dark(two) > dark(none), "{one:?} {two:?} {none:?}");
         assert_eq!(none, [255; 3]);
     }
-    // Without errors there is no band.
+    // Without standard errors, there is no band.
     let (img, r) = seen(&View::Profile(view), &panel(&mean));
     assert_eq!(colour(&img, r, 0.32, 0.2), [255; 3]);
 }

@@ -1,10 +1,10 @@
-//! Tests degenerate tensors: drawing never panics, and drawings have a positive size.
+//! Tests degenerate tensors. Drawing must never panic, and drawings must have a positive size.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// Generates the lengths of all ten axes: 1 to 4, sometimes 0; some axes are absent.
+/// Generates the lengths of all ten axes. A length is 1 to 4, and sometimes 0. Some axes are absent.
 fn shapes() -> impl Strategy<Value = Vec<usize>> {
     let one = prop_oneof![8 => 1_usize..4, 1 => Just(0_usize), 1 => Just(4_usize)];
     proptest::collection::vec(one, 10)
@@ -49,7 +49,8 @@ proptest! {
                 let (w, h) = (d.width(), d.height());
                 prop_assert!((300..=2300).contains(&w) && h <= 2300, "{w} × {h}");
                 prop_assert!(numbers(&d.svg()), "{view:?}: {}", d.svg());
-                // Rasterizing is slow, so only figures with strokes at extreme coordinates are rasterized.
+                // Rasterizing is slow. Therefore no figures except those with strokes at extreme coordinates
+                // are rasterized.
                 prop_assert!(!matches!(view, View::Profile(_)) || d.pixels().is_ok());
             }
         }

@@ -72,7 +72,7 @@ fn equal_inputs_give_equal_bytes_in_every_format() {
     let read = |name: &str| std::fs::read(at(name)).unwrap();
     for (i, view) in all_views().iter().enumerate() {
         for (format, head) in [("png", "\u{fffd}PNG"), ("svg", "<svg "), ("pdf", "%PDF-")] {
-            // Only some views are rasterized, because rasterizing is slow and the SVG determines the pixels.
+            // Not all views are rasterized, because rasterizing is slow and the SVG determines the pixels.
             if format == "png" && i % 4 > 0 {
                 continue;
             }
@@ -127,7 +127,7 @@ fn letters(pdf: &str) -> String {
         .collect()
 }
 
-/// Tests that a PDF page contains its text as glyphs of an embedded font with a character map.
+/// Tests that a PDF page contains the text as glyphs of an embedded font with a character map.
 #[test]
 fn texts_of_a_pdf_can_be_selected() {
     let title = "Wörter, Σ and M00 × 10⁻³";

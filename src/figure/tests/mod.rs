@@ -31,11 +31,11 @@ fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
     lengths.map(|(kind, n)| counted(kind, n)).into()
 }
 
-/// Indices of one entry of a tensor, one per axis.
+/// Indices of one entry of a tensor. There is one index per axis.
 struct At<'a>(&'a Tensor, Vec<usize>);
 
 impl At<'_> {
-    /// Returns the index along an axis, or 0 if the tensor does not have it.
+    /// Returns the index along an axis, or 0 if the tensor does not have the axis.
     fn i(&self, kind: AxisKind) -> usize {
         self.0.find(kind).map_or(0, |k| self.1[k])
     }
@@ -109,7 +109,7 @@ fn all_views() -> Vec<View> {
     ]
 }
 
-/// Returns whether a document is well-formed and all its coordinates are finite.
+/// Returns whether a document is well-formed and all coordinates in the document are finite.
 pub fn numbers(svg: &str) -> bool {
     let xml = roxmltree::Document::parse(svg).unwrap();
     let mut values = xml.descendants().flat_map(|e| e.attributes()).map(|a| a.value());
@@ -133,7 +133,8 @@ fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
     (drawing.pixels().unwrap(), drawing.data)
 }
 
-/// Returns the colour of an image at a position in a rectangle, 0..1 from the left and from the top.
+/// Returns the colour of an image at a position in a rectangle. The position is 0..1 from the left and from
+/// the top.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
     img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32).0
 }

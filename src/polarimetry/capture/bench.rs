@@ -1,6 +1,6 @@
-//! A simulated bench: computes one frame on a sensor for the current settings of all elements.
+//! Simulates a bench. The module computes one frame on a sensor for the current settings of all elements.
 //!
-//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state illuminates
+//! The forward model is the factored form of [`super::design_matrix::rows`]. The generator state illuminates
 //! the scene, and the analyzer rows weight the returning light. The bench takes the settings of the elements
 //! instead of a capture number, because laboratory stages stop at positions that differ from the plan.
 
@@ -12,12 +12,13 @@ use super::scheme::Scheme;
 use super::states::{detecting, illuminating};
 use rayon::prelude::*;
 
-/// The actual optics with their imperfections, and the directions of light through them.
+/// The actual optics with imperfections, and the directions of light through the optics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bench {
-    /// The polarizing elements on both paths. The scheme's own settings per capture are ignored.
+    /// The polarizing elements on the generator path and the analyzer path. The settings that the scheme
+    /// contains for each capture are ignored.
     pub optics: Scheme,
-    /// Wavelength, nanometres.
+    /// Wavelength in nanometres.
     pub nm: f64,
     /// Directions of camera pixels through the analyzer.
     pub camera: Directions,
@@ -28,11 +29,11 @@ pub struct Bench {
 /// The light that the scene returns toward each camera pixel under one projected pattern.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
-    /// Mueller matrices of the scene under a pattern: 16 elements per pixel, row-major. [`Bench`]
-    /// applies the illumination.
+    /// Mueller matrices of the scene under a pattern: 16 elements per pixel, row-major. [`Bench`] applies the
+    /// illumination to these matrices.
     Mueller(&'a [f32]),
-    /// Stokes vectors of the returning light per pixel, with the illumination ([`Bench::lighting`])
-    /// already applied.
+    /// Stokes vectors of the returning light per pixel. The illumination ([`Bench::lighting`]) is already
+    /// applied.
     Stokes(&'a [[f64; 4]]),
 }
 
@@ -51,17 +52,19 @@ pub fn times(m: &[f32], s: &Stokes) -> Stokes {
 }
 
 impl Bench {
-    /// Returns the Stokes vector from the pixel at `(u, v)` of a projector of `size` columns and rows.
+    /// Returns the Stokes vector of the light from the pixel at `(u, v)` of a projector of `size` columns and
+    /// rows.
     pub fn lighting(&self, generator: &[Set], [u, v]: [usize; 2], size: [usize; 2]) -> Stokes {
         let ray = self.projector.ray(u, v, size, self.nm);
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// Returns the intensities on a camera of `size` columns and rows, in the unit of `light`: one number per
-    /// pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the units of `light`. There is one
+    /// number per pixel of the region `[x, y, width, height]`. For a polarizer array, the result is the raw
+    /// mosaic.
     ///
     /// # Panics
-    /// If the region exceeds the camera, or `light` has too few pixels.
+    /// Panics if the region exceeds the camera, or if `light` has too few pixels.
     pub fn image(
         &self,
         light: Light<'_>,
@@ -106,7 +109,8 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Frames of the bench equal those of [`simulate`], for rays along the axis and through a pinhole.
+    /// For rays along the axis and for rays through a pinhole, frames of the bench equal frames of
+    /// [`simulate`].
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };
@@ -123,7 +127,7 @@ mod tests {
                     Bench { optics: scheme.clone(), nm: 550.0, camera: view, projector: Directions::Axial };
                 for k in 0..3 {
                     let sets = scheme.sets(k);
-                    // [`simulate`] uses the ray of the camera pixel for the generator as well.
+                    // [`simulate`] uses the ray of the camera pixel for the generator and for the analyzer.
                     let lit: Vec<[f64; 4]> = (0..24)
                         .map(|i| {
                             let ray = view.ray(i % 6, i / 6, [6, 4], 550.0);

@@ -1,8 +1,10 @@
-//! The optics that both paths of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
+//! The optics that the outgoing and returning paths of a coaxial rig share. The shared optics are a
+//! beamsplitter and a pair of galvo mirrors.
 //!
-//! Baek & Heide 2021, eqs. 12 and 14: the scene receives G B_t Q p, and the detector measures [L Q B_r G'
-//! …]_0 (p: source, Q and L: polarizing elements). These optics are part of the states of generator and
-//! analyzer. The galvo's matrix G depends on the ray's direction.
+//! According to Baek & Heide (2021, eqs. 12 and 14), the scene receives G B_t Q p, and the detector measures
+//! [L Q B_r G' …]_0. In these equations, p is the source, and Q and L are polarizing elements. The shared
+//! optics are part of the states of generator and analyzer. The galvo's matrix G depends on the ray's
+//! direction.
 
 use super::element::{Mueller, Ray, diattenuator, retarder};
 use super::spectral_value::SpectralValue;
@@ -20,7 +22,8 @@ pub struct Arm {
     /// Diattenuation (T_x - T_y)/(T_x + T_y).
     #[serde(default = "nothing")]
     pub diattenuation: SpectralValue,
-    /// Phase by which the y component lags the x component, degrees. Excludes the 180° of the mirror image.
+    /// Phase in degrees by which the y component lags the x component. The phase excludes the 180° of the
+    /// mirror image.
     #[serde(default = "nothing")]
     pub retardance_deg: SpectralValue,
 }
@@ -40,9 +43,9 @@ impl Arm {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coaxial {
-    /// The matrix B_t, from the elements to the scene.
+    /// The transmitting arm with the matrix B_t, from the elements to the scene.
     pub transmission: Arm,
-    /// The matrix B_r, from the scene to the elements.
+    /// The reflecting arm with the matrix B_r, from the scene to the elements.
     pub reflection: Arm,
     /// The mirrors that steer the beam, or `None` if the beam is fixed.
     pub galvo: Option<Galvo>,
@@ -55,9 +58,9 @@ impl Coaxial {
         self.outward(&axis)[(0, 0)] * self.inward(&axis)[(0, 0)]
     }
 
-    /// Scales the efficiency of the transmitting arm so that the brightness along the axis equals that of
-    /// `before`. Use this after other parameters were fitted to captures that do not determine the
-    /// brightness.
+    /// Scales the efficiency of the transmitting arm. After scaling, the brightness along the axis equals the
+    /// brightness of `before`. Use this function after fitting parameters to captures that do not determine
+    /// the brightness.
     pub fn keep_brightness(&mut self, before: &Self, wavelengths: &[f64]) {
         let efficiency = |nm: f64| {
             let as_before = before.brightness(nm) / self.brightness(nm);
@@ -71,12 +74,12 @@ impl Coaxial {
         };
     }
 
-    /// Returns the Mueller matrix B_t of the transmitting arm at wavelength `nm`, nanometres.
+    /// Returns the Mueller matrix B_t of the transmitting arm at the wavelength `nm`, in nanometres.
     pub fn transmission(&self, nm: f64) -> Mueller {
         self.transmission.matrix(nm)
     }
 
-    /// Returns B_r: the matrix of the arm times the mirror image.
+    /// Returns B_r, which is the matrix of the arm times the mirror image.
     pub fn reflection(&self, nm: f64) -> Mueller {
         self.reflection.matrix(nm) * mirror_image()
     }
@@ -96,7 +99,7 @@ impl Coaxial {
     }
 }
 
-/// Returns the Mueller matrix of a mirror image: it reverses handedness and exchanges ±45°.
+/// Returns the Mueller matrix of a mirror image. The matrix reverses handedness and exchanges ±45°.
 fn mirror_image() -> Mueller {
     Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0))
 }
@@ -111,7 +114,7 @@ pub struct Galvo {
     pub k: SpectralValue,
 }
 
-/// A ray and the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
+/// A ray and the frame of its Stokes vectors. The x axis is perpendicular to the ray, and y = direction × x.
 #[derive(Clone, Copy, Debug)]
 struct Framed {
     direction: Vector3<f64>,
@@ -119,29 +122,29 @@ struct Framed {
 }
 
 impl Galvo {
-    /// Returns G for a direction (x and y angles from the undeflected axis, radians). G maps from
-    /// the frame before the mirrors to the frame of the beam behind them.
+    /// Returns G for a direction. The direction is given by its x and y angles from the undeflected axis, in
+    /// radians. G maps from the frame before the mirrors to the frame of the beam behind the mirrors.
     ///
-    /// Before the mirrors, light travels along +X. The first mirror reflects the light to +Y, the second
-    /// to +Z. The x axis of a frame is an axis projected onto the plane perpendicular to the beam: Y
-    /// before the mirrors, X behind them.
+    /// Before the mirrors, light travels along +X. The first mirror reflects the light to +Y, and the second
+    /// mirror reflects the light to +Z. The x axis of a frame is an axis that is projected onto the plane
+    /// perpendicular to the beam. The projected axis is Y before the mirrors, and X behind the mirrors.
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
         let start = Framed { direction: Vector3::x(), x: Vector3::y() };
         self.along(nm, start, &normals, across(Vector3::x(), beam))
     }
 
-    /// Returns G' for light that returns from the same direction. The frames are those of
-    /// [`Galvo::outward`] with reversed y axes, because the ray is reversed.
+    /// Returns G' for light that returns from the same direction. The frames are those of [`Galvo::outward`]
+    /// with reversed y axes, because the ray is reversed.
     pub fn inward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
-        // Sekera 1966: the matrix of the reversed path is Q Mᵀ Q.
+        // According to Sekera (1966), the matrix of the reversed path is Q Mᵀ Q.
         let q = Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
         q * self.outward(nm, direction).transpose() * q
     }
 
-    /// Returns the normals of the mirrors and the direction of the beam behind them.
+    /// Returns the normals of the mirrors and the direction of the beam behind the mirrors.
     fn bounces(&self, [alpha_x, alpha_y]: [f64; 2]) -> ([Vector3<f64>; 2], Vector3<f64>) {
-        // A mirror rotated by an angle deflects the beam by twice that angle.
+        // A mirror that is rotated by an angle deflects the beam by twice that angle.
         let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_x / 2.0).sin_cos();
         let first = Vector3::new(-s, c, 0.0);
         let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_y / 2.0).sin_cos();
@@ -154,7 +157,7 @@ impl Galvo {
         let (mut m, mut ray) = (Mueller::identity(), start);
         for normal in normals {
             let s = ray.direction.cross(normal);
-            // At normal incidence every axis perpendicular to the ray is an s axis.
+            // At normal incidence, every axis perpendicular to the ray is an s axis.
             let s = s.try_normalize(1e-9).unwrap_or(ray.x);
             m = turned(&ray, s) * m;
             let cos = ray.direction.dot(normal).abs();
@@ -178,12 +181,12 @@ fn reflected(d: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
     d - normal * (2.0 * d.dot(&normal))
 }
 
-/// Returns the normalized component of an axis that is perpendicular to a direction.
+/// Returns the component of an axis that is perpendicular to a direction. The component is normalized.
 fn across(axis: Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
     (axis - direction * axis.dot(&direction)).normalize()
 }
 
-/// Returns the rotation from a ray's frame to the frame with x axis `x`.
+/// Returns the rotation from a ray's frame to the frame with the x axis `x`.
 fn turned(ray: &Framed, x: Vector3<f64>) -> Mueller {
     let y = ray.direction.cross(&ray.x);
     super::element::rotator(x.dot(&y).atan2(x.dot(&ray.x)))
@@ -209,8 +212,8 @@ mod tests {
         }
     }
 
-    /// Perfect undeflected mirrors only rotate the frame. The s axes of the two mirrors are perpendicular,
-    /// and the two mirror images cancel.
+    /// Perfect undeflected mirrors rotate the frame and have no other effect. The s axes of the two mirrors
+    /// are perpendicular, and the two mirror images cancel.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();

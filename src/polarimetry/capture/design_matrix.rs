@@ -1,9 +1,9 @@
-//! The forward model: intensities are a matrix times the elements of a Mueller matrix.
+//! The forward model. Intensities are the product of the design matrix and the elements of a Mueller matrix.
 //!
-//! Row (k, c) of the design matrix A combines the analyzer row a of channel c and the generator state g of
-//! capture k: A[(k, c), 4i + j] = a_i g_j. Then A vec(T) are the intensities a·T·g of Baek & Heide 2021, eqs.
-//! 3 and 6, for a Mueller matrix T with elements `T[i][j]` (Stokes out i, in j) in row-major order.
-//! Simulation, the search for angles and reconstruction all use this matrix.
+//! Row (k, c) of the design matrix A combines the analyzer row a of channel c with the generator state g of
+//! capture k. The elements of this row are A[(k, c), 4i + j] = a_i g_j. For a Mueller matrix T, A vec(T)
+//! contains the intensities a·T·g of Baek & Heide (2021, eqs. 3 and 6). The elements `T[i][j]` (Stokes out i,
+//! in j) are in row-major order. Simulation, the search for angles and reconstruction all use this matrix.
 
 use super::element::{Ray, Set};
 use super::scheme::{Scheme, Sensor};
@@ -12,7 +12,8 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
 
 pub const ELEMENTS: usize = 16;
-/// Singular values below this fraction of the largest count as zero (rounding errors).
+/// Fraction of the largest singular value. Smaller singular values are rounding errors and are treated as
+/// zero.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -39,8 +40,8 @@ fn fix(captures: usize, least: usize) -> String {
     }
 }
 
-/// Returns the rows of the design matrix for one capture, one per channel of the sensor. `sets` holds the
-/// actual settings of generator and analyzer, which may differ from the scheme's nominal ones.
+/// Returns the rows of the design matrix for one capture, one row per channel of the sensor. `sets` holds the
+/// actual settings of generator and analyzer, which may differ from the nominal settings of the scheme.
 pub fn rows(
     scheme: &Scheme,
     sets: &[Vec<Set>; 2],
@@ -53,7 +54,7 @@ pub fn rows(
 /// The design matrix of a scheme for a ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignMatrix {
-    /// One row per measurement (by capture, then by channel), 16 columns.
+    /// Matrix with 16 columns and one row per measurement, by capture, then by channel.
     pub a: DMatrix<f64>,
     name: String,
     captures: usize,
@@ -87,7 +88,7 @@ impl DesignMatrix {
         values
     }
 
-    /// Returns the rank of the design matrix: the number of independent combinations of elements
+    /// Returns the rank of the design matrix. The rank is the number of independent combinations of elements
     /// that the captures determine.
     pub fn rank(&self) -> usize {
         let values = self.singular_values();
@@ -95,7 +96,7 @@ impl DesignMatrix {
         values.iter().filter(|v| **v > RANK_TOLERANCE * most && **v > 0.0).count()
     }
 
-    /// Returns the condition number of the design matrix; infinite below rank 16.
+    /// Returns the condition number of the design matrix. The condition number is infinite below rank 16.
     pub fn condition(&self) -> f64 {
         let values = self.singular_values();
         match (values.first(), values.get(ELEMENTS - 1), self.rank()) {
@@ -104,20 +105,20 @@ impl DesignMatrix {
         }
     }
 
-    /// Returns (AᵀA)⁻¹: the covariance of the least-squares estimate for noise of unit variance.
+    /// Returns (AᵀA)⁻¹, which is the covariance of the least-squares estimate for noise of unit variance.
     ///
     /// # Errors
-    /// If the captures do not determine a Mueller matrix.
+    /// Returns an error if the captures do not determine a Mueller matrix.
     pub fn covariance(&self) -> Result<SMatrix<f64, ELEMENTS, ELEMENTS>, RankError> {
         let x = self.pseudo_inverse()?;
         let product = &x * x.transpose();
         Ok(SMatrix::from_fn(|i, j| product[(i, j)]))
     }
 
-    /// Returns tr (AᵀA)⁻¹: the sum of var/σ² over the 16 elements of the least-squares estimate.
+    /// Returns tr (AᵀA)⁻¹, which is the sum of var/σ² over the 16 elements of the least-squares estimate.
     ///
     /// # Errors
-    /// If the captures do not determine a Mueller matrix.
+    /// Returns an error if the captures do not determine a Mueller matrix.
     pub fn error_variance(&self) -> Result<f64, RankError> {
         Ok(self.covariance()?.trace())
     }
@@ -125,7 +126,7 @@ impl DesignMatrix {
     /// Returns A⁺ (16 rows), which maps intensities to the least-squares estimate.
     ///
     /// # Errors
-    /// If the captures do not determine a Mueller matrix.
+    /// Returns an error if the captures do not determine a Mueller matrix.
     pub fn pseudo_inverse(&self) -> Result<DMatrix<f64>, RankError> {
         let rank = self.rank();
         if rank < ELEMENTS {
@@ -149,10 +150,10 @@ impl DesignMatrix {
 }
 
 /// Returns A⁺ = (AᵀA)⁺Aᵀ for any rank, which yields the matrix of minimum norm among all least-squares
-/// solutions. Singular values below 1e-6 of the largest count as zero.
+/// solutions. Singular values below 1e-6 of the largest are treated as zero.
 ///
-/// Uses the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong if a singular value is exactly
-/// zero.
+/// The function uses the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong if a singular
+/// value is exactly zero.
 pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     let normal = a.transpose() * a;
     let normal = SMatrix::<f64, ELEMENTS, ELEMENTS>::from_fn(|i, j| normal[(i, j)]);
@@ -168,19 +169,19 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     inverse * a.transpose()
 }
 
-/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K for an intensity
-/// sensor. For a polarizer array the bound is 400/K, or 440/K behind quarter-wave plates.
+/// Returns the lower bound of Σ var/σ² for K captures with ideal elements. The bound is 1600/K for an
+/// intensity sensor. For a polarizer array, the bound is 400/K, or 440/K behind quarter-wave plates.
 ///
-/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore spread
-/// evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015).
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal generator and analyzer states are
+/// therefore spread evenly over the sphere (a spherical 2-design; Foreman, Favaro & Aiello 2015).
 ///
-/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse is
-///   40. With such states on both sides, the bound is 1600/K.
-/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it. The
-///   direction n on the sphere (here s3) is not measured. If n is spread evenly over the sphere, the mean
-///   is diag(1, ⅓, ⅓, ⅓), whose inverse has trace 10. The bound is therefore 400/K.
+/// - Behind a polarizer, g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), whose inverse has trace 40. If
+///   generator and analyzer have such states, the bound is 1600/K.
+/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before a retarder rotates this matrix. The
+///   direction n on the sphere (initially s3) is not measured. If n is spread evenly over the sphere, the
+///   mean is diag(1, ⅓, ⅓, ⅓), whose inverse has trace 10. The bound is therefore 400/K.
 /// - Quarter-wave plates keep n on the equator. The mean is then diag(1, ¼, ¼, ½), whose inverse has
-///   trace 11. The bound is 440/K.
+///   trace 11. The bound is therefore 440/K.
 pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
         Sensor::Intensity => 1600.0,
@@ -233,8 +234,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig applies beamsplitter and galvo on both paths, in the order of Baek & Heide 2021, eqs. 12
-    /// and 14, for an off-axis direction.
+    /// A coaxial rig applies beamsplitter and galvo on the outgoing and returning paths, in the order of Baek
+    /// & Heide (2021, eqs. 12 and 14). The test uses an off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
@@ -287,7 +288,7 @@ mod tests {
         }
     }
 
-    /// The stated minimum number of captures suffices, and one capture fewer does not.
+    /// The stated minimum number of captures is sufficient, and one capture fewer is not.
     #[test]
     fn the_minimum_number_of_captures_suffices() {
         for (array, least) in [(false, 16), (true, 8)] {
@@ -295,7 +296,8 @@ mod tests {
             assert_eq!((rank(least), rank(least - 1)), (16, 15));
         }
         let rank = |k| matrix(&Scheme::liquid_crystal(k, true).expect("a scheme")).rank();
-        // Each of five captures gives three independent numbers, but measuring s0 alone takes four captures.
+        // Each of five captures yields three independent numbers, but the measurement of s0 alone takes four
+        // captures.
         assert_eq!((rank(6), rank(5)), (16, 14));
     }
 

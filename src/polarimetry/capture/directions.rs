@@ -1,5 +1,5 @@
-//! Directions in which light passes the elements of a rig, per pixel: through a camera's pinhole, or in
-//! the direction of a galvo scanner.
+//! Directions in which light passes the elements of a rig, per pixel. Light passes through a camera's
+//! pinhole, or in the direction of a galvo scanner.
 
 use super::element::Ray;
 use super::simulate::Layout;
@@ -11,22 +11,22 @@ pub enum Directions {
     Axial,
     /// Light passes through a pinhole on the axis.
     Pinhole {
-        /// Half of the image's width and height at unit distance: tangents of the angles to the
+        /// Half of the image's width and height at unit distance, which are tangents of the angles to the
         /// image's edges in x and y.
         half: [f64; 2],
     },
 }
 
 impl Directions {
-    /// Returns a pinhole with square pixels and this horizontal field of view, radians (below π).
+    /// Returns a pinhole with square pixels and a horizontal field of view of `fov_x` radians (below π).
     pub fn pinhole(fov_x: f64, width: usize, height: usize) -> Self {
         let half = (fov_x / 2.0).tan();
         Self::Pinhole { half: [half, half * height as f64 / width.max(1) as f64] }
     }
 
-    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows.
-    /// Azimuths are measured from the frame's x axis, which points to the right of the image,
-    /// counter-clockwise looking toward the source. Rows are numbered from the top.
+    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
+    /// measured from the frame's x axis, which points to the right of the image. Azimuths increase
+    /// counter-clockwise when looking toward the source. Rows are numbered from the top.
     pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
         let Self::Pinhole { half } = self else {
             return Ray::axial(nm);
@@ -36,8 +36,8 @@ impl Directions {
         Ray { nm, incidence: tx.hypot(ty).atan(), azimuth: ty.atan2(tx) }
     }
 
-    /// Returns the rays of all pixels of a layout: rows from the top, wavelengths last. If all rays are
-    /// axial, returns one per wavelength.
+    /// Returns the rays of all pixels of a layout. Rows are from the top, and wavelengths are last. If all
+    /// rays are axial, returns one ray per wavelength.
     pub fn rays(&self, layout: Layout, wavelengths_nm: &[f64]) -> Vec<Ray> {
         if *self == Self::Axial {
             return wavelengths_nm.iter().copied().map(Ray::axial).collect();

@@ -1,8 +1,8 @@
-//! Polarizers and retarders of a rig as Mueller matrices in f64, with their imperfections and with
-//! derivatives with respect to angles and retardances, which learning needs.
+//! Polarizers and retarders of a rig as Mueller matrices in f64. The matrices include imperfections. Learning
+//! uses their derivatives with respect to angles and retardances.
 //!
-//! Signs are those of [`optics::polarization::elements`]: angles are counter-clockwise from the frame's x
-//! axis looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With
+//! Signs are those of [`optics::polarization::elements`]. Angles are counter-clockwise from the frame's x
+//! axis when looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With
 //! R(θ) = exp(2θG), the derivative with respect to θ is 2(M'G - GM'), where M' = R(-θ) M R(θ).
 
 use super::spectral_value::SpectralValue;
@@ -13,26 +13,26 @@ pub type Stokes = Vector4<f64>;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ElementKind {
-    /// A linear polarizer; its angle is the angle of the light that it transmits.
+    /// A linear polarizer. The angle of the polarizer is the angle of the light that the polarizer transmits.
     Polarizer {
         /// Ratio of the least to the greatest transmittance for linearly polarized light.
         extinction: SpectralValue,
     },
-    /// A linear retarder; its angle is the angle of the fast axis.
+    /// A linear retarder. The angle of the retarder is the angle of the fast axis.
     Retarder {
-        /// Nominal retardance, radians; π/2 for a quarter-wave plate.
+        /// Nominal retardance in radians, which is π/2 for a quarter-wave plate.
         retardance: Setting,
-        /// Deviation from the nominal retardance as a function of wavelength, radians.
+        /// Deviation from the nominal retardance in radians, as a function of wavelength.
         error: SpectralValue,
-        /// Number of additional whole waves, whose retardance also changes for an oblique ray.
+        /// Number of additional whole waves. An oblique ray also changes the retardance of the whole waves.
         order: u32,
         /// Mean refractive index, for oblique rays.
         index: f64,
     },
 }
 
-/// The value of a setting: one number for all captures, or one number per capture. Angles and retardances are
-/// in radians.
+/// The value of a setting. A setting has one number for all captures, or one number per capture. Angles and
+/// retardances are in radians.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
     Fixed(f64),
@@ -44,7 +44,7 @@ impl Setting {
     /// Returns the value at capture `k`.
     ///
     /// # Panics
-    /// If `k` is out of range; [`super::scheme::Scheme`] ensures that every capture has a value.
+    /// Panics if `k` is out of range. [`super::scheme::Scheme`] ensures that every capture has a value.
     pub fn at(&self, k: usize) -> f64 {
         match self {
             Self::Fixed(value) => *value,
@@ -56,38 +56,39 @@ impl Setting {
 /// The settings of an element in one capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Set {
-    /// Angle reading of the stage, radians.
+    /// Angle reading of the stage in radians.
     pub angle: f64,
-    /// Nominal retardance, radians; ignored for polarizers.
+    /// Nominal retardance in radians. Polarizers ignore this value.
     pub retardance: f64,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Element {
-    /// Name, e.g. `retarder_2`.
+    /// Name of the element, for example `retarder_2`.
     pub name: String,
     pub kind: ElementKind,
     /// Angle reading of the stage.
     pub angle: Setting,
-    /// Angle of the axis when the stage reads zero, radians.
+    /// Angle of the axis in radians when the stage reads zero.
     pub axis_offset: f64,
-    /// Transmittance; for a polarizer, that of light along its axis.
+    /// Transmittance. The transmittance of a polarizer is that of light along the polarizer's axis.
     pub transmittance: SpectralValue,
 }
 
 /// Direction and wavelength of light that passes the elements of a rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Wavelength, nanometres.
+    /// Wavelength in nanometres.
     pub nm: f64,
-    /// Angle to the optical axis in air, radians.
+    /// Angle to the optical axis in air, in radians.
     pub incidence: f64,
-    /// Azimuth of the plane of incidence from the frame's x axis, radians.
+    /// Azimuth of the plane of incidence from the frame's x axis, in radians.
     pub azimuth: f64,
 }
 
 impl Ray {
-    /// Returns the ray's angles from the optical axis in x and y, radians. A galvo points in this direction.
+    /// Returns the ray's angles from the optical axis in x and y, in radians. A galvo points in this
+    /// direction.
     pub fn direction(&self) -> [f64; 2] {
         let (s, c) = self.azimuth.sin_cos();
         [c, s].map(|part| (self.incidence.tan() * part).atan())
@@ -131,24 +132,24 @@ pub fn retarder(delta: f64) -> Mueller {
     m
 }
 
-/// The Mueller matrix of an element at a setting, with its derivatives with respect to angle θ and
-/// retardance δ.
+/// The Mueller matrix of an element at a setting. The derivatives are with respect to angle θ and retardance
+/// δ.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
     /// The Mueller matrix M.
     pub value: Mueller,
-    /// First derivatives: dM/dθ and dM/dδ.
+    /// First derivatives dM/dθ and dM/dδ.
     pub first: [Mueller; 2],
-    /// Second derivatives: d²M/dθ², d²M/dθdδ, d²M/dδ².
+    /// Second derivatives d²M/dθ², d²M/dθdδ and d²M/dδ².
     pub second: [Mueller; 3],
 }
 
 /// A property of an element that can change between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Angle of the stage, radians.
+    /// Angle of the stage in radians.
     Angle,
-    /// Retardance of a liquid crystal, radians.
+    /// Retardance of a liquid crystal in radians.
     Retardance,
 }
 
@@ -175,13 +176,13 @@ impl Element {
         Set { angle: self.angle.at(k), retardance }
     }
 
-    /// Returns the retardance at a setting for a ray, radians, or 0 for a polarizer.
+    /// Returns the retardance at a setting for a ray in radians. The result is 0 for a polarizer.
     ///
-    /// The plate is weakly birefringent with index n, and its slow axis is in its plane. For a ray at angle α
-    /// in air, with the plane of incidence at β from the slow axis, the retardance is (δ + 2πm)(1 - s² cos²
-    /// β)/√(1 - s²), s = sin α/n. This retardance is the difference between the k_z of the extraordinary wave
-    /// and of the ordinary wave (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010, sec. 3.2) to first
-    /// order in the birefringence.
+    /// The plate is weakly birefringent with index n, and its slow axis is in its plane. Let α be the angle
+    /// of a ray in air, and β the angle between the plane of incidence and the slow axis. The retardance is
+    /// (δ + 2πm)(1 - s² cos² β)/√(1 - s²), s = sin α/n. This retardance is the difference between the k_z of
+    /// the extraordinary wave and of the ordinary wave (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010,
+    /// sec. 3.2). The formula is of first order in the birefringence.
     pub fn retardance(&self, set: Set, ray: &Ray) -> f64 {
         let ElementKind::Retarder { error, .. } = &self.kind else {
             return 0.0;
@@ -190,8 +191,8 @@ impl Element {
         scale * (set.retardance + error.at(ray.nm) + waves) - waves
     }
 
-    /// Returns the factor by which an oblique ray changes the total retardance, and the retardance of the
-    /// whole waves, radians.
+    /// Returns the factor by which an oblique ray changes the total retardance. Also returns the retardance
+    /// of the whole waves in radians.
     fn oblique(&self, set: Set, ray: &Ray) -> (f64, f64) {
         let ElementKind::Retarder { order, index, .. } = &self.kind else {
             return (1.0, 0.0);
@@ -212,15 +213,15 @@ impl Element {
         }
     }
 
-    /// Returns the Mueller matrix at the actual settings, which may differ from those of the scheme.
+    /// Returns the Mueller matrix at the actual settings, which may differ from the settings of the scheme.
     pub fn matrix(&self, set: Set, ray: &Ray) -> Mueller {
         let theta = set.angle + self.axis_offset;
         rotator(-theta) * self.unturned(set, ray) * rotator(theta)
     }
 
-    /// Returns the Mueller matrix at a capture with its derivatives. The derivatives with respect to
-    /// angle neglect the change of retardance when an oblique plate rotates, which is of second order in
-    /// the angle of incidence.
+    /// Returns the Mueller matrix at a capture with its derivatives. When an oblique plate rotates, its
+    /// retardance changes. The derivatives with respect to angle neglect this change, which is of second
+    /// order in the angle of incidence.
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
         let set = self.set_at(k);
         let theta = set.angle + self.axis_offset;
@@ -228,7 +229,8 @@ impl Element {
         if let ElementKind::Retarder { .. } = &self.kind {
             let (scale, _) = self.oblique(set, ray);
             let quarter = retarder(self.retardance(set, ray) + std::f64::consts::FRAC_PI_2);
-            // d/dδ shifts sine and cosine by a quarter period. For elements without δ the derivative is zero.
+            // The derivative d/dδ shifts sine and cosine by a quarter period. For elements without δ, the
+            // derivative is zero.
             by_delta = quarter * (self.transmittance.at(ray.nm) * scale);
             by_delta2 = self.unturned(set, ray) * (-scale * scale);
             for d in [&mut by_delta, &mut by_delta2] {
@@ -259,7 +261,7 @@ impl Element {
         }
     }
 
-    /// Returns [`Element::setting`] by mutable reference.
+    /// Returns a mutable reference to the setting of a quantity, or `None` for the retardance of a polarizer.
     pub fn setting_mut(&mut self, quantity: Quantity) -> Option<&mut Setting> {
         match (quantity, &mut self.kind) {
             (Quantity::Angle, _) => Some(&mut self.angle),
@@ -322,9 +324,9 @@ mod tests {
         }
     }
 
-    /// An oblique ray in the plane of the fast axis only lengthens the path. In the plane of the slow
-    /// axis it also lowers the extraordinary index. The reference is computed from k_z of both waves in a
-    /// plate with indices 1.5499 and 1.5501.
+    /// For a ray in the plane of the fast axis, obliquity lengthens the path and has no other effect. In the
+    /// plane of the slow axis, obliquity also lowers the extraordinary index. The reference is computed from
+    /// the k_z of the two waves in a plate with indices 1.5499 and 1.5501.
     #[test]
     fn oblique_retardance_matches_wave_optics() {
         let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);

@@ -1,4 +1,5 @@
-//! The capture model: schemes of polarizing elements, the forward model that all crates share, and detectors.
+//! The capture model. The module contains schemes of polarizing elements, the forward model that all crates
+//! share, and detectors.
 //!
 //! ```text
 //! scheme (file or code) -> generator and analyzer states -> design matrix -> intensities -> detector

@@ -1,9 +1,9 @@
-//! Known Mueller matrices in the order that capture simulation needs: rows and columns of pixels, with a ray
-//! per wavelength.
+//! Known Mueller matrices in the order that capture simulation needs. The order is rows and columns of
+//! pixels, with a ray per wavelength.
 //!
 //! An array of matrices or a slice of a stored tensor can have its axes in any order. [`simulate`] expects
 //! rows, columns, axes of separate captures, and wavelengths. A [`MuellerImage`] holds the reordered matrices
-//! and the mapping between both orders.
+//! and the mapping between the two orders.
 
 use super::detector::error::DetectorError;
 use super::detector::file::{Detector, with_bins};
@@ -14,7 +14,7 @@ use super::scheme::Scheme;
 use super::simulate::{Captured, Layout, Noise, simulate};
 use tensor::axes::{Axis, AxisKind};
 
-/// Wavelength that is assumed for matrices without a wavelength, nanometres.
+/// Wavelength in nanometres that is assumed for matrices without a wavelength.
 pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -62,24 +62,27 @@ pub enum ImageError {
         cause: DetectorError,
         /// Number of time bins of the image.
         bins: usize,
-        /// Width of the image's time bins, ps.
+        /// Width of the image's time bins in picoseconds.
         bin_ps: f64,
     },
 }
 
-/// An image of Mueller matrices: the matrices, their layout, and the rays at which they are captured.
+/// An image of Mueller matrices. The image consists of the matrices, their layout, and the rays at which the
+/// matrices are captured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MuellerImage {
-    /// 16 elements per pixel, row-major (Stokes out first), pixels in the order of `layout`.
+    /// 16 elements per pixel, row-major (Stokes out first). The pixels are in the order of `layout`.
     pub matrices: Vec<f64>,
     /// Rows, columns, further captures and wavelengths.
     pub layout: Layout,
-    /// The ray of each wavelength, or of each pixel and wavelength ([`Self::seen_by`]), computed from `view`.
+    /// The ray of each wavelength, or the ray of each pixel and wavelength ([`Self::seen_by`]). Rays are
+    /// computed from `view`.
     pub rays: Vec<Ray>,
     pub view: Directions,
-    /// Width of the time bins, ps, if time is the only axis in addition to rows, columns and wavelengths.
+    /// Width of the time bins in picoseconds. The width is known if time is the only axis in addition to
+    /// rows, columns and wavelengths.
     pub bin_ps: Option<f64>,
-    /// Lengths of the pixels' axes; `y` and `x` are the axes of rows and columns.
+    /// Lengths of the pixels' axes. `y` and `x` are the indices of the axes of rows and columns.
     shape: Vec<usize>,
     y: Option<usize>,
     x: Option<usize>,
@@ -102,12 +105,13 @@ fn check_wavelengths(nm: &[f64]) -> Result<(), ImageError> {
 }
 
 impl MuellerImage {
-    /// Builds an image from an array of shape (..., 4, 4). `shape` holds the leading axes: rows, columns,
-    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. If `wavelengths_nm`
-    /// is empty, all light has the wavelength [`DEFAULT_NM`].
+    /// Builds an image from an array of shape (..., 4, 4). `shape` holds the leading axes: rows, columns and
+    /// axes of separate captures. If `wavelengths_nm` is not empty, `shape` also contains the wavelengths. If
+    /// `wavelengths_nm` is empty, all light has the wavelength [`DEFAULT_NM`].
     ///
     /// # Errors
-    /// [`ImageError`] if a wavelength is invalid, lengths do not match `shape`, or there are no matrices.
+    /// [`ImageError`] if a wavelength is invalid, if lengths do not match `shape`, or if there are no
+    /// matrices.
     pub fn of_array(
         matrices: Vec<f64>,
         shape: Vec<usize>,
@@ -129,12 +133,13 @@ impl MuellerImage {
         Self::new(matrices, frame, nm)
     }
 
-    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an
-    /// axis. `wavelengths_nm` holds the wavelengths of that axis, or the single wavelength of the
-    /// slice. `bin_ps` is the width of the slice's time bins, ps.
+    /// Builds an image from the axes of a tensor slice. The wavelength axis, if any, is last.
+    /// `wavelengths_nm` holds the wavelengths of this axis, or the single wavelength of the slice. `bin_ps`
+    /// is the width of the slice's time bins in picoseconds.
     ///
     /// # Errors
-    /// Same as [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
+    /// The same errors as [`Self::of_array`], and [`ImageError::Parts`] if the slice resolves bounces,
+    /// components or labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -193,8 +198,8 @@ impl MuellerImage {
         })
     }
 
-    /// Returns the shape of the pixels captured with a layout: binning and superpixels halve rows and
-    /// columns.
+    /// Returns the shape of the pixels that are captured with a layout. Binning and superpixels halve rows
+    /// and columns.
     pub fn captured_shape(&self, captured: Layout) -> Vec<usize> {
         let mut shape = self.shape.clone();
         for (axis, len) in [(self.y, captured.height), (self.x, captured.width)] {
@@ -205,7 +210,7 @@ impl MuellerImage {
         shape
     }
 
-    /// Returns the same matrices with rays through a pinhole. `fov_x` is the horizontal field of view,
+    /// Returns the same matrices with rays through a pinhole. `fov_x` is the horizontal field of view in
     /// radians.
     pub fn seen_by(mut self, fov_x: f64) -> Self {
         self.view = Directions::pinhole(fov_x, self.layout.width, self.layout.height);
@@ -213,12 +218,12 @@ impl MuellerImage {
         self
     }
 
-    /// Returns the wavelengths of the image, nanometres.
+    /// Returns the wavelengths of the image in nanometres.
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
-    /// Returns the mean of all finite T00, in the unit of the matrices, or NaN if none is finite.
+    /// Returns the mean of all finite T00 in the units of the matrices. The mean is NaN if no T00 is finite.
     pub fn mean(&self) -> f64 {
         let lit = self.matrices.iter().step_by(16).filter(|v| v.is_finite());
         let (n, sum) = lit.fold((0.0, 0.0), |(n, sum), v| (n + 1.0, sum + v));
@@ -257,10 +262,10 @@ impl MuellerImage {
         self.bin_ps.is_some()
     }
 
-    /// Simulates all captures of a scheme; see [`simulate`].
+    /// Simulates all captures of a scheme as described for [`simulate`].
     ///
     /// # Errors
-    /// Same as [`simulate`].
+    /// The same errors as [`simulate`].
     pub fn capture(&self, scheme: &Scheme, noise: &Noise, seed: u64) -> Result<Captured, DetectorError> {
         simulate(&self.matrices, self.layout, scheme, &self.rays, noise, seed)
     }

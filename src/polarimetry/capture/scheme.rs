@@ -1,7 +1,8 @@
-//! Capture schemes: the polarizing elements on both paths and their settings in every capture.
+//! Capture schemes. A scheme contains the polarizing elements of generator and analyzer, and their settings
+//! in every capture.
 //!
-//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0. L is a linear polarizer, Q a
-//! quarter-wave plate, T the scene, and p unpolarized light of unit intensity.
+//! In Baek & Heide (2021, sec. 4), an intensity is I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0. L is a linear
+//! polarizer, Q a quarter-wave plate, T the scene, and p unpolarized light of unit intensity.
 //!
 //! - Dual rotating retarders (DRR; Azzam 1978) fix the polarizers and rotate the quarter-wave plates by 5°
 //!   and 25° per capture.
@@ -15,18 +16,19 @@ use super::spectral_value::SpectralValue;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use thiserror::Error;
 
-/// Angles of the polarizers on a sensor, degrees, in the storage order of its four images.
+/// Angles of the polarizers on a sensor in degrees. The order is the storage order of the sensor's four
+/// images.
 pub const ARRAY_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sensor {
-    /// Pixels that are insensitive to polarization: one number per capture.
+    /// Pixels that are insensitive to polarization. Each capture yields one number per pixel.
     Intensity,
-    /// Pixels behind linear polarizers at [`ARRAY_DEG`]: four numbers per capture.
+    /// Pixels behind linear polarizers at [`ARRAY_DEG`]. Each capture yields four numbers per pixel.
     PolarizerArray {
         /// Ratio of the least to the greatest transmittance of the polarizers.
         extinction: SpectralValue,
-        /// Errors of the polarizers' angles, radians.
+        /// Errors of the polarizers' angles in radians.
         axis_offsets: [f64; 4],
     },
 }
@@ -81,17 +83,17 @@ pub enum Side {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Motor {
     pub side: Side,
-    /// Index of the element on its side, in the order in which light passes.
+    /// Index of the element on its side of the scene. Elements are in the order in which light passes them.
     pub element: usize,
     pub quantity: Quantity,
 }
 
-/// A valid scheme: every setting has a finite value for every capture.
+/// A valid scheme. Every setting has a finite value for every capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scheme {
     /// Name of the scheme in tables.
     pub name: String,
-    /// Stokes vector of the source; [1, 0, 0, 0] is unpolarized.
+    /// Stokes vector of the source. The vector [1, 0, 0, 0] is unpolarized.
     pub source: [f64; 4],
     generator: Vec<Element>,
     analyzer: Vec<Element>,
@@ -104,7 +106,7 @@ impl Scheme {
     /// Builds a scheme. Elements are in the order in which light passes them.
     ///
     /// # Errors
-    /// If a setting is missing or not finite.
+    /// Returns an error if a setting is missing or not finite.
     pub fn new(
         name: &str,
         generator: Vec<Element>,
@@ -141,13 +143,14 @@ impl Scheme {
     /// Returns the settings of generator and analyzer in capture `k`.
     ///
     /// # Panics
-    /// If `k` is out of range.
+    /// Panics if `k` is out of range.
     pub fn sets(&self, k: usize) -> [Vec<Set>; 2] {
         let of = |side: &[Element]| side.iter().map(|e| e.set_at(k)).collect();
         [of(&self.generator), of(&self.analyzer)]
     }
 
-    /// Returns the number of measurements per pixel: K, or 4K with a polarizer array (by capture).
+    /// Returns the number of measurements per pixel. The number is K, or 4K (by capture) with a polarizer
+    /// array.
     pub fn measurements(&self) -> usize {
         self.captures * self.sensor.channels()
     }
@@ -157,7 +160,7 @@ impl Scheme {
         generator.chain(self.analyzer.iter().enumerate().map(|(i, e)| (Side::Analyzer, i, e)))
     }
 
-    /// Returns whether the analyzer's only retarder is a perfect quarter-wave plate.
+    /// Returns whether a perfect quarter-wave plate is the only retarder of the analyzer.
     pub fn quarter_waves(&self) -> bool {
         let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
             ElementKind::Retarder { retardance, error, .. } => Some((retardance, error)),
@@ -172,9 +175,9 @@ impl Scheme {
     /// Returns the smallest number of captures that determines a Mueller matrix with this sensor.
     ///
     /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) = I(45°) +
-    /// I(135°). At least six captures are therefore required. Behind a quarter-wave plate, two of the
-    /// three numbers are independent of the plate's angle: s0 and s3 of the incident light. Each capture
-    /// then adds only one number, so at least eight captures are required.
+    /// I(135°). At least six captures are therefore required. Behind a quarter-wave plate, two of the three
+    /// numbers do not depend on the plate's angle, namely s0 and s3 of the incident light. Each further
+    /// capture adds a single number, so at least eight captures are required.
     pub fn least_captures(&self) -> usize {
         match self.sensor {
             Sensor::Intensity => 16,
@@ -197,7 +200,7 @@ impl Scheme {
         }
     }
 
-    /// Returns all variable settings in radians: by motor, then by capture.
+    /// Returns all variable settings in radians, by motor, then by capture.
     pub fn parameters(&self) -> Vec<f64> {
         self.motors()
             .into_iter()
@@ -206,10 +209,10 @@ impl Scheme {
             .collect()
     }
 
-    /// Returns the scheme with other settings, in the order of [`Scheme::parameters`].
+    /// Returns the scheme with other settings. The settings are in the order of [`Scheme::parameters`].
     ///
     /// # Panics
-    /// If the number of parameters is wrong.
+    /// Panics if the number of parameters is wrong.
     pub fn with_parameters(&self, parameters: &[f64]) -> Self {
         let motors = self.motors();
         assert_eq!(parameters.len(), motors.len() * self.captures, "one number for every setting");
@@ -245,11 +248,11 @@ impl Scheme {
         }
     }
 
-    /// Returns the scheme with an element at other angles (radians, one per capture). If no element has that
-    /// name, the scheme is unchanged.
+    /// Returns the scheme with one element at other angles. There is one angle in radians per capture. If no
+    /// element has the name `name`, the scheme does not change.
     ///
     /// # Errors
-    /// If the number of angles is wrong, or an angle is not finite.
+    /// Returns an error if the number of angles is wrong, or if an angle is not finite.
     pub fn turned(&self, name: &str, angles: &[f64]) -> Result<Self, SchemeError> {
         let same = angles.iter().all(|a| Some(a) == angles.first());
         let (mut generator, mut analyzer) = (self.generator.clone(), self.analyzer.clone());
@@ -264,11 +267,11 @@ impl Scheme {
         Ok(out)
     }
 
-    /// Returns dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0°
-    /// (Azzam 1978; Baek & Heide 2021, sec. 4).
+    /// Returns dual rotating retarders (Azzam 1978; Baek & Heide 2021, sec. 4). Retarder 2 is at 5°(k-1),
+    /// retarder 3 is at 25°(k-1), and the polarizers are at 0°.
     ///
     /// # Errors
-    /// If `captures` is 0.
+    /// Returns an error if `captures` is 0.
     pub fn drr(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
@@ -277,12 +280,12 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are those of
-    /// [`Scheme::drr`]. The polarizers step by the golden angle and by twice the golden angle, so that no
-    /// two captures are equal. Use the scheme as a starting point for learning, not for measurements.
+    /// Returns quad rotating polarizers and retarders at angles that are not optimized. The retarders are
+    /// those of [`Scheme::drr`]. The polarizers step by the golden angle and by twice the golden angle, so no
+    /// two captures are equal. Use the scheme as a starting point for learning instead of for measurements.
     ///
     /// # Errors
-    /// If `captures` is 0.
+    /// Returns an error if `captures` is 0.
     pub fn qrpr(captures: usize, array: bool) -> Result<Self, SchemeError> {
         const GOLDEN_DEG: f64 = 137.507_764_050_037_85;
         let turning = |step: f64| {
@@ -294,11 +297,11 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns the angles of [`Scheme::drr`] with all four elements variable: the starting point of learning
-    /// (Baek & Heide 2021, sec. 4).
+    /// Returns the angles of [`Scheme::drr`] with all four elements variable. This scheme is the starting
+    /// point of learning (Baek & Heide 2021, sec. 4).
     ///
     /// # Errors
-    /// If `captures` is 0.
+    /// Returns an error if `captures` is 0.
     pub fn quad(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
@@ -306,11 +309,12 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), [0.0, 5.0, 25.0, 0.0].map(turning), array)
     }
 
-    /// Returns polarizer 1, retarder 2, the scene, retarder 3 and, for an intensity sensor, polarizer 4.
-    /// Retarders are quarter-wave plates.
+    /// Returns a scheme of polarizer 1, retarder 2, the scene, retarder 3 and, for an intensity sensor,
+    /// polarizer 4. Retarders are quarter-wave plates.
     ///
     /// # Errors
-    /// If the lists of angles (radians) differ in length, are empty or contain a non-finite angle.
+    /// Returns an error if the lists of angles (in radians) differ in length, are empty or contain a
+    /// non-finite angle.
     pub fn four(name: &str, angles: [Setting; 4], array: bool) -> Result<Self, SchemeError> {
         let [p1, r2, r3, p4] = angles;
         let quarter = || Setting::Fixed(FRAC_PI_2);
@@ -324,15 +328,15 @@ impl Scheme {
         Self::new(name, generator, analyzer, Sensor::Intensity)
     }
 
-    /// Returns a scheme without moving parts. The generator has a polarizer and liquid-crystal retarders
-    /// at 45° and 0°; the analyzer has the same elements in reverse order.
+    /// Returns a scheme without moving parts. The generator has a polarizer and liquid-crystal retarders at
+    /// 45° and 0°. The analyzer has the same elements in reverse order.
     ///
-    /// Each side needs two retarders: a single one moves the state along one circle of the Poincaré
-    /// sphere, which limits the rank to 9. The retardances are fractional parts of multiples of four
-    /// irrational numbers, scaled to 0 to 1.1 waves.
+    /// Generator and analyzer each need two retarders. A single retarder moves the state along one circle of
+    /// the Poincaré sphere, which limits the rank to 9. The retardances are fractional parts of multiples of
+    /// four irrational numbers, scaled to 0 to 1.1 waves.
     ///
     /// # Errors
-    /// If `captures` is 0.
+    /// Returns an error if `captures` is 0.
     pub fn liquid_crystal(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let run = |x: f64| {
             let delta = |k| (k as f64 * x + 0.1).rem_euclid(1.0) * 1.1 * std::f64::consts::TAU;
@@ -359,7 +363,7 @@ impl Scheme {
     }
 }
 
-/// Returns the number of captures, or an error unless all lists of settings have the same length.
+/// Returns the number of captures, or an error if lists of settings differ in length.
 fn captures(generator: &[Element], analyzer: &[Element]) -> Result<usize, SchemeError> {
     let mut all: Option<(usize, &str)> = None;
     for e in generator.iter().chain(analyzer) {

@@ -1,4 +1,4 @@
-//! Scheme files: TOML for complete schemes, and CSV tables of angles.
+//! Scheme files. Complete schemes are TOML files, and tables of angles are CSV files.
 //!
 //! ```toml
 //! name = "L-QRPR 16"
@@ -18,10 +18,11 @@
 //! …
 //! ```
 //!
-//! A calibration file ([`base::calibration_file`]) is also a scheme file; its other tables are ignored.
+//! A calibration file ([`base::calibration_file`]) is also a scheme file. All tables of a calibration file
+//! except the scheme are ignored.
 //!
-//! A CSV table has the columns `polarizer_1,retarder_2,retarder_3,polarizer_4` (degrees), and optionally
-//! `retardance_2,retardance_3`. Without `polarizer_4` it describes a polarizer array.
+//! A CSV table has the columns `polarizer_1,retarder_2,retarder_3,polarizer_4` in degrees. The columns
+//! `retardance_2,retardance_3` are optional. A table without `polarizer_4` describes a polarizer array.
 
 mod format;
 mod table;
@@ -37,10 +38,11 @@ use base::locate::{InputError, Located};
 use format::{ElementFile, SchemeFile, Text, stem};
 use std::path::Path;
 
-/// Reads a scheme from a CSV file if the extension is `csv`, otherwise from TOML.
+/// Reads a scheme from a CSV file if the extension is `csv`, or else from a TOML file.
 ///
 /// # Errors
-/// [`InputError`] with file, line, column and fix if the file cannot be read or is not a valid scheme.
+/// [`InputError`] if the file cannot be read or is not a valid scheme. The error states the file, the line,
+/// the column and the fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
     let fix = "create a scheme file: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;
@@ -51,10 +53,10 @@ pub fn load(path: &Path) -> Result<Scheme, InputError> {
     }
 }
 
-/// Parses a scheme from TOML text; `path` is used in messages.
+/// Parses a scheme from TOML text. `path` is used in messages.
 ///
 /// # Errors
-/// Same as [`load`].
+/// The same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text { path, text: text.into() };
     let file: SchemeFile = document::parse(path, text, |message| {

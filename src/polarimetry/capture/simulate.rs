@@ -1,12 +1,13 @@
-//! Simulates captures: computes a detector's readings of known Mueller matrices for each capture of a scheme.
+//! Simulates captures. For each capture of a scheme, the simulation computes a detector's readings of known
+//! Mueller matrices.
 //!
-//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use
-//! the same model, and their results differ only because of noise. Rays are given per wavelength along
-//! the optical axis, or per pixel and wavelength. In the second case, the simulation includes errors of
-//! plates and mirrors that depend on direction (e.g. of the galvo of a coaxial rig).
+//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use the
+//! same model, and differences between the two results are due to noise alone. Rays are given per wavelength
+//! along the optical axis, or per pixel and wavelength. In the second case, the simulation includes errors of
+//! plates and mirrors that depend on direction. An example is the error of the galvo of a coaxial rig.
 //!
-//! Readings are in the unit of the matrices, with the dark signal subtracted. Saturated readings are NaN.
-//! Every number depends only on the seed, its pixel and its measurement, not on the number of threads.
+//! Readings are in the units of the matrices, after subtraction of the dark signal. Saturated readings are
+//! NaN. Every number depends on the seed, the pixel and the measurement, but not on the number of threads.
 
 use super::design_matrix::{DesignMatrix, ELEMENTS, rows};
 use super::detector::cmos::{Cmos, Exposed};
@@ -19,13 +20,13 @@ use super::scheme::Scheme;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// The order of pixels: rows from the top, columns, axes of separate captures (time bins, projector pixels),
-/// wavelengths.
+/// The order of pixels. The axes are rows from the top, columns, axes of separate captures (time bins,
+/// projector pixels), and wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     pub height: usize,
     pub width: usize,
-    /// Number of time bins, or of other separate images.
+    /// Number of time bins, or number of other separate images.
     pub times: usize,
     /// Number of wavelengths.
     pub lanes: usize,
@@ -46,13 +47,13 @@ pub enum Noise {
     None,
     /// Normal noise of constant standard deviation.
     Gaussian {
-        /// Standard deviation, in the unit of the matrices.
+        /// Standard deviation in the units of the matrices.
         sigma: f64,
     },
-    /// A camera; images at other times or wavelengths are separate frames.
+    /// A camera. Images at other times or wavelengths are separate frames.
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
+        /// Demosaicking method for a polarizer array, or `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A diode per pixel. The counter of the diode has the time bins of the layout, which start at the laser
@@ -62,19 +63,21 @@ pub enum Noise {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Captured {
-    /// Readings in the unit of the matrices: by measurement (as rows of the design matrix), then by pixel.
+    /// Readings in the units of the matrices. The readings are sorted by measurement (as the rows of the
+    /// design matrix), then by pixel.
     pub intensities: Vec<f32>,
-    /// Variances of a camera's readings; infinite for saturated readings. `None` for a diode, because the
-    /// estimated variance of bins without counts would be 0.
+    /// Variances of a camera's readings. Saturated readings have infinite variance. The value is `None` for a
+    /// diode, because the estimated variance of bins without counts would be 0.
     pub variances: Option<Vec<f32>>,
     pub saturated: usize,
-    /// Layout of the readings: half the height and width with binning or superpixels.
+    /// Layout of the readings. With binning or superpixels, the layout has half the height and half the
+    /// width.
     pub layout: Layout,
 }
 
 impl Captured {
-    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices, or `None`
-    /// if the standard deviation is unknown, as for a diode.
+    /// Returns the root mean square of the noise's standard deviation, in the units of the matrices. Returns
+    /// `None` if the standard deviation is unknown, as for a diode.
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
             (Noise::None, _) => Some(0.0),
@@ -92,13 +95,15 @@ impl Captured {
 /// Simulates all captures of a scheme.
 ///
 /// `matrices` holds 16 elements per pixel, row-major (Stokes out first), in the order of `layout`. `rays`
-/// holds the ray of each wavelength, or of each pixel and wavelength
-/// ([`super::directions::Directions::rays`]). Cameras and diodes treat negative intensities (from
-/// unphysical matrices) as zero.
+/// holds the ray of each wavelength, or the ray of each pixel and wavelength
+/// ([`super::directions::Directions::rays`]). Cameras and diodes treat negative intensities (from unphysical
+/// matrices) as zero.
 ///
 /// # Errors
-/// [`DetectorError`] if lengths do not match `layout`, if settings are invalid or do not fit the layout, or
-/// if values are not finite.
+/// [`DetectorError`] in the following cases:
+/// - Lengths do not match `layout`.
+/// - Settings are invalid or do not fit the layout.
+/// - Values are not finite.
 pub fn simulate(
     matrices: &[f64],
     layout: Layout,
@@ -147,7 +152,8 @@ pub fn simulate(
     }
 }
 
-/// Returns the means of matrices over binned pixels: the ground truth for captures of layout `to`.
+/// Returns the means of matrices over binned pixels. These means are the ground truth for captures of layout
+/// `to`.
 pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
     let (fy, fx) = (from.height / to.height.max(1), from.width / to.width.max(1));
     let inner = from.times * from.lanes * ELEMENTS;
@@ -210,7 +216,8 @@ struct Job<'a> {
     layout: Layout,
     rays: &'a [Ray],
     scheme: &'a Scheme,
-    /// Rows of the design matrices, by wavelength, then by measurement; empty if every pixel has its own ray.
+    /// Rows of the design matrices, by wavelength, then by measurement. The list is empty if every pixel has
+    /// its own ray.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,
@@ -334,7 +341,8 @@ impl Job<'_> {
     }
 }
 
-/// Returns the four channels of a raw frame. A channel without any valid pixel is marked as saturated.
+/// Returns the four channels of a raw frame. If a channel has no valid pixel, the channel is marked as
+/// saturated.
 fn taken_apart(raw: &Exposed, method: Method) -> Result<Vec<Exposed>, DetectorError> {
     let radiance = demosaic(&raw.radiance, raw.width, raw.height, method)?;
     let variance = demosaic_variance(&raw.variance, raw.width, raw.height, method)?;

@@ -1,15 +1,15 @@
-//! A number that may depend on the wavelength: one value, or an interpolated table.
+//! A number that may depend on the wavelength. The number has one value, or an interpolated table.
 
 use serde::{Deserialize, Serialize};
 
-/// One value for all wavelengths, or rows of [nanometres, value] in ascending order. Values are
-/// interpolated linearly between rows and constant outside the table.
+/// One value for all wavelengths, or a table of rows [nanometres, value] in ascending order. Values are
+/// interpolated linearly between rows, and are constant outside the table.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum SpectralValue {
     /// The same value at all wavelengths.
     Same(f64),
-    /// Rows of [nm, value].
+    /// Rows of [nanometres, value].
     Table(Vec<[f64; 2]>),
 }
 
@@ -40,7 +40,7 @@ impl SpectralValue {
     /// Checks that values are within `low..=high`, that wavelengths ascend and that the table has rows.
     ///
     /// # Errors
-    /// If a check fails, the text that follows the name of the field in the message.
+    /// Returns a text if a check fails. In a message, the text follows the name of the field.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
         let ok = match self {

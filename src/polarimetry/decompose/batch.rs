@@ -1,12 +1,12 @@
-//! Lu–Chipman decomposition of several matrices at a time, in the lanes of SIMD vectors.
+//! Lu–Chipman decomposition of several matrices at a time in the lanes of SIMD vectors.
 //!
 //! The polar decomposition of m' uses Newton's method for the orthogonal factor,
 //!
 //! > X ← ½(γX + X⁻ᵀ/γ),  γ = √(‖X⁻¹‖/‖X‖)
 //!
 //! (Higham 1986, "Computing the polar decomposition, with applications"). Newton's method needs no
-//! eigenvectors and converges in about seven steps. If m' is singular or D = 1,
-//! [`super::lu_chipman`] decomposes the matrix instead.
+//! eigenvectors and converges in about seven steps. If m' is singular or D = 1, [`super::lu_chipman`]
+//! decomposes the matrix instead.
 //!
 //! The code uses plain arrays in loops, which the compiler vectorizes for the target processor.
 
@@ -18,15 +18,16 @@ use wide::f64x4;
 /// Number of matrices that are decomposed together.
 pub const LANES: usize = 4;
 
-/// Maximum number of Newton steps, and maximum number of Newton steps with scaling. Scaling speeds up the
-/// convergence of matrices that are far from orthogonal, but costs two square roots.
+/// Maximum number of Newton steps, and maximum number of Newton steps with scaling. Scaling accelerates the
+/// convergence of matrices that are far from orthogonal, but needs two square roots.
 const STEPS: usize = 16;
 const SCALED: usize = 3;
 
-/// Convergence threshold: the iteration ends if a step changes every element of X by less.
+/// Convergence threshold. The iteration ends if a step changes every element of X by less than this
+/// threshold.
 const STILL: f64 = 1e-14;
 
-/// Smallest determinant of m' and smallest 1 - D² for the fast method.
+/// Smallest determinant of m' and smallest 1 - D² for which the fast method is used.
 const REGULAR: f64 = 1e-9;
 
 /// One number per matrix.
@@ -53,7 +54,7 @@ fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
     each(|k| a[0][k].mul_add(b[0][k], a[1][k].mul_add(b[1][k], a[2][k] * b[2][k])))
 }
 
-/// Returns the cofactors: the transposed inverse times the determinant.
+/// Returns the cofactors, which are the transposed inverse times the determinant.
 #[inline(always)]
 fn cofactors(x: &Three) -> Three {
     let mut out = [[[0.0; LANES]; 3]; 3];
@@ -73,7 +74,7 @@ fn squares(x: &Three) -> Lanes {
     each(|k| rows[0][k] + rows[1][k] + rows[2][k])
 }
 
-/// Returns the orthogonal polar factor and its change in the last step.
+/// Returns the orthogonal polar factor, and the change of this factor in the last step.
 #[inline(always)]
 fn orthogonal(m: &Three) -> (Three, Lanes) {
     let mut x = *m;
@@ -105,7 +106,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
     (x, change)
 }
 
-/// Returns the angles, radians, whose sines and cosines are given up to a common positive factor.
+/// Returns angles in radians. The sines and cosines of the angles are given up to a common positive factor.
 #[inline(always)]
 fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
@@ -118,13 +119,13 @@ fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
 
 /// The decompositions of several matrices in structure-of-arrays form.
 pub struct Batch {
-    /// True where the other fields are valid; [`decompose`] decomposes the remaining matrices.
+    /// Whether the fields of a lane are valid. [`decompose`] decomposes the remaining matrices.
     regular: [bool; LANES],
     rest: Lanes,
     p_delta: [Lanes; 3],
     delta: Three,
     rotation: Three,
-    /// Polarizance; see [`Properties`].
+    /// Polarizance as in [`Properties`].
     polarizance: Lanes,
     diattenuation: Lanes,
     retardance: Lanes,
@@ -170,7 +171,7 @@ impl Batch {
             let (p, row) = (at[i + 1][0], [at[i + 1][1], at[i + 1][2], at[i + 1][3]]);
             let row_d = dot(&row, &d);
             p_delta[i] = each(|k| (p[k] - row_d[k]) * per_rest[k]);
-            // m (c + D Dᵀ/(1 + c)) - P Dᵀ, over 1 - D².
+            // The terms are m (c + D Dᵀ/(1 + c)) - P Dᵀ, divided by 1 - D².
             let along = each(|k| row_d[k].mul_add(per_c[k], -p[k]));
             for j in 0..3 {
                 inner[i][j] = each(|k| row[j][k].mul_add(c[k], along[k] * d[j][k]) * per_rest[k]);
@@ -183,7 +184,7 @@ impl Batch {
                 *e = each(|k| e[k].copysign(e[k] * det[k]));
             }
         }
-        // m_Δ = m' m_Rᵀ, symmetric except for rounding errors.
+        // m_Δ = m' m_Rᵀ is symmetric except for rounding errors.
         let mut delta = [[[0.0; LANES]; 3]; 3];
         for i in 0..3 {
             for j in i..3 {
@@ -223,9 +224,9 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k` of the batch, which equals `m`, or `None` if the matrix has no
-    /// decomposition. The retarder's axis is omitted because it is slow to compute; [`Properties::of`]
-    /// returns it.
+    /// Returns the properties of matrix `k` of the batch, which equals `m`. Returns `None` if the matrix has
+    /// no decomposition. The retarder's axis is omitted, because its computation is slow. [`Properties::of`]
+    /// returns the axis.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -240,7 +241,7 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k` of the batch, which equals `m`, or `None` if the matrix has no
+    /// Returns the factors of matrix `k` of the batch, which equals `m`. Returns `None` if the matrix has no
     /// decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
@@ -278,7 +279,7 @@ mod tests {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
-    /// The results of a batch equal those of single decompositions, and the factors reproduce the matrices.
+    /// The results of a batch equal those of single decompositions. The factors reproduce the matrices.
     #[test]
     fn batch_equals_single_decompositions() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();

@@ -1,14 +1,20 @@
-//! Cloude's coherency matrix: tests whether a Mueller matrix is realizable and how close it is to a single
-//! Jones matrix.
+//! Cloude's coherency matrix. The matrix determines whether a Mueller matrix is realizable, and how close the
+//! Mueller matrix is to a single Jones matrix.
 //!
-//! H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5). H is Hermitian with
-//! trace m00. A matrix is a mixture of Jones matrices, and thus realizable, if and only if H has no negative
-//! eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with |J⟩ = (J00, J01, J10, J11).
+//! The coherency matrix is H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5).
+//! H is Hermitian with trace m00. A Mueller matrix is realizable if it is a mixture of Jones matrices. A
+//! Mueller matrix is realizable if and only if H has no negative eigenvalue. For a single Jones matrix J, H =
+//! ½ |J⟩⟨J| with
+//! |J⟩ = (J00, J01, J10, J11).
 //!
-//! Pauli matrices are in the order of the Stokes elements of CONVENTIONS.md: σ0 = 1, σ1 = diag(1, -1)
-//! (horizontal minus vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right
-//! minus left circular). Fields are Re E·exp(+iωt), so that the field along a slow axis has the factor
-//! exp(-iδ). With the opposite sign convention, H is conjugated and its eigenvalues are the same.
+//! Pauli matrices are in the order of the Stokes elements of CONVENTIONS.md:
+//! - σ0 = 1,
+//! - σ1 = diag(1, -1) (horizontal minus vertical),
+//! - σ2 = [[0, 1], [1, 0]] (+45° minus -45°),
+//! - σ3 = [[0, -i], [i, 0]] (right minus left circular).
+//!
+//! Fields are Re E·exp(+iωt), so the field along a slow axis has the factor exp(-iδ). With the opposite sign
+//! convention, H is conjugated and the eigenvalues of H are the same.
 
 use nalgebra::{Complex, Matrix2, Matrix4, SymmetricEigen};
 
@@ -41,7 +47,7 @@ pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
     h
 }
 
-/// Returns the Mueller matrix of a Hermitian H: m_ij = tr(H σ_i ⊗ σ_j*).
+/// Returns the Mueller matrix of a Hermitian H, given by m_ij = tr(H σ_i ⊗ σ_j*).
 pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
     let mut m = [[0.0; 4]; 4];
     for (i, row) in m.iter_mut().enumerate() {
@@ -52,8 +58,8 @@ pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
     m
 }
 
-/// Returns the four eigenvalues of H in descending order; their sum is m00. Returns `None` if an element is
-/// not finite.
+/// Returns the four eigenvalues of H in descending order. The sum of the eigenvalues is m00. Returns `None`
+/// if an element is not finite.
 pub fn eigenvalues(m: &Matrix) -> Option<[f64; 4]> {
     let mut values: [f64; 4] = decomposed(m)?.eigenvalues.into();
     values.sort_by(|a, b| b.total_cmp(a));
@@ -65,24 +71,24 @@ fn decomposed(m: &Matrix) -> Option<SymmetricEigen<Complex<f64>, nalgebra::U4>> 
     finite.then(|| coherency(m).symmetric_eigen())
 }
 
-/// Returns whether every eigenvalue of H is at least -`tolerance`·m00. The zero matrix is realizable, a
-/// non-finite matrix is not.
+/// Returns whether every eigenvalue of H is at least -`tolerance`·m00. The zero matrix is realizable, and a
+/// non-finite matrix is not realizable.
 pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
     eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
 }
 
-/// Returns the realizable matrix with the smallest sum of squared element differences, or `None` if an
-/// element is not finite. Negative eigenvalues are set to zero, because the map from M to H preserves lengths
-/// up to a factor.
+/// Returns the realizable matrix with the smallest sum of squared element differences. Returns `None` if an
+/// element is not finite. Negative eigenvalues are set to zero. The result is the nearest matrix, because the
+/// map from M to H preserves lengths up to a factor.
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
     eigen.eigenvalues.apply(|v| *v = v.max(0.0));
     Some(mueller(&eigen.recompose()))
 }
 
-/// Returns Cloude's entropy -Σ p log₄ p of the normalized eigenvalues p (negative ones count as zero): 0 for
-/// a single Jones matrix, 1 for the ideal depolarizer. Returns `None` for a matrix that is dark or not
-/// finite.
+/// Returns Cloude's entropy -Σ p log₄ p of the normalized eigenvalues p. Negative eigenvalues are treated as
+/// zero. The entropy is 0 for a single Jones matrix and 1 for the ideal depolarizer. Returns `None` for a
+/// matrix that is dark or not finite.
 pub fn entropy(m: &Matrix) -> Option<f64> {
     let values = eigenvalues(m)?.map(|v| v.max(0.0));
     let sum: f64 = values.iter().sum();
@@ -120,7 +126,7 @@ mod tests {
         assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 1e-12), "found {got:?}, expected {want:?}");
     }
 
-    /// Returns the Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
+    /// Returns the Mueller matrix of a Jones matrix, given by m_ij = ½ tr(σ_i J σ_j J†).
     fn of_jones(j: &Matrix2<Complex<f64>>) -> Matrix {
         let e = |a: usize, b: usize| (pauli(a) * j * pauli(b) * j.adjoint()).trace().re / 2.0;
         std::array::from_fn(|a| std::array::from_fn(|b| e(a, b)))
@@ -133,14 +139,14 @@ mod tests {
         assert_eigenvalues(&matrix(depolarizer()), [0.25; 4]);
         assert_eigenvalues(&diagonal([1.0, 1.0, 1.0, -1.0]), [0.5, 0.5, 0.5, -0.5]);
         assert_eigenvalues(&diagonal([1.0, -1.0, -1.0, -1.0]), [0.5, 0.5, 0.5, -0.5]);
-        // The first depolarizer of Cloude's cone: (1 + d1 + d2 + d3)/4 and so on.
+        // The eigenvalues of the first depolarizer of Cloude's cone are (1 + d1 + d2 + d3)/4 and so on.
         assert_eigenvalues(&diagonal([1.0, 0.5, 0.3, 0.1]), [0.475, 0.275, 0.175, 0.075]);
         assert!(eigenvalues(&diagonal([f64::NAN, 0.0, 0.0, 0.0])).is_none());
     }
 
-    /// The Pauli matrices follow the program's order and signs: H of an optical element is the projector
-    /// onto its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ), because
-    /// the wrong sign of σ3 would conjugate this factor.
+    /// The Pauli matrices have the program's order and signs, because H of an optical element is the
+    /// projector onto its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ). The
+    /// wrong sign of σ3 would conjugate this factor.
     #[test]
     fn pauli_matrices_follow_the_conventions() {
         let (o, l) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
@@ -176,7 +182,7 @@ mod tests {
             }
         }
         for m in &all {
-            // Single-precision elements of matrices on the boundary of the cone.
+            // The elements are single-precision elements of matrices on the boundary of the cone.
             assert!(is_realizable(m, 2e-6), "{m:?} has {:?}", eigenvalues(m));
             if m[0][0] > 0.0 {
                 assert!(entropy(m).unwrap() < 1e-4, "{m:?} is a single Jones matrix");
@@ -192,7 +198,7 @@ mod tests {
     fn entropy_runs_from_pure_to_random() {
         assert!((entropy(&matrix(depolarizer())).unwrap() - 1.0).abs() < 1e-12);
         assert!(entropy(&diagonal([1.0; 4])).unwrap().abs() < 1e-12);
-        // Half the light keeps its polarization: eigenvalue fractions 5/8, 1/8, 1/8, 1/8.
+        // Half of the light keeps its polarization, so the eigenvalue fractions are 5/8, 1/8, 1/8, 1/8.
         let want = -(0.625 * 0.625_f64.ln() + 0.375 * 0.125_f64.ln()) / 4.0_f64.ln();
         assert!((entropy(&diagonal([1.0, 0.5, 0.5, 0.5])).unwrap() - want).abs() < 1e-12);
         assert!(entropy(&[[0.0; 4]; 4]).is_none());
@@ -200,7 +206,8 @@ mod tests {
 
     #[test]
     fn the_nearest_realizable_matrix_is_known_for_a_flip() {
-        // The eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0. This changes all four diagonal elements of H.
+        // The eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0. The replacement of -½ by 0 changes all four diagonal
+        // elements of H.
         let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
         assert!(distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12, "{near:?}");
     }
@@ -237,8 +244,8 @@ mod tests {
             prop_assert!(distance(&mueller(&h), &m) < 1e-13);
             let near = nearest(&m).unwrap();
             prop_assert!(is_realizable(&near, 1e-10), "{:?}", eigenvalues(&near));
-            // No mixture of both is closer: the residual of a projection onto a convex cone is perpendicular
-            // to the projected point.
+            // No realizable matrix is closer. The residual of a projection onto a convex cone is
+            // perpendicular to the projected point.
             let dot: f64 = near.iter().flatten().zip(m.iter().flatten()).map(|(n, m)| n * (m - n)).sum();
             prop_assert!(dot.abs() < 1e-10);
         }

@@ -1,4 +1,4 @@
-//! Lu–Chipman decomposition of a Mueller matrix into depolarizer, retarder and diattenuator.
+//! Lu–Chipman decomposition of a Mueller matrix into depolarizer, retarder and diattenuator:
 //!
 //! > M = M_Δ M_R M_D
 //!
@@ -8,25 +8,27 @@
 //! > M_Δ = [1 0; P_Δ m_Δ],  M_R = [1 0; 0 m_R],
 //! > P_Δ = (P - m D)/(1 - D²),  m' = m_Δ m_R,
 //!
-//! where m' is the lower right block of M M_D⁻¹ and m_Δ m_R its polar decomposition: m_Δ symmetric, m_R a
-//! proper rotation.
+//! In these equations, m' is the lower right block of M M_D⁻¹, and m_Δ m_R is its polar decomposition. m_Δ is
+//! symmetric, and m_R is a proper rotation.
 //!
 //! Conventions for matrices whose decomposition is not unique:
-//! - det m' < 0: m_Δ has the sign of the determinant (all three eigenvalues are negative), as in Lu &
-//!   Chipman. m_R remains a proper rotation.
-//! - m' of rank 2: m_Δ is positive; the two nonzero directions determine the rotation.
-//! - m' of rank 1, s·u vᵀ: m_R is the smallest rotation from v to u. If u = -v, it is a rotation by 180°
+//! - det m' < 0: m_Δ has the sign of the determinant, so all three eigenvalues are negative (Lu & Chipman).
+//!   m_R remains a proper rotation.
+//! - m' of rank 2: m_Δ is positive. The two nonzero directions determine the rotation.
+//! - m' of rank 1, s·u vᵀ: m_R is the smallest rotation from v to u. If u = -v, m_R is a rotation by 180°
 //!   about a perpendicular axis.
 //! - m' = 0 (an ideal depolarizer): m_R is the identity.
-//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single polarization state, so m_Δ
-//!   and m_R act on D only. m_R is the smallest rotation from D to P, and m_Δ = |P|·1.
-//! - D > 1, m00 ≤ 0, or a non-finite element: no such matrix exists, and there is no decomposition.
+//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single polarization state. Effects of
+//!   m_Δ and m_R on directions other than D are therefore irrelevant. m_R is the smallest rotation from D to
+//!   P, and m_Δ = |P|·1.
+//! - D > 1, m00 ≤ 0, or a non-finite element: no physical matrix has these properties, and there is no
+//!   decomposition.
 
 use super::cloude::Matrix;
 use nalgebra::{Matrix3, Vector3};
 
-/// Relative rounding error of double-precision matrices: the threshold below which 1 - D² or a singular
-/// value of m' counts as zero.
+/// Relative rounding error of double-precision matrices. If 1 - D² or a singular value of m' is below this
+/// threshold, the value is treated as zero.
 pub const DOUBLE: f64 = 1e-12;
 /// Relative rounding error of single-precision matrices.
 pub const SINGLE: f64 = 1e-6;
@@ -34,11 +36,11 @@ pub const SINGLE: f64 = 1e-6;
 /// The three factors of a Mueller matrix. Light passes the last factor, the diattenuator, first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
-    /// M_Δ, with m00 = 1.
+    /// The factor M_Δ with m00 = 1.
     pub depolarizer: Matrix,
-    /// M_R, with m00 = 1.
+    /// The factor M_R with m00 = 1.
     pub retarder: Matrix,
-    /// M_D, which carries the intensity m00.
+    /// The factor M_D, which contains the intensity m00.
     pub diattenuator: Matrix,
 }
 
@@ -70,7 +72,7 @@ pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f6
 }
 
 /// Decomposes a Mueller matrix whose elements have rounding errors of `rounding`·m00 ([`DOUBLE`],
-/// [`SINGLE`]). Returns `None` if there is no decomposition (see the module).
+/// [`SINGLE`]). Returns `None` if there is no decomposition, as described in the module documentation.
 pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     let m00 = m[0][0];
     if m00 <= 0.0 || m.iter().flatten().any(|e| !e.is_finite()) {
@@ -96,7 +98,8 @@ pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     Some(Parts::new(m00, d, p_delta, &delta, &r))
 }
 
-/// Returns the symmetric factor and the rotation of a matrix; singular values up to `rounding` count as zero.
+/// Returns the symmetric factor and the rotation of a matrix. Singular values up to `rounding` are treated as
+/// zero.
 fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     let svd = m.svd(true, true);
     let (Some(mut u), Some(mut vt)) = (svd.u, svd.v_t) else {
@@ -123,16 +126,16 @@ fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     }
 }
 
-/// Returns the smallest rotation from one direction to another; the identity if one of the two vectors is
-/// zero.
+/// Returns the smallest rotation from one direction to another. Returns the identity if one of the two
+/// vectors is zero.
 fn smallest_rotation(from: Vector3<f64>, to: Vector3<f64>) -> Matrix3<f64> {
     let (Some(a), Some(b)) = (from.try_normalize(0.0), to.try_normalize(0.0)) else {
         return Matrix3::identity();
     };
     let cos = a.dot(&b);
     if cos < -1.0 + 1e-12 {
-        // A rotation by 180° about the projection of a coordinate axis onto the plane perpendicular to
-        // `from`.
+        // The rotation is by 180°. The axis is the projection of a coordinate axis onto the plane
+        // perpendicular to `from`.
         let across = |e: Vector3<f64>| e - a * a.dot(&e);
         let axis =
             across(Vector3::x()).try_normalize(1e-3).unwrap_or_else(|| across(Vector3::y()).normalize());
@@ -210,7 +213,7 @@ mod tests {
                 assert_proper(&parts);
             }
         }
-        // A polarizer followed by a depolarizer.
+        // The matrix is that of a polarizer followed by a depolarizer.
         let m = matrix([[0.5, 0.5, 0., 0.], [0.1, 0.1, 0., 0.], [0.2, 0.2, 0., 0.], [0.; 4]]);
         assert_rebuilds(&m, &decompose(&m, DOUBLE).expect("a decomposition"), 1e-12);
     }

@@ -7,7 +7,7 @@ use super::properties::Properties;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Number of matrices per work unit; a multiple of [`LANES`].
+/// Number of matrices per work unit. The number is a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
 /// A number type of arrays. Loops over matrices of this type are compiled in this crate, where the
@@ -48,13 +48,13 @@ real!(f64, DOUBLE);
 pub enum Quantity {
     /// Degree of polarization of the output for unpolarized input, 0..1.
     Polarizance,
-    /// Diattenuation, 0..1: the difference between the largest and the smallest transmittance, divided by
-    /// their sum.
+    /// Diattenuation, 0..1. The diattenuation is the difference between the largest and the smallest
+    /// transmittance, divided by the sum of these transmittances.
     Diattenuation,
-    /// Retardance, radians, 0..π.
+    /// Retardance in radians, 0..π.
     Retardance,
-    /// Depolarization power 1 - |tr m_Δ|/3, 0..1, where m_Δ is the lower right 3×3 block of M_Δ. At 0 all
-    /// polarization is preserved, at 1 none.
+    /// Depolarization power 1 - |tr m_Δ|/3, 0..1, where m_Δ is the lower right 3×3 block of M_Δ. At 0, all
+    /// polarization is preserved. At 1, no polarization is preserved.
     Depolarization,
     /// Stokes components of the retarder's fast axis.
     RetardanceAxis,
@@ -81,7 +81,7 @@ impl Quantity {
         Self::Diattenuator,
     ];
 
-    /// Returns the name of the quantity in files.
+    /// Returns the quantity's name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Polarizance => "polarizance",
@@ -104,7 +104,8 @@ impl Quantity {
         }
     }
 
-    /// Returns the number of elements of one value: 1 for a scalar, 3 for an axis, 16 for a matrix.
+    /// Returns the number of elements of one value. The number is 1 for a scalar, 3 for an axis and 16 for a
+    /// matrix.
     pub fn size(self) -> usize {
         self.shape().iter().product::<u64>() as usize
     }
@@ -168,7 +169,7 @@ impl Quantity {
     }
 }
 
-/// The factors and properties of a matrix, or `None` if it has no decomposition.
+/// The factors and properties of a matrix, or `None` if the matrix has no decomposition.
 type Found = Option<(Parts, Properties)>;
 
 fn matrix<T: Real>(values: &[T]) -> Matrix {
@@ -179,11 +180,11 @@ fn matrix<T: Real>(values: &[T]) -> Matrix {
     m
 }
 
-/// Returns the maps of quantities over consecutive matrices of 16 elements, `m[out][in]`, and the number of
-/// matrices without a decomposition, whose values are NaN.
+/// Returns the maps of quantities over consecutive matrices of 16 elements, `m[out][in]`. Also returns the
+/// number of matrices without a decomposition, whose values are NaN.
 ///
 /// # Panics
-/// If the number of elements is not a multiple of 16.
+/// Panics if the number of elements is not a multiple of 16.
 pub fn maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, usize) {
     T::maps(elements, quantities)
 }
@@ -243,15 +244,16 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from the standard errors of the elements. The errors of the
+/// elements are assumed to be independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// Each difference spans the standard error of an element, so the result is also valid if the quantity is
-/// a nonlinear function of the elements.
+/// Each difference spans the standard error of an element. The result is therefore also valid if the quantity
+/// is a nonlinear function of the elements.
 ///
 /// # Panics
-/// If the numbers of errors and elements differ, or are not a multiple of 16.
+/// Panics if the numbers of errors and elements differ, or if they are not a multiple of 16.
 pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     T::errors(elements, sigmas)
 }
@@ -261,7 +263,7 @@ fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     let one = |(m, sigmas): (&[T], &[T])| -> [T; 4] {
         let (m, sigmas) = (matrix(m), matrix(sigmas));
         let mut sums = [0.0; 4];
-        // Shift each element by ± its standard error, several elements per batch.
+        // Each element is shifted by ± its standard error, with several elements per batch.
         for first in (0..16).step_by(LANES / 2) {
             let mut moved = [m; LANES];
             for (k, moved) in moved.iter_mut().enumerate() {
@@ -327,8 +329,8 @@ mod tests {
         assert_eq!(maps::<f32>(&[], &Quantity::ALL).1, 0);
     }
 
-    /// Stated errors equal the scatter of quantities computed from noisy elements. The test uses 4000
-    /// samples and a tolerance of 5 standard errors of a standard deviation plus second-order terms.
+    /// Stated errors equal the scatter of quantities that are computed from noisy elements. The test uses
+    /// 4000 samples. The tolerance is 5 standard errors of a standard deviation plus second-order terms.
     #[test]
     fn errors_of_quantities_match_the_scatter() {
         let all = elements(6);

@@ -1,4 +1,5 @@
-//! Analysis of Mueller matrices: realizability, and the decomposition into physical factors.
+//! Analysis of Mueller matrices. The module tests realizability, and decomposes matrices into physical
+//! factors.
 //!
 //! Matrices are plain 4×4 arrays in f64, `m[out][in]`, at one wavelength. Results are in the frames of the
 //! matrix.

@@ -6,16 +6,16 @@ use super::lu_chipman::Parts;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
-    /// P = |(m10, m20, m30)|/m00, 0..1: degree of polarization of the output for unpolarized input.
+    /// Degree of polarization of the output for unpolarized input, P = |(m10, m20, m30)|/m00, 0..1.
     pub polarizance: f64,
-    /// D = |(m01, m02, m03)|/m00, 0..1: dependence of transmittance on polarization.
+    /// Dependence of transmittance on polarization, D = |(m01, m02, m03)|/m00, 0..1.
     pub diattenuation: f64,
-    /// R = acos(tr M_R/2 - 1) of the Lu–Chipman retarder in radians, 0..π.
+    /// Retardance of the Lu–Chipman retarder in radians, R = acos(tr M_R/2 - 1), 0..π.
     pub retardance: f64,
-    /// Δ = 1 - |tr m_Δ|/3, 0..1: depolarization power.
+    /// Depolarization power, Δ = 1 - |tr m_Δ|/3, 0..1.
     pub depolarization: f64,
-    /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector; zero if R = 0.
-    /// If R = π, two axes are valid; this is the axis whose first nonzero component is positive.
+    /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector. The vector is zero if R =
+    /// 0. If R = π, two axes are valid, and the axis whose first nonzero component is positive is chosen.
     pub axis: [f64; 3],
 }
 
@@ -24,11 +24,11 @@ fn length(v: [f64; 3]) -> f64 {
 }
 
 impl Properties {
-    /// Returns the properties of a Mueller matrix and its Lu–Chipman factors.
+    /// Returns the properties of a Mueller matrix from the matrix and its Lu–Chipman factors.
     pub fn of(m: &Matrix, parts: &Parts) -> Self {
         let (r, delta) = (&parts.retarder, &parts.depolarizer);
         let trace = |m: &Matrix| m[1][1] + m[2][2] + m[3][3];
-        // The axis times 2 sin R. For small R the sine is precise, in contrast to the cosine.
+        // The vector is the axis times 2 sin R. For small R, the sine is precise and the cosine is not.
         let turn = [r[2][3] - r[3][2], r[3][1] - r[1][3], r[1][2] - r[2][1]];
         let (sin2, cos2) = (length(turn), trace(r) - 1.0);
         Self {
@@ -47,10 +47,10 @@ fn axis(r: &Matrix, turn: [f64; 3], sin2: f64) -> [f64; 3] {
         return turn.map(|t| t / sin2);
     }
     if r[1][1] + r[2][2] + r[3][3] > 1.0 {
-        // There is no rotation, or its angle is too small to determine the axis.
+        // There is no rotation, or the angle of the rotation is too small to determine the axis.
         return if sin2 > 1e-12 { turn.map(|t| t / sin2) } else { [0.0; 3] };
     }
-    // Rotation by 180°: m_R = 2 a aᵀ - 1. The largest column is the most precise.
+    // For a rotation by 180°, m_R = 2 a aᵀ - 1. The largest column is the most precise.
     let column = |k: usize| std::array::from_fn(|i| r[i + 1][k + 1] + f64::from(u8::from(i == k)));
     let best: [f64; 3] =
         (0..3).map(column).max_by(|a, b| length(*a).total_cmp(&length(*b))).unwrap_or_default();
@@ -75,7 +75,8 @@ mod tests {
         m.lane(0).map(|row| row.map(f64::from))
     }
 
-    /// A retarder's fast axis at θ has the Stokes components cos 2θ, sin 2θ, and its retardance is recovered.
+    /// The fast axis of a retarder at θ has the Stokes components cos 2θ, sin 2θ. The retardance of the
+    /// retarder is recovered.
     #[test]
     fn retarders_have_their_fast_axis() {
         for (theta, delta) in [(0.0_f32, 0.5_f32), (0.4, 1.5), (1.2, 3.0), (0.7, 1e-3)] {

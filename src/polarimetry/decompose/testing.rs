@@ -23,8 +23,8 @@ fn direction(stream: &mut Stream) -> Vector3<f64> {
     Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).normalize()
 }
 
-/// Returns `n` matrices with random factors: diattenuation up to 0.95, eigenvalues of m_Δ from 0.05
-/// (all positive or all negative), retardance from 0.05 to π - 0.05.
+/// Returns `n` matrices with random factors. The diattenuation is at most 0.95. The eigenvalues of m_Δ are at
+/// least 0.05 in magnitude, and all positive or all negative. The retardance is 0.05 to π - 0.05.
 pub fn samples(n: u32, seed: u64) -> impl Iterator<Item = Sample> {
     (0..n).map(move |k| {
         let mut stream = Stream::new(seed, k, 0);

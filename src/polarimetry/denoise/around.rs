@@ -3,8 +3,8 @@
 use super::Size;
 use rayon::prelude::*;
 
-/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns
-/// away, or zero if no such pixel exists. Values of unknown pixels must be zero.
+/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns away. The mean
+/// is zero if no such pixel exists. Values of unknown pixels must be zero.
 pub fn around(
     values: &[f32],
     [height, width]: Size,

@@ -1,13 +1,13 @@
 //! Weighted means of the channels of an image, with the standard errors of the means.
 //!
-//! The error of the weighted mean F = Σ w y combines the propagated variance P = Σ w² V and the squared
-//! bias of F. With the rendered value M and its variance V, the squared bias is estimated by
+//! The error of the weighted mean F = Σ w y combines the propagated variance P = Σ w² V and the squared bias
+//! of F. With the rendered value M and its variance V, the squared bias is estimated by
 //!
 //! > b² = (F - M)² - V + 2 V ∂F/∂M - P
 //!
 //! (see [`super::weights`]). The estimate for a single pixel is far too noisy. The estimate is therefore
-//! averaged over a box of pixels, and negative values count as zero. The light removed by the replacement
-//! of outliers ([`super::outliers`]) is a further bias, and its square is added.
+//! averaged over a box of pixels, and negative values are treated as zero. The replacement of outliers
+//! ([`super::outliers`]) removes light. The removed light is a further bias, and its square is added.
 
 use super::around::around;
 use super::guide::unit;
@@ -18,11 +18,11 @@ use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
 use rayon::prelude::*;
 
-/// Averages the renders' values with the weights of each pixel. Pixels that are not averaged keep the
-/// value of the render, or the mean of both renders.
+/// Averages the values of the renders with the weights of each pixel. Pixels that are not averaged keep the
+/// value of the render, or the mean of the two renders.
 ///
 /// # Panics
-/// If the number of renders or pixels differs from that of the weights.
+/// Panics if the number of renders or pixels differs from the number in the weights.
 pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     assert_eq!(renders.len(), weights.of.len(), "expected one set of weights per render");
     let mut out = kept(weights, renders);
@@ -93,8 +93,8 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     out
 }
 
-/// Returns the values of known pixels, scaled so that their squares do not overflow, and the scale factor.
-/// Unknown pixels are zero.
+/// Returns the values of known pixels, and a scale factor. The values are multiplied by this factor so that
+/// their squares do not overflow. Unknown pixels are zero.
 fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     let all = renders.iter().flat_map(|r| r.mean.iter().chain(&r.error));
     let largest = all.map(|x| x.abs()).filter(|x| x.is_finite()).fold(0.0, f32::max);
@@ -111,8 +111,8 @@ fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     (all.collect(), scale)
 }
 
-/// Returns the values of pixels that are not averaged: the render, or the mean of two renders, with its
-/// standard error.
+/// Returns the values of pixels that are not averaged. A value is that of the render, or the mean of two
+/// renders, with its standard error.
 fn kept(weights: &Weights, renders: &[Values]) -> Values {
     if let [only] = renders {
         return only.clone();

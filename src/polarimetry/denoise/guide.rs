@@ -1,39 +1,41 @@
-//! The guide image: a few channels per pixel that the denoiser compares to find similar pixels.
+//! The guide image. The denoiser compares the few channels per pixel of this image to find similar pixels.
 //!
 //! For images of Mueller matrices or intensities at several wavelengths, the guide is the image itself. If a
-//! slice resolves time bins, bounces or projector pixels, the guide is their sum. The guide of such a slice
-//! also holds the profile of M00 along these entries, in at most `PROFILE` groups of neighbouring entries.
-//! Pixels at different depths therefore differ. Variances are summed on the assumption that entries are
-//! independent.
+//! slice resolves time bins, bounces or projector pixels, the guide is the sum over these entries. The guide
+//! of such a slice also holds the profile of M00 along these entries, in at most `PROFILE` groups of
+//! neighbouring entries. Pixels at different depths therefore differ. Variances are summed on the assumption
+//! that entries are independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// Fraction of neighbours with light, over all renders, above which a pixel is assumed to be lit. In dark
-/// regions few pixels receive a path, and averaging would spread such a path over a visible spot.
+/// Fraction of neighbours with light, over all renders. Above this fraction, a pixel is assumed to be lit. In
+/// dark regions, few pixels receive a path, and averaging would spread the light of a path over a visible
+/// spot.
 const LIT: f64 = 0.25;
 
 /// Maximum number of groups of a profile.
 const PROFILE: usize = 256;
 
-/// The channels of each render by which pixels are compared.
+/// The channels of each render. Pixels are compared by these channels.
 pub struct Guide {
     pub size: Size,
-    /// The renders, one or two, scaled so that the largest value is at most 1.
+    /// One or two renders. The renders are scaled so that the largest value is at most 1.
     pub renders: Vec<Values>,
-    /// Weight of each render in the mean; the sum is 1.
+    /// Weight of each render in the mean. The sum of the weights is 1.
     pub shares: Vec<f32>,
-    /// For each element, the channel of M00 at the same wavelength, whose noise is the reference. The
-    /// channels after the elements hold the profile.
+    /// For each element, the channel of M00 at the same wavelength. The noise of this channel is the
+    /// reference. The channels after the elements hold the profile.
     pub judge: Vec<usize>,
-    /// True for pixels whose values are all finite. The values of other pixels are zero in the guide.
+    /// Whether all values of a pixel are finite. The values of all other pixels are zero in the guide.
     pub known: Vec<bool>,
-    /// For each render, whether each pixel is replaced by the mean of its neighbours.
+    /// For each render, whether each pixel is replaced by the mean of the pixel's neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels with zero standard error, which are not averaged. A dark pixel is excluded from this set if
-    /// more than a quarter of its neighbours received light. Such a pixel is dark only because no sampled
-    /// path carried light to it, and would remain a black dot.
+    /// Whether a pixel has zero standard error and is not averaged. The value is false for a dark pixel if
+    /// more than a quarter of the pixel's neighbours received light. A dark pixel among lit pixels is dark
+    /// because no sampled path carried light to the pixel. Without averaging, the dark pixel would remain a
+    /// black dot.
     pub still: Vec<bool>,
 }
 
@@ -80,7 +82,8 @@ impl Plan {
         }
     }
 
-    /// Returns the channels to which an entry is added: in the sum, and in the profile.
+    /// Returns the channels to which an entry is added. The first channel is in the sum, and the second is in
+    /// the profile.
     fn channels(&self, index: &[usize]) -> (usize, Option<usize>) {
         let (mut kept, mut other) = (0, 0);
         for ((kind, n), i) in self.kinds.iter().zip(&self.shape).zip(index) {
@@ -94,14 +97,14 @@ impl Plan {
 }
 
 impl GuideBuilder {
-    /// Creates a builder for pixels with entries along `axes`, the axes that follow rows and columns.
+    /// Creates a builder for pixels with entries along `axes`. These axes follow rows and columns.
     pub fn new(size: Size, axes: &[Axis]) -> Self {
         let plan = Plan::new(axes);
         let n = size[0] * size[1] * (plan.matrix + plan.groups);
         Self { size, plan, mean: vec![0.0; n], variance: vec![0.0; n] }
     }
 
-    /// Adds a block of entries of all pixels, given by its first index and shape.
+    /// Adds a block of entries of all pixels. The block is given by its first index and its shape.
     pub fn add(&mut self, start: &[u64], shape: &[u64], mean: &[f32], error: &[f32]) {
         let lo = vec![0; shape.len()];
         let targets: Vec<_> = tensor::region::indices(&lo, shape)
@@ -190,7 +193,8 @@ impl Guide {
     }
 }
 
-/// Returns a power of two that scales the largest number to 1/2 .. 1. Multiplication by this power is exact.
+/// Returns a power of two that scales the largest number to the range 1/2 .. 1. Multiplication by this power
+/// is exact.
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {
         2.0_f64.powi((-(largest.log2().floor() as i32) - 1).clamp(-1000, 1000))

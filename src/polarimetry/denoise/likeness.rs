@@ -1,17 +1,19 @@
-//! The distance between two pixels relative to their errors.
+//! Computes the distance between two pixels relative to their errors.
 //!
-//! For pixels p and q and each element c with light or noise,
+//! For pixels p and q and each element c with light or noise, the distance is
 //!
 //! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
 //!
-//! where u is the rendered value and V its variance. d² is averaged over the pixels of two patches. d² is 0
-//! on average for equal light with equal noise, and large where the light differs by more than its standard
-//! errors. The formula follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p), V(q)) in place of V(p) +
-//! min(V(p), V(q)). The distance is therefore symmetric: two pixels of different brightness have the same
-//! weight in each other's mean. Otherwise the denoised image would be too dark. An element with much less
-//! noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
+//! where u is the rendered value and V its variance. d² is averaged over the pixels of two patches. For equal
+//! light with equal noise, d² is 0 on average. Where the light differs by more than its standard errors, d²
+//! is large.
 //!
-//! Profiles, e.g. over time, have light in only a few of many entries. A mean of ratios would miss a
+//! The formula follows Rousselle et al. (2012, eq. 4), with 2 min(V(p), V(q)) in place of V(p) + min(V(p),
+//! V(q)). The distance is therefore symmetric. Two pixels of different brightness have the same weight in
+//! each other's mean. With an asymmetric distance, the denoised image would be too dark. An element with much
+//! less noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard error.
+//!
+//! Profiles, for example over time, have light in few of many entries. A mean of ratios would not detect a
 //! shift of the light by one entry. The distance of profiles is therefore the ratio of sums,
 //!
 //! > d²(p, q) = Σ_g [(u_g(p) - u_g(q))² - 2 min(V_g(p), V_g(q))] / Σ_g (V_g(p) + V_g(q)),
@@ -23,7 +25,8 @@ use super::{REACH, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of separate partial sums, so that the order of summation is the same for every vector width.
+/// Number of separate partial sums. With this number, the order of summation is the same for every vector
+/// width.
 pub(super) const LANES: usize = 8;
 
 /// Number of offsets of the window along an axis.
@@ -43,7 +46,7 @@ pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
-/// Returns the neighbour of pixel `p` with offset index `o`, or `None` if it is outside the image.
+/// Returns the neighbour of pixel `p` with offset index `o`, or `None` if the neighbour is outside the image.
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
     let y = (p / width).checked_add_signed(dy).filter(|y| *y < height)?;
@@ -51,8 +54,8 @@ pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     Some(y * width + x)
 }
 
-/// d² of two pixels, and its derivatives: the increase of d² if the value of every element of one pixel
-/// increases by one standard error.
+/// The distance d² of two pixels, and its derivatives. A derivative is the increase of d² if the value of
+/// every element of one pixel increases by one standard error.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     d2: f32,
@@ -62,7 +65,8 @@ struct Pair {
 /// The distance d² of each pair of pixels within [`super::REACH`].
 pub struct Likeness {
     size: Size,
-    /// For each offset before the middle one, an image of the pairs of a pixel and the pixel at that offset.
+    /// For each offset before the middle offset, an image of pixel pairs. A pair consists of a pixel and the
+    /// pixel at that offset.
     planes: Vec<Vec<Pair>>,
 }
 
@@ -95,8 +99,8 @@ impl Likeness {
         Self { size, planes: planes.collect() }
     }
 
-    /// Returns d² of a pixel and its neighbour `q` at offset `o`, and the derivative of d² with respect
-    /// to the noise of the pixel.
+    /// Returns d² of a pixel and its neighbour `q` at offset `o`. Also returns the derivative of d² with
+    /// respect to the noise of the pixel.
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));
         match o {
@@ -114,12 +118,13 @@ impl Likeness {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     d2: f32,
-    /// Denominator: number of elements with light or noise, or the summed variances of a profile.
+    /// Denominator of d². The denominator is the number of elements with light or noise, or the sum of the
+    /// variances of a profile.
     under: f32,
     slopes: [f32; 2],
 }
 
-/// Returns d² of patches. Only the derivative with respect to the noise of the central pixel is known.
+/// Returns d² of patches. The derivative is known only with respect to the noise of the central pixel.
 fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
     let mut across = vec![[0.0_f32; 2]; sums.len()];
     let mut out = Vec::with_capacity(sums.len());

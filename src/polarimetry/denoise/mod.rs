@@ -1,7 +1,7 @@
-//! Denoising of rendered images by means of their standard errors. Denoised images are suitable for
-//! figures, not for measurements.
+//! Denoises rendered images by means of their standard errors. Denoised images are suitable for figures, but
+//! not for measurements.
 //!
-//! Every pixel becomes a weighted mean of similar pixels around it,
+//! Every pixel becomes a weighted mean of the similar pixels in its neighbourhood,
 //!
 //! > F(p) = Σ_q w(p, q) y(q),  w ≥ 0,  Σ_q w(p, q) = 1,
 //!
@@ -10,13 +10,13 @@
 //! Means Filtering"). The distances are differences relative to the stored standard errors ([`likeness`]).
 //! Realizable Mueller matrices form a convex cone, so their mean is realizable.
 //!
-//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein 1981; Li
-//! et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The
-//! stated error is the root of the propagated variance plus the estimate of the squared bias ([`average`]).
+//! Stein's unbiased risk estimate determines the strength of each pixel among [`STRENGTHS`] (Stein 1981; Li
+//! et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The square
+//! of the stated error is the propagated variance plus the estimate of the squared bias ([`average`]).
 //!
-//! With two renders of one scene, each render is averaged with weights from the other render.
-//! Weights and noise are therefore independent. A contribution in only one render that is far above
-//! its surroundings is removed, and the stated error includes the removed amount ([`outliers`]).
+//! With two renders of one scene, each render is averaged with weights from the other render. Weights and
+//! noise are therefore independent. A contribution is removed if it is far above its surroundings and is
+//! missing in the second render. The stated error includes the removed amount ([`outliers`]).
 
 pub mod around;
 pub mod average;
@@ -32,19 +32,20 @@ mod tests;
 /// Radius of the window of averaged pixels, in rows and columns.
 pub const REACH: usize = 5;
 
-/// Candidates for the denoising strength. Differences up to about this number of standard errors are ignored.
+/// Candidates for the denoising strength. Differences up to approximately this number of standard errors are
+/// ignored.
 pub const STRENGTHS: [f32; 3] = [0.35, 0.5, 0.7];
 
 /// Radius of the compared patches.
 const PATCH: usize = 1;
 
-/// Radius of the boxes over which error estimates are averaged before the strength is chosen.
+/// Radius of boxes of pixels. Error estimates are averaged over these boxes before the strength is chosen.
 const CALM: usize = 3;
 
 /// Number of rows above and below a pixel that affect the detection and the replacement of an outlier.
 const SPOT: usize = 2;
 
-/// Number of rows above and below a pixel on which its denoised value and error can depend.
+/// Number of rows above and below a pixel that can affect the pixel's denoised value and error.
 pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 
 /// Rows and columns of an image.

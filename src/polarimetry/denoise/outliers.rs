@@ -1,30 +1,33 @@
-//! Outliers: single contributions in one of two renders that are far above all other values of a pixel.
+//! Detects outliers. An outlier is a single contribution in one of two renders that is far above all other
+//! values of a pixel.
 //!
 //! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative to
 //! this standard error, the pixel does not differ from other pixels. A weighted mean therefore includes the
-//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in both
-//! renders, but an outlier appears in only one. A pixel of one render is an outlier if at some wavelength
+//! pixel, and one bright pixel becomes a faint spot as wide as the window. A true highlight appears in each
+//! render, but an outlier appears in a single render. A pixel of one render is an outlier if at some
+//! wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
-//! its standard error is more than a quarter of its value, and most of those neighbours received light.
-//! (Otherwise, rare paths are the only light in the region.) The outlier is replaced by the mean of its
-//! neighbours, which is realizable. The removed light is a bias of the denoised value and contributes to
-//! its stated error ([`super::average`]).
+//! Two further conditions must hold. The standard error of the pixel must be more than a quarter of the
+//! pixel's value, and most of the neighbours must have received light. (If most neighbours are dark, rare
+//! paths are the only light in the region.) The outlier is replaced by the mean of its neighbours, which is
+//! realizable. The removed light is a bias of the denoised value and contributes to the stated error
+//! ([`super::average`]).
 
 use super::{Size, Values};
 
 /// Threshold of an outlier relative to the other pixels. In regions that few paths reach, single
-/// contributions make up most of the light. A factor of three removed correct highlights in a room scene
-/// with a mirror (`tests/suite/denoise.rs`); a factor of five removes none.
+/// contributions make up most of the light. In a room scene with a mirror (`tests/suite/denoise.rs`), a
+/// factor of three removed correct highlights. A factor of five removes none.
 const ABOVE: f32 = 5.0;
 
-/// Minimum standard error of an outlier relative to its value: the relative standard error if 16 of many
-/// samples have equal contributions and all other samples have none.
+/// Minimum standard error of an outlier relative to its value. This ratio is the relative standard error if
+/// 16 of many samples have equal contributions and all other samples have none.
 const UNSURE: f32 = 0.25;
 
-/// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each
-/// wavelength. Returns no outliers for a single render.
+/// Returns the outliers of each of two renders. The first `lanes` channels, which are M00 at each wavelength,
+/// determine the outliers. Returns no outliers for a single render.
 pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {
     let [a, b] = renders else {
         return vec![vec![false; known.len()]; renders.len()];
@@ -52,8 +55,8 @@ pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<boo
     vec![of(a, b), of(b, a)]
 }
 
-/// Replaces each outlier's value and variance by the means over its known neighbours that are not outliers.
-/// Returns the removed amounts.
+/// Replaces each outlier's value and variance by means over the outlier's neighbours. The means include known
+/// neighbours that are not outliers. Returns the removed amounts.
 pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f32> {
     let n = values.channels;
     let mut taken = vec![0.0; values.mean.len()];
@@ -107,8 +110,11 @@ mod tests {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
-        // The following values are not outliers: a highlight in both renders, a value with a small error,
-        // slightly more light, and pixels of a single render.
+        // The following values are not outliers:
+        // - a highlight in the two renders,
+        // - a value with a small error,
+        // - slightly more light,
+        // - pixels of a single render.
         for renders in [
             &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
             &[spot(50.0, 2.0), plain.clone()],

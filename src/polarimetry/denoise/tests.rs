@@ -1,4 +1,5 @@
-//! Tests with images of known ground truth, whose noise is stated correctly, stated wrongly, or absent.
+//! Tests with images of known ground truth. The noise of the images is stated correctly, stated wrongly, or
+//! absent.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
@@ -35,8 +36,8 @@ fn mueller() -> Vec<Axis> {
     vec![axis(AxisKind::StokesOut, 4), axis(AxisKind::StokesIn, 4), axis(AxisKind::Wavelength, 1)]
 }
 
-/// Returns the Mueller matrix of a polarizer at `angle`, radians, with transmittance `k`. It is on the
-/// boundary of the cone of realizable matrices.
+/// Returns the Mueller matrix of a polarizer at `angle`, in radians, with transmittance `k`. The matrix is on
+/// the boundary of the cone of realizable matrices.
 fn polarizer(angle: f64, k: f64) -> [f64; 16] {
     let (s, c) = (2.0 * angle).sin_cos();
     [1.0, c, s, 0.0, c, c * c, c * s, 0.0, s, c * s, s * s, 0.0, 0.0, 0.0, 0.0, 0.0].map(|x| x * k / 2.0)
@@ -47,8 +48,8 @@ const SIZE: Size = [40, 48];
 /// The true Mueller matrix of each pixel.
 type Truth = fn(usize) -> [f64; 16];
 
-/// Returns the truth of a test image: a bright disc with one polarization on a gradient of another,
-/// and a black band.
+/// Returns the truth of a test image. The image has a bright disc with one polarization, a gradient with
+/// another polarization, and a black band.
 fn truth(p: usize) -> [f64; 16] {
     let (y, x) = ((p / SIZE[1]) as f64, (p % SIZE[1]) as f64);
     if (y - 20.0).hypot(x - 24.0) < 9.0 {
@@ -70,8 +71,8 @@ fn other(m: &[f64; 16]) -> [f64; 16] {
     polarizer(0.9, 2.0 * m[0])
 }
 
-/// Returns a render with the means of `n` samples per pixel, and `stated` times the standard errors
-/// of the means. Each sample is the truth times a non-negative number, and thus realizable.
+/// Returns a render with the means of `n` samples per pixel, and `stated` times the standard errors of the
+/// means. Each sample is the truth times a non-negative number, and is therefore realizable.
 fn rendered_of(truth: Truth, seed: u64, n: usize, stated: f64) -> Values {
     let mut random = Normal(seed);
     let (mut mean, mut error) = (vec![], vec![]);
@@ -124,8 +125,8 @@ fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
     average(&weights_of(renders, axes), renders)
 }
 
-/// Returns the root mean square of (estimate - truth) / stated error, and the RMS error after denoising
-/// divided by the RMS error before denoising.
+/// Returns two numbers. The first number is the root mean square of (estimate - truth) / stated error. The
+/// second number is the RMS error after denoising divided by the RMS error before denoising.
 fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     let out = denoised(renders, &mueller());
     let [mut z, mut n, mut after, mut before] = [0.0; 4];
@@ -145,8 +146,8 @@ fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     [(z / n).sqrt(), (after / before).sqrt()]
 }
 
-/// Correctly stated errors pass the test, for an image with edges and gradients and for a uniform one.
-/// Errors that are misstated by a factor of two (variances by four) fail the test.
+/// Correctly stated errors pass the test, for an image with edges and gradients and for a uniform image.
+/// Errors that are misstated by a factor of two (variances by a factor of four) fail the test.
 #[test]
 fn errors_of_denoised_images_match_actual_errors() {
     for (name, seeds) in [("one", &[1_u64][..]), ("two", &[2, 3])] {
@@ -185,7 +186,7 @@ fn matrices_stay_realizable() {
         let (before, after) = (least(&renders[0]), least(&out));
         println!("least eigenvalue over m00: {before:e} before, {after:e} after");
         assert!(after > -1e-6 && before > -1e-6);
-        // A deliberate error: with a separate weight for one element, the mean is not realizable.
+        // As a deliberate error, one element has a separate weight. The mean is then not realizable.
         let mut broken = out.clone();
         broken.mean.iter_mut().skip(1).step_by(16).for_each(|m| *m *= 1.1);
         assert!(least(&broken) < -1e-3);
@@ -204,9 +205,9 @@ fn weights_are_nonnegative_and_sum_to_one() {
     }
 }
 
-/// A contribution of a hundred times the light in only one render causes no bright spot, and its removal
-/// increases the stated errors. With a single render the contribution stays, because nothing
-/// distinguishes it from a highlight.
+/// A contribution of a hundred times the light in a single render causes no bright spot. The removal of the
+/// contribution increases the stated errors. With a single render, the contribution remains, because nothing
+/// distinguishes the contribution from a highlight.
 #[test]
 fn an_outlier_is_removed_and_stated_in_the_error() {
     let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
@@ -220,7 +221,7 @@ fn an_outlier_is_removed_and_stated_in_the_error() {
     let renders = [met.clone(), other.clone()];
     let weights = weights_of(&renders, &mueller());
     let (without, with) = (denoised(&[plain, other], &mueller()), average(&weights, &renders));
-    // The weight of the outlier for a pixel, and the other pixel for which it has the greatest weight.
+    // The weight of the outlier for a pixel, and the neighbour for which this weight is greatest.
     let weight_for = |p: usize| {
         let o = (0..WINDOW).find(|o| neighbour(p, *o, SIZE) == Some(spot));
         weights.of[0][p * WINDOW + o.expect("within reach")]
@@ -272,7 +273,7 @@ fn pixels_without_error_are_unchanged_bit_for_bit() {
     assert_eq!(bits(&out.error), bits(&still.error));
     let two = denoised(&[still.clone(), still.clone()], &mueller());
     assert_eq!(two.mean.iter().map(|x| x + 0.0).collect::<Vec<_>>(), still.mean);
-    // Next to pixels with errors, a pixel without error stays unchanged.
+    // Next to pixels with errors, a pixel without error does not change.
     let mut mixed = rendered(11, 4, 1.0);
     mixed.error[16 * 500..16 * 501].fill(0.0);
     let out = denoised(std::slice::from_ref(&mixed), &mueller());
@@ -290,7 +291,7 @@ fn a_constant_image_is_unchanged_and_its_error_decreases() {
     assert!((middle / (0.1 / (WINDOW as f64).sqrt()) - 1.0).abs() < 0.01, "{middle}");
 }
 
-/// Non-finite values do not spread to other pixels, and empty channels stay empty.
+/// Non-finite values do not spread to other pixels. Empty channels stay empty.
 #[test]
 fn lost_pixels_do_not_spread() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -325,7 +326,7 @@ fn images_of_any_size_and_brightness_are_denoised() {
             assert!((out.error[0] - 0.1).abs() < 1e-6);
         }
     }
-    // Scaling the image by an extreme power of two leaves the mantissas of the results unchanged.
+    // Scaling the image by an extreme power of two does not change the mantissas of the results.
     let plain = rendered(14, 8, 1.0);
     let scaled = |k: f32| Values {
         mean: plain.mean.iter().map(|x| x * k).collect(),
@@ -341,7 +342,7 @@ fn images_of_any_size_and_brightness_are_denoised() {
     }
 }
 
-/// Two walls of equal brightness whose depths differ by one bin are separated by their arrival times.
+/// Two walls of equal brightness have depths that differ by one bin. The arrival times separate the walls.
 #[test]
 fn surfaces_of_different_depth_are_separated() {
     let (size, bins) = ([16, 24], 80);
@@ -370,9 +371,9 @@ fn surfaces_of_different_depth_are_separated() {
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
 
-/// Pixels that are dark at random do not stay black. A tenth of the samples carry light. With 16 samples
-/// per pixel, a sixth of the pixels have no light and a standard error of zero. The surface keeps its
-/// mean over 1,920 pixels within five standard errors.
+/// Pixels that are dark at random do not stay black. A tenth of the samples carry light. With 16 samples per
+/// pixel, a sixth of the pixels have no light and a standard error of zero. The mean of the surface over
+/// 1,920 pixels does not change by more than five standard errors.
 #[test]
 fn randomly_dark_pixels_do_not_stay_black() {
     let (n, rare) = (16, 0.1);

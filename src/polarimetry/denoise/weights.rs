@@ -1,16 +1,19 @@
-//! The weights of the mean at each pixel, from several denoising strengths with different estimated errors.
+//! Computes the weights of the mean at each pixel, from several denoising strengths with different estimated
+//! errors.
 //!
 //! Weights of strength k are exp(-max(0, d²)/k²), normalized. For the mean F with these weights, the rendered
-//! value M and its variance V,
+//! value M and its variance V, the mean of
 //!
 //! > R = (F - M)² - V + 2 V ∂F/∂M
 //!
-//! has the expected squared error of F as its mean (Stein 1981), whatever the truth. ∂F/∂M includes the
-//! pixel's own weight and the change of its weights due to its noise. The noise is assumed to be fully
-//! correlated between elements, which is correct if rare paths cause it. R of a single pixel is
-//! uncertain. R is therefore averaged over the elements (each divided by the variance of M00) and over a
-//! box of pixels, and the strength with the smallest R is chosen. The fractions of the strengths are then
-//! averaged again to avoid visible boundaries. The result is again a set of non-negative weights with sum 1.
+//! is the expected squared error of F for any truth (Stein 1981). ∂F/∂M includes the pixel's own weight and
+//! the change of its weights due to its noise. The noise is assumed to be fully correlated between elements,
+//! which is correct if rare paths cause the noise.
+//!
+//! R of a single pixel is uncertain. R is therefore averaged over the elements (each divided by the variance
+//! of M00) and over a box of pixels. The strength with the smallest R is chosen. The fractions of the
+//! strengths are then averaged again to avoid visible boundaries. The result is again a set of non-negative
+//! weights with sum 1.
 
 use super::around::around;
 use super::guide::Guide;
@@ -29,17 +32,17 @@ pub struct Weights {
     pub size: Size,
     /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight if the pixel's value in the render from which the weights are computed
-    /// increases by one standard error.
+    /// The increase of each weight if the pixel's value increases by one standard error. The value is that of
+    /// the render from which the weights are computed.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
     pub shares: Vec<f32>,
     /// Pixels with finite values.
     pub known: Vec<bool>,
-    /// For each render, whether each pixel is replaced by the mean of its neighbours.
+    /// For each render, whether each pixel is replaced by the mean of the pixel's neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Pixels that are averaged: known pixels with a nonzero standard error, and dark pixels among lit
-    /// ones. Other pixels stay unchanged.
+    /// pixels. Other pixels do not change.
     pub moved: Vec<bool>,
 }
 
@@ -80,8 +83,8 @@ impl Weights {
     }
 }
 
-/// Returns the index of the render that determines the weights of render `render`: the other render
-/// if there are two.
+/// Returns the index of the render that determines the weights of render `render`. If there are two renders,
+/// this is the other render.
 pub(super) fn other(render: usize, renders: usize) -> usize {
     renders - 1 - render
 }
@@ -115,7 +118,7 @@ fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS
     all
 }
 
-/// Weighted sums over the window of one pixel, and their covariances with the pixel's values.
+/// Weighted sums over the window of one pixel, and the covariances of the sums with the pixel's values.
 pub(super) struct Sums {
     /// Weighted sums Σ w y over all renders, per channel.
     pub mean: Vec<f32>,
@@ -135,9 +138,9 @@ impl Sums {
         self.common.fill(0.0);
     }
 
-    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's variances
-    /// `own`. The remaining arguments are the render from which the weights are computed, its share, and
-    /// its variances.
+    /// Adds the contribution of a render. The contribution consists of its `values`, weighted by the window,
+    /// and the pixel's variances `own`. The remaining arguments are the render from which the weights are
+    /// computed, its share, and its variances.
     pub fn add(
         &mut self,
         [weights, slopes]: [&[f32]; 2],

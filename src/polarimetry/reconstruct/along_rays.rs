@@ -1,7 +1,8 @@
-//! Reconstructs images in which every pixel has its own ray and thus its own design matrix (oblique
-//! plates, galvo mirrors).
+//! Reconstructs images in which every pixel has its own ray. Each ray has its own design matrix because of
+//! oblique plates or galvo mirrors.
 //!
-//! Pixels are processed a few thousand at a time, because the estimator of each pixel takes kilobytes.
+//! The function processes a few thousand pixels at a time, because the estimator of each pixel takes
+//! kilobytes.
 
 use super::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use crate::capture::design_matrix::RankError;
@@ -11,24 +12,25 @@ use crate::capture::scheme::Scheme;
 /// Maximum number of rays whose estimators are in memory simultaneously.
 const AT_ONCE: usize = 2048;
 
-/// The mapping from pixels to rays: positions first, then separate captures, then wavelengths.
+/// The mapping from pixels to rays. Positions are first, followed by separate captures and wavelengths.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
-    /// Rays of each wavelength, or of each position and wavelength.
+    /// Rays of each wavelength, or rays of each position and wavelength.
     pub rays: &'a [Ray],
-    /// Number of separate captures at a position, which share its rays.
+    /// Number of separate captures at a position. These captures share the rays of the position.
     pub times: usize,
     /// Number of wavelengths.
     pub lanes: usize,
 }
 
-/// Reconstructs images along the rays of their pixels; other arguments as for [`Reconstruction::apply`].
+/// Reconstructs images along the rays of their pixels. All other arguments are as for
+/// [`Reconstruction::apply`].
 ///
 /// # Errors
-/// If the captures do not determine a Mueller matrix and there is no prior.
+/// Returns an error if the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If the lengths of the arguments do not match.
+/// Panics if the lengths of the arguments do not match.
 pub fn reconstruct<T: PixelNumber>(
     scheme: &Scheme,
     Places { rays, times, lanes }: Places<'_>,
@@ -86,7 +88,8 @@ mod tests {
     use crate::capture::directions::Directions;
     use crate::capture::simulate::{Layout, Noise, simulate};
 
-    /// Reconstruction along each pixel's ray recovers the matrices; reconstruction along the axis does not.
+    /// Reconstruction along each pixel's ray recovers the matrices. Reconstruction along the axis does not
+    /// recover the matrices.
     #[test]
     fn oblique_plates_are_corrected_along_rays() {
         let mut scheme = Scheme::drr(36, false).expect("a scheme");

@@ -1,5 +1,6 @@
-//! Learning with cross-validation: learns the settings of a scheme from all materials. The expected error is
-//! determined by learning from some materials and testing on all other materials (Baek & Heide 2021, sec. 4).
+//! Learns with cross-validation. The settings of a scheme are learned from all materials. The expected error
+//! is determined by learning from some materials and testing on all other materials (Baek & Heide 2021, sec.
+//! 4).
 
 use super::learn::{Descent, FoldError, Learned, Onlooker, Search, learn_before, validate};
 use super::loss::{Estimator, Objective};
@@ -12,11 +13,11 @@ use crate::capture::scheme::Scheme;
 /// The frames in which Mueller matrices are expected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
-    /// Frames rotated by any angle, as the frames of camera and projector are rotated relative to
-    /// the plane of scattering.
+    /// Frames that are rotated by any angle. The frames of camera and projector are rotated in this way
+    /// relative to the plane of scattering.
     #[default]
     Any,
-    /// Frames of the plane of scattering, as in pBRDF tables and in Baek & Heide 2021.
+    /// Frames of the plane of scattering, as in pBRDF tables and in Baek & Heide (2021).
     Plane,
 }
 
@@ -45,7 +46,7 @@ pub struct FoldMoments {
 pub struct LearningData {
     /// Second moment of all materials.
     pub all: Moment,
-    /// The folds; empty without cross-validation.
+    /// The folds. The list is empty without cross-validation.
     pub folds: Vec<FoldMoments>,
 }
 
@@ -53,7 +54,7 @@ impl LearningData {
     /// Computes the moments of a data set in the given frames, with `count` folds (0 for none).
     ///
     /// # Errors
-    /// [`DataError::Folds`] if the materials cannot be split into that number of folds.
+    /// [`DataError::Folds`] if the materials cannot be split into `count` folds.
     pub fn new(data: &DataSet, count: usize, frames: Frames) -> Result<Self, DataError> {
         let parted = match count {
             0 => vec![],
@@ -72,19 +73,20 @@ impl LearningData {
     }
 }
 
-/// A learned scheme with its expected errors. An error is the sum of the 16 squared element errors at T00 = 1.
+/// A learned scheme with its expected errors. An error is the sum of the 16 squared element errors at T00 =
+/// 1.
 #[derive(Clone, Debug)]
 pub struct Validated {
     /// The scheme, learned from all materials.
     pub scheme: Scheme,
-    /// Mean error on the test materials of the folds. Without folds, or if the error does not
-    /// depend on the materials, this is the error of the closed form.
+    /// Mean error on the test materials of the folds. Without folds, or if the error does not depend on the
+    /// materials, this value is the error of the closed form.
     pub unseen: f64,
     /// Standard error of `unseen` over the folds, or 0 without folds.
     pub spread: f64,
-    /// Mean squared error on the training materials: sum over the 16 elements at T00 = 1.
+    /// Mean squared error on the training materials. The error is the sum over the 16 elements at T00 = 1.
     pub seen: f64,
-    /// All descents that learned from all materials, starting with the descent from the template's settings.
+    /// All descents that learned from all materials. The first descent starts from the template's settings.
     pub descents: Vec<Descent>,
 }
 
@@ -94,9 +96,10 @@ pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
     estimator == Estimator::Prior || template.captures() < template.least_captures()
 }
 
-/// Learns the settings of a template for `objective`, whose second moment is that of all materials, and
-/// validates them with `folds`. Each fold learns again with a quarter of the starts and without Adam, because
-/// its optimum is close to that of all materials. `onlooker` observes the progress; pass `&()` for none.
+/// Learns the settings of a template for `objective`, and validates the settings with `folds`. The second
+/// moment of the objective is that of all materials. Each fold learns again with a quarter of the starts and
+/// without Adam. The optimum of a fold is close to the optimum of all materials. `onlooker` observes the
+/// progress. Pass `&()` for no observer.
 pub fn learn_and_validate(
     template: &Scheme,
     objective: &Objective,
@@ -133,8 +136,8 @@ mod tests {
     use crate::capture::element::Ray;
     use crate::reconstruct::pca::testing::rows;
 
-    /// Folds affect the result only if materials affect it: below rank 16, and with a prior. The stated
-    /// spread is that of the folds.
+    /// Folds affect the result if and only if materials affect the result. Materials affect the result below
+    /// rank 16, and with a prior. The stated spread is the spread over the folds.
     #[test]
     fn folds_matter_only_if_materials_do() {
         let moment = |seed: u64| {

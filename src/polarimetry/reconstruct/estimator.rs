@@ -1,10 +1,11 @@
-//! Linear estimators of Mueller matrices from intensities: least squares and the prior.
+//! Linear estimators of Mueller matrices from intensities. The estimators are least squares and the estimator
+//! with a prior.
 //!
-//! t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the
-//! closed form W = A⁺. The estimator with a prior, which the paper leaves as future work, has the minimum
-//! expected squared error of all linear estimators. For matrices s·t with T00 = 1, second moment E[t tᵀ]
-//! = S, brightness s and noise σ, W = P Aᵀs²/σ² with P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006,
-//! eq. 2.8, with mean zero).
+//! The estimate is t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5)
+//! has the closed form W = A⁺. The paper leaves the estimator with a prior as future work. This estimator has
+//! the minimum expected squared error of all linear estimators. Consider matrices s·t with T00 = 1, second
+//! moment E[t tᵀ] = S, brightness s and noise σ. Then W = P Aᵀs²/σ² with P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen &
+//! Williams 2006, eq. 2.8, with mean zero).
 
 use super::second_moment::{Moment, root};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
@@ -12,10 +13,11 @@ use nalgebra::{Cholesky, DMatrix};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearEstimate {
-    /// W: 16 rows (elements of a Mueller matrix, row-major), one column per measurement.
+    /// The matrix W with one column per measurement. The 16 rows are the elements of a Mueller matrix,
+    /// row-major.
     pub w: DMatrix<f64>,
-    /// Covariance of the error, divided by σ²: (AᵀA)⁻¹ for least squares; P/σ² for the prior, including the
-    /// expected bias.
+    /// Covariance of the error, divided by σ². For least squares, this quotient is (AᵀA)⁻¹. For the prior,
+    /// the quotient is P/σ² and includes the expected bias.
     pub covariance: Moment,
 }
 
@@ -23,15 +25,15 @@ impl LinearEstimate {
     /// Builds the least-squares estimator.
     ///
     /// # Errors
-    /// If the captures do not determine a Mueller matrix.
+    /// Returns an error if the captures do not determine a Mueller matrix.
     pub fn least_squares(design: &DesignMatrix) -> Result<Self, RankError> {
         let w = design.pseudo_inverse()?;
         let covariance = &w * w.transpose();
         Ok(Self { covariance: Moment::from_fn(|i, j| covariance[(i, j)]), w })
     }
 
-    /// Builds the estimator with a prior: second moment `s` of matrices with T00 = 1, and the noise of an
-    /// intensity relative to the brightness.
+    /// Builds the estimator with a prior. The prior is the second moment `s` of matrices with T00 = 1. The
+    /// noise of an intensity is relative to the brightness.
     pub fn prior(design: &DesignMatrix, s: &Moment, relative_noise: f64) -> Self {
         let per = relative_noise.max(1e-12).powi(-2);
         let a = &design.a;
@@ -39,7 +41,8 @@ impl LinearEstimate {
         let normal = Moment::from_fn(|i, j| normal[(i, j)] * per);
         let root = root(s);
         let inner = Moment::identity() + root.transpose() * normal * root;
-        // The matrix is positive definite: it is the sum of the identity and a positive semidefinite matrix.
+        // The matrix is positive definite, because it is the sum of the identity and a positive semidefinite
+        // matrix.
         let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
         let p = root * inverse * root.transpose();
         let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
@@ -67,13 +70,13 @@ mod tests {
         assert!((least.covariance - prior.covariance).amax() < 1e-5 * least.covariance.amax());
     }
 
-    /// With few captures the prior recovers matrices of the prior's class, and the stated covariance
-    /// equals that of the errors.
+    /// With few captures, the prior recovers matrices of the prior's class. The stated covariance equals the
+    /// covariance of the errors.
     #[test]
     fn covariance_of_the_prior_matches_the_error() {
         let mut stream = Stream::new(5, 0, 0);
         let mut uniform = || 2.0 * f64::from(stream.uniform()) - 1.0;
-        // Matrices of three kinds mixed at random.
+        // The matrices are random mixtures of three basis matrices.
         let kinds: Vec<[f64; 16]> = (0..3).map(|_| std::array::from_fn(|_| uniform())).collect();
         let n = 20_000;
         let data: Vec<[f64; 16]> = (0..n)

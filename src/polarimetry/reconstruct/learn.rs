@@ -1,8 +1,8 @@
-//! Learns the settings of a scheme: minimizes its expected error in closed form.
+//! Learns the settings of a scheme by minimizing the scheme's expected error in closed form.
 //!
-//! Baek & Heide 2021, sec. 4, use stochastic gradients with Adam, starting from the angles of dual rotating
-//! retarders. The closed form of [`super::loss`] makes the gradient exact. A quasi-Newton method with many
-//! random starts then finds minima that a single descent misses. Results depend only on the seed, not on the
+//! Baek & Heide (2021, sec. 4) use stochastic gradients with Adam, starting from the angles of dual rotating
+//! retarders. With the closed form of [`super::loss`], the gradient is exact. A quasi-Newton method with many
+//! random starts then finds minima that a single descent misses. Results depend on the seed, but not on the
 //! number of threads.
 
 use super::estimator::LinearEstimate;
@@ -19,11 +19,12 @@ use std::sync::{Mutex, PoisonError};
 /// Settings of the search for the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Search {
-    /// Random starts of the quasi-Newton method, in addition to the template's settings.
+    /// Number of random starts of the quasi-Newton method, in addition to the start from the template's
+    /// settings.
     pub starts: u32,
     /// Maximum number of iterations from each start.
     pub iterations: u64,
-    /// Number of steps of Adam from the template's settings; 0 to skip Adam.
+    /// Number of steps of Adam from the template's settings. The value 0 skips Adam.
     pub adam_steps: usize,
     /// Seed of the random starts.
     pub seed: u64,
@@ -35,7 +36,7 @@ impl Default for Search {
     }
 }
 
-/// An observer, which is informed of the progress of learning and can stop it.
+/// An observer of the progress of learning. The observer can stop learning.
 pub trait Onlooker: Sync {
     /// Announces the number of additional descents.
     fn begins(&self, descents: usize) {
@@ -43,7 +44,7 @@ pub trait Onlooker: Sync {
     }
     /// Reports the end of a descent.
     fn descended(&self) {}
-    /// Returns whether learning is to stop. Descents then return the best point that they have found.
+    /// Returns whether learning is to stop. If so, descents return the best point that they have found.
     fn interrupted(&self) -> bool {
         false
     }
@@ -52,14 +53,14 @@ pub trait Onlooker: Sync {
 /// Observes nothing.
 impl Onlooker for () {}
 
-/// A descent: its start and its result.
+/// A descent with its start and its result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descent {
-    /// Name in tables: `Adam from the template`, `quasi-Newton, start 3`.
+    /// Name in tables, for example `Adam from the template` or `quasi-Newton, start 3`.
     pub name: String,
     /// Expected sum of squared errors (see [`Objective`]).
     pub loss: f64,
-    /// The loss at every evaluation, in order; infinite where the loss is undefined.
+    /// The loss at every evaluation, in order. The loss is infinite where the loss is undefined.
     pub history: Vec<f64>,
 }
 
@@ -69,17 +70,17 @@ pub struct Learned {
     pub scheme: Scheme,
     /// Expected sum of squared errors of the learned scheme.
     pub loss: f64,
-    /// All descents, starting with the descent from the template's settings.
+    /// All descents. The first descent starts from the template's settings.
     pub descents: Vec<Descent>,
 }
 
-/// The objective as a function of the settings, in units of σ², so that its values are of the order of 100
+/// The objective as a function of the settings. The values are in units of σ², and are of the order of 100
 /// for any noise.
 struct Settings<'a> {
     template: &'a Scheme,
     objective: &'a Objective,
     onlooker: &'a dyn Onlooker,
-    /// The values of the objective so far.
+    /// The values of the objective at all previous evaluations.
     history: Mutex<Vec<f64>>,
 }
 
@@ -97,7 +98,7 @@ impl Smooth for Settings<'_> {
     }
 }
 
-/// Returns a random start. Angles are uniform over 180°, retardances over one wave.
+/// Returns a random start. Angles are uniform over 180°, and retardances are uniform over one wave.
 fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     let mut stream = Stream::new(seed, start, 0);
     let mut out = vec![];
@@ -122,7 +123,7 @@ pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learn
     learn_before(template, objective, search, &())
 }
 
-/// Learns all settings like [`learn`], and reports the progress to an observer.
+/// Learns all settings in the same way as [`learn`], and reports the progress to an observer.
 pub fn learn_before(
     template: &Scheme,
     objective: &Objective,
@@ -130,7 +131,7 @@ pub fn learn_before(
     onlooker: &dyn Onlooker,
 ) -> Learned {
     let own = template.parameters();
-    // Adam takes longest, so it starts first.
+    // Adam takes the longest time, so Adam starts first.
     let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
     let random_starts = (0..search.starts).map(Start::Random);
     let starts: Vec<Start> = adam_first.into_iter().chain([Start::Template]).chain(random_starts).collect();
@@ -178,7 +179,7 @@ pub fn learn_before(
     Learned { loss: objective.loss(&scheme), scheme, descents }
 }
 
-/// Maps angles to the period 0 to 180°, and retardances to the period 0 to one wave.
+/// Maps angles to the period 0 to 180°, and maps retardances to the period 0 to one wave.
 fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
     let motors = template.motors();
     let captures = template.captures();
@@ -198,7 +199,7 @@ pub struct FoldError {
     pub unseen: f64,
 }
 
-/// Returns the expected errors of a scheme, averaged over the rays. The estimator is made for `train` and
+/// Returns the expected errors of a scheme, averaged over the rays. The estimator is built for `train` and
 /// evaluated on `train` and `test`.
 pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &Moment) -> FoldError {
     let mut out = FoldError { seen: 0.0, unseen: 0.0 };

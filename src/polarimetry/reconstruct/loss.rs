@@ -1,8 +1,9 @@
-//! The expected error of a scheme in closed form, and its gradient with respect to every setting.
+//! Computes the expected error of a scheme in closed form. Also computes the gradient of the error with
+//! respect to every setting.
 //!
-//! Baek & Heide 2021, eq. 8, learn angles by minimizing the mean squared error over samples of noise and
+//! Baek & Heide (2021, eq. 8) learn angles by minimizing the mean squared error over samples of noise and
 //! data. Estimates are linear in the intensities, t̂ = W I, and I = A t + η. The expectation therefore
-//! needs only the second moment S = E[t tᵀ] of the data and the covariance Σ of η:
+//! depends on the second moment S = E[t tᵀ] of the data and on the covariance Σ of η:
 //!
 //! ```text
 //! E|t̂ - t|² = tr (1 - WA) S (1 - WA)ᵀ + tr W Σ Wᵀ
@@ -12,13 +13,13 @@
 //! ```
 //!
 //! Independent angle errors of the stages with variance σ_θ² add noise in proportion to the light. The
-//! covariance of this noise in capture k is σ_θ² Σ_m D_m S D_mᵀ, where D_m is the derivative of the
-//! capture's rows with respect to the angle of motor m. Matrices are normalized to T00 = 1.
+//! covariance of this noise in capture k is σ_θ² Σ_m D_m S D_mᵀ. D_m is the derivative of the capture's rows
+//! with respect to the angle of motor m. Matrices are normalized to T00 = 1.
 //!
-//! Applications often need only a few linear functionals w·t of the matrices. The sum of their expected
-//! squared errors E|wᵀ(t̂ - t)|² is tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which enters
-//! every trace above. M = 1 weights all elements equally. The estimate with a prior is optimal for every
-//! functional, so M affects only the choice of angles.
+//! Applications often need no more than a few linear functionals w·t of the matrices. The sum of the expected
+//! squared errors E|wᵀ(t̂ - t)|² of the functionals is tr M E[(t̂ - t)(t̂ - t)ᵀ]. The metric M = Σ w wᵀ is a
+//! factor in every trace above. M = 1 weights all elements equally. The estimate with a prior is optimal for
+//! every functional, so M affects nothing but the choice of angles.
 
 use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
@@ -27,13 +28,15 @@ use crate::capture::scheme::Scheme;
 use crate::capture::states::{StateJet, analyzed, generated};
 use nalgebra::{Cholesky, DMatrix, SVector};
 
-/// A row of the design matrix A: the weights of the 16 elements of a Mueller matrix, row-major.
+/// A row of the design matrix A. The row contains the weights of the 16 elements of a Mueller matrix,
+/// row-major.
 type Elements = SVector<f64, 16>;
 
 /// The estimator of Mueller matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
-    /// Least squares; the minimum-norm solution where captures do not determine all elements.
+    /// Least squares. Where captures do not determine all elements, the estimate is the minimum-norm
+    /// solution.
     LeastSquares,
     /// The linear estimator of minimum expected error for data of a known second moment.
     Prior,
@@ -44,16 +47,16 @@ pub enum Estimator {
 pub struct Objective {
     /// Standard deviation of the noise of an intensity, for light with T00 = 1.
     pub sigma: f64,
-    /// Standard deviation of a stage's angle (or of a retardance), radians.
+    /// Standard deviation of a stage's angle (or of a retardance), in radians.
     pub angle_error: f64,
-    /// Second moment of the data, E[t tᵀ], with its cached root, which is needed for every evaluation
-    /// with a prior.
+    /// Second moment of the data, E[t tᵀ]. The cached root of the second moment is needed for every
+    /// evaluation with a prior.
     pub second_moment: SecondMoment,
     pub estimator: Estimator,
-    /// Rays (wavelengths and directions) over which the error is averaged.
+    /// Rays over which the error is averaged. Rays differ in wavelength and direction.
     pub rays: Vec<Ray>,
-    /// Weights of the errors: Σ w wᵀ over the relevant functionals w·t ([`metric`]); `None` weights all
-    /// elements equally.
+    /// Weights of the errors. The weights are Σ w wᵀ over the relevant functionals w·t ([`metric`]). `None`
+    /// weights all elements equally.
     pub metric: Option<Moment>,
 }
 
@@ -78,7 +81,7 @@ impl Capture {
         self.analyzed.iter().map(|a| product(&a.value, &self.generated.value))
     }
 
-    /// Returns the motors, each with the derivatives of all rows with respect to its setting.
+    /// Returns the motors. Each motor has the derivatives of all rows with respect to the motor's setting.
     fn derivatives(&self) -> Vec<(usize, Vec<Elements>)> {
         let g = &self.generated;
         let by_generator = g.first.iter().map(|(m, dg)| {
@@ -118,7 +121,7 @@ impl Capture {
     }
 }
 
-/// The loss of a capture scheme, with its gradients with respect to A (one row per measurement) and Σ (one
+/// The loss of a capture scheme. The gradients are with respect to A (one row per measurement) and Σ (one
 /// block per capture).
 struct Parts {
     loss: f64,
@@ -127,8 +130,8 @@ struct Parts {
 }
 
 impl Objective {
-    /// Returns the expected sum of the 16 squared errors at T00 = 1, weighted by the metric if there is
-    /// one; infinite on overflow.
+    /// Returns the expected sum of the 16 squared errors at T00 = 1. If there is a metric, the sum is
+    /// weighted by the metric. The result is infinite on overflow.
     pub fn loss(&self, scheme: &Scheme) -> f64 {
         self.with_gradient(scheme, false).0
     }
@@ -227,9 +230,9 @@ impl Objective {
         }
     }
 
-    /// Returns loss and derivatives for W = A⁺ of any rank, assuming that nearby settings have the same
-    /// rank. The derivative of A⁺ is that of Golub & Pereyra (1973, eq. 4.12): dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ
-    /// dAᵀ (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
+    /// Returns loss and derivatives for W = A⁺ of any rank. Nearby settings are assumed to have the same
+    /// rank. The derivative of A⁺ is given by Golub & Pereyra (1973, eq. 4.12), dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ
+    /// (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
     fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
         let w = minimum_norm(a);
         let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment.matrix()[(i, j)]);
@@ -243,7 +246,7 @@ impl Objective {
         let (wt, vt) = (w.transpose(), v.transpose());
         let mut by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
         if self.metric.is_some() {
-            // The direct contribution of A, which is zero for M = 1, because Wᵀ(1 - WA) = 0.
+            // The direct contribution of A. This contribution is zero for M = 1, because Wᵀ(1 - WA) = 0.
             by_a -= &wt * &bias * 2.0;
         }
         Parts {
@@ -253,7 +256,7 @@ impl Objective {
         }
     }
 
-    /// Returns loss and derivatives for W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
+    /// Returns loss and derivatives for W = N⁻¹Aᵀ, N = AᵀA. Returns `None` below rank 16.
     fn full_rank(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         if a.nrows() < 16 {
             return None;
@@ -329,8 +332,8 @@ impl Objective {
     }
 }
 
-/// Multiplies a block-diagonal matrix by a matrix. Blocks have only one or four rows (one per channel),
-/// for which nalgebra's matrix product is slow.
+/// Multiplies a block-diagonal matrix by a matrix. Blocks have one row or four rows (one row per channel).
+/// For such small blocks, nalgebra's matrix product is slow.
 fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(m.nrows(), m.ncols());
     let mut first = 0;
@@ -368,8 +371,8 @@ fn fixed(m: &DMatrix<f64>) -> Moment {
 }
 
 /// Returns the expected sum of squared errors of a linear estimator W (16 × measurements) for data of any
-/// second moment, e.g. an estimator made for other materials. Noise is independent with standard deviation
-/// `sigma`.
+/// second moment. The estimator may have been built for other materials. Noise is independent with standard
+/// deviation `sigma`.
 pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment, sigma: f64) -> f64 {
     let unseen = Moment::identity() - fixed(&(w * a));
     (unseen * second_moment * unseen.transpose()).trace() + sigma.powi(2) * w.norm_squared()

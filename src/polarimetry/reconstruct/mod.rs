@@ -1,4 +1,4 @@
-//! Reconstruction of Mueller matrices from intensities, and its expected error.
+//! Reconstructs Mueller matrices from intensities, and computes the expected error of the reconstruction.
 //!
 //! ```text
 //! intensities -> estimator (least squares, prior) -> pixels (images) -> Mueller matrices, standard errors

@@ -1,4 +1,4 @@
-//! Minimizers of smooth functions of angles: Adam, and L-BFGS from the argmin crate.
+//! Minimizers of smooth functions of angles. The minimizers are Adam, and L-BFGS from the argmin crate.
 
 mod vector;
 
@@ -27,8 +27,8 @@ pub struct Minimum {
     pub value: f64,
 }
 
-/// Minimizes `f` by Adam (Kingma & Ba 2015), with a step size that decays to zero along half a period of
-/// a cosine. Returns the best point found.
+/// Minimizes `f` by Adam (Kingma & Ba 2015). The step size decays to zero along half a period of a cosine.
+/// Returns the best point found.
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
     let mut x = start.to_vec();
@@ -48,7 +48,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
             mean[i] = beta1 * mean[i] + (1.0 - beta1) * gradient[i];
             square[i] = beta2 * square[i] + (1.0 - beta2) * gradient[i] * gradient[i];
             let (m, v) = (mean[i] / (1.0 - beta1.powf(t)), square[i] / (1.0 - beta2.powf(t)));
-            // A zero gradient gives a zero step.
+            // A zero gradient results in a zero step.
             if v > 0.0 {
                 x[i] -= rate * m / v.sqrt();
             }
@@ -60,7 +60,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
 /// A point, and the value and gradient of the function at this point.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
-/// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
+/// Adapts a function to argmin by caching the last evaluation. Argmin requests value and gradient separately.
 struct Remembered<'a, F> {
     f: &'a F,
     last: Mutex<Option<Evaluated>>,
@@ -69,8 +69,8 @@ struct Remembered<'a, F> {
     walls: AtomicU32,
 }
 
-/// Replacement for undefined values. Argmin's line search recovers from large values, but not from
-/// infinite ones.
+/// Replacement for undefined values. Argmin's line search recovers from large values, but not from infinite
+/// values.
 const BAD: f64 = 1e30;
 /// Number of consecutive undefined values after which the search stops. Argmin's line search would
 /// shorten its steps forever next to a region where the function is undefined.
@@ -138,7 +138,8 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         let configured = Executor::new(&problem, solver).configure(|state: IterState<_, _, _, _, _, _>| {
             state.param(Vector(start.to_vec())).max_iters(iterations).target_cost(f64::NEG_INFINITY)
         });
-        // If a line search finds no improvement, argmin ends with an error. The best point is kept.
+        // If a line search finds no improvement, argmin ends with an error. The best point found before the
+        // error is kept.
         let _ = configured.run().map(|result| result.state().get_iter());
     }
     let best = problem.best.lock().map(|b| b.clone());
@@ -166,7 +167,7 @@ mod tests {
         assert!(found.value < 1e-4, "{found:?}");
     }
 
-    /// A function that is undefined everywhere. A search for its minimum must end.
+    /// A function that is undefined everywhere. A search for the minimum of this function must end.
     struct Wall;
     impl Smooth for Wall {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
@@ -174,7 +175,8 @@ mod tests {
         }
     }
 
-    /// A function that becomes undefined after some evaluations, or requests that the search stops.
+    /// A function that becomes undefined after some evaluations. The function can instead request that the
+    /// search stops.
     struct Closing {
         looks: AtomicU32,
         open: u32,
@@ -192,7 +194,8 @@ mod tests {
         }
     }
 
-    /// A search ends when the function becomes undefined, also within a line search.
+    /// A search ends when the function becomes undefined. The function may become undefined within a line
+    /// search.
     #[test]
     fn searches_stop_where_the_function_is_undefined() {
         for (open, stops) in (1..12).flat_map(|open| [(open, false), (open, true)]) {

@@ -1,9 +1,9 @@
-//! Reconstruction of whole images: by a fast matrix product if all measurements have equal weight,
-//! otherwise per pixel.
+//! Reconstructs whole images. If all measurements have equal weight, the images are reconstructed by a fast
+//! matrix product. If weights differ, each pixel is solved individually.
 //!
-//! A pixel is any item with one intensity per measurement: a position in an image, a time bin, a wavelength.
-//! If the last axis is the wavelength, consecutive pixels cycle through the design matrices. Estimates are
-//! f32 or f64 like the intensities; pixels solved individually use f64.
+//! A pixel is any item with one intensity per measurement: a position in an image, a time bin or a
+//! wavelength. If the last axis is the wavelength, consecutive pixels cycle through the design matrices.
+//! Estimates are f32 or f64, as the intensities are. Pixels that are solved individually use f64.
 
 use super::estimator::LinearEstimate;
 use super::product::Weights;
@@ -20,11 +20,11 @@ use tensor::number::Number;
 pub struct Options {
     /// Standard deviation of an intensity. If `None`, errors are estimated from the residuals.
     pub noise: Option<f64>,
-    /// Saturation level. An intensity of at least this value is ignored for its pixel.
+    /// Saturation level. If an intensity is at least this value, the intensity is ignored for its pixel.
     pub saturation: Option<f64>,
     /// Whether each matrix is replaced by the nearest realizable matrix (see [`crate::decompose::cloude`]).
     pub realizable: bool,
-    /// Prior: the second moment of matrices with T00 = 1.
+    /// Prior, which is the second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
 }
 
@@ -34,7 +34,8 @@ pub struct Tally {
     pub pixels: usize,
     /// Number of pixels that are estimated without some of their measurements.
     pub partial: usize,
-    /// Number of pixels whose remaining measurements do not determine a matrix; their results are NaN.
+    /// Number of pixels whose remaining measurements do not determine a matrix. The results of these pixels
+    /// are NaN.
     pub lost: usize,
 }
 
@@ -50,18 +51,18 @@ impl Tally {
 }
 
 /// Number of precomputed estimators with a prior. The ratio of noise to brightness starts at 2^-24 and
-/// increases by √2.
+/// increases by a factor of √2 per estimator.
 const STEPS: i32 = 64;
 const FIRST: i32 = -48;
 
 /// The estimators of one wavelength.
 struct Lane<T> {
     a: DesignMatrix,
-    /// Least-squares estimator; `None` below rank 16.
+    /// Least-squares estimator, or `None` below rank 16.
     least: Option<(Weights<T>, LinearEstimate)>,
-    /// Estimators with the prior, by noise relative to brightness.
+    /// Estimators with the prior, sorted by the ratio of noise to brightness.
     priors: Vec<(Weights<T>, LinearEstimate)>,
-    /// tr A S Aᵀ: expected sum of squared intensities at brightness 1.
+    /// Expected sum of squared intensities at brightness 1, tr A S Aᵀ.
     expected: f64,
 }
 
@@ -72,14 +73,14 @@ pub struct Reconstruction<T> {
     root: Option<Moment>,
 }
 
-/// A pixel's estimate, and whether measurements were ignored.
+/// A pixel's estimate, and whether measurements of the pixel were ignored.
 struct Solved {
     found: Option<Estimated>,
     partial: bool,
 }
 
-/// A number type of images. Loops over pixels of this type are compiled in this crate, together
-/// with the matrix product, so that the compiler can merge both into one loop.
+/// A number type of images. Loops over pixels of this type are compiled in this crate, together with the
+/// matrix product. The compiler can therefore merge the loop and the product into one loop.
 pub trait PixelNumber: Number {
     /// Computes [`Reconstruction::apply`] for this number type.
     fn reconstruct(
@@ -111,10 +112,10 @@ macro_rules! pixel_number {
 pixel_number!(f32, f64);
 
 impl<T: Number> Reconstruction<T> {
-    /// Prepares the estimators, one per ray.
+    /// Prepares the estimators. There is one estimator per ray.
     ///
     /// # Errors
-    /// If the captures do not determine a Mueller matrix and there is no prior.
+    /// Returns an error if the captures do not determine a Mueller matrix and there is no prior.
     pub fn new(scheme: &Scheme, rays: &[Ray], options: Options) -> Result<Self, RankError> {
         let lane = |ray: &Ray| -> Result<Lane<T>, RankError> {
             let a = DesignMatrix::new(scheme, ray);
@@ -150,11 +151,12 @@ impl<T: Number> Reconstruction<T> {
 }
 
 impl<T: PixelNumber> Reconstruction<T> {
-    /// Reconstructs pixels, the first of which has the first wavelength. `intensities` and `variances` are by
-    /// measurement, then by pixel. `out` receives 16 elements per pixel, and `errors` their standard errors.
+    /// Reconstructs pixels. The first pixel has the first wavelength. `intensities` and `variances` are
+    /// sorted by measurement, then by pixel. `out` receives 16 elements per pixel, and `errors` receives the
+    /// standard errors of the elements.
     ///
     /// # Panics
-    /// If the lengths of the arguments do not match.
+    /// Panics if the lengths of the arguments do not match.
     pub fn apply(
         &self,
         intensities: &[T],
@@ -252,8 +254,8 @@ impl<T: Number> Reconstruction<T> {
             let (n, sum) = used.fold((0, 0.0), |(n, sum), m| (n + 1, sum + at(m).get().powi(2)));
             let share = lane.expected * f64::from(n) / count.max(1) as f64;
             let signal = sum - f64::from(n) * noise.powi(2);
-            // If the signal is below the noise, the brightness is unknown. A tenth of the noise keeps the
-            // estimate near zero.
+            // If the signal is below the noise, the brightness is unknown. The value of a tenth of the noise
+            // keeps the estimate near zero.
             (signal.max(0.01 * f64::from(n) * noise.powi(2)) / share.max(1e-300)).sqrt()
         };
         if partial || variance(0).is_some() {
@@ -298,8 +300,8 @@ impl<T: Number> Reconstruction<T> {
         Solved { found: Some(found), partial }
     }
 
-    /// Returns the standard deviation of the noise, estimated from the residuals as √(Σ r²/(n - 16)), or NaN
-    /// without redundant measurements.
+    /// Returns the standard deviation of the noise. The value is estimated from the residuals as √(Σ r²/(n -
+    /// 16)), and is NaN without redundant measurements.
     fn left_over(
         &self,
         lane: &Lane<T>,

@@ -1,4 +1,5 @@
-//! Predicts the noise of counts from a first estimate, to weight a second estimate.
+//! Predicts the noise of counts from a first estimate. The predicted noise determines the weights of a second
+//! estimate.
 
 use super::along_rays::{Places, reconstruct};
 use super::pixels::Options;
@@ -11,18 +12,18 @@ use rayon::prelude::*;
 /// Number of neighbouring bins on each side that are averaged.
 const NEAR: usize = 4;
 
-/// Returns the variances of counts, predicted from a first, unweighted estimate of the matrices. The
-/// counts alone do not suffice, because a bin without counts has no variance estimate.
+/// Returns the variances of counts, predicted from a first, unweighted estimate of the matrices. The counts
+/// alone are not sufficient, because a bin without counts has no variance estimate.
 ///
-/// `matrices` receives the first estimate, 16 elements per pixel in the order of `layout`. `rays` holds
-/// one ray per wavelength, or per position and wavelength. `variance` returns the variance of a reading
-/// from a radiance and a wavelength in nanometres. Other arguments are as for [`reconstruct`].
+/// `matrices` receives the first estimate, with 16 elements per pixel in the order of `layout`. `rays` holds
+/// one ray per wavelength, or one ray per position and wavelength. `variance` returns the variance of a
+/// reading from a radiance and a wavelength in nanometres. All other arguments are as for [`reconstruct`].
 ///
 /// # Errors
-/// If the captures do not determine a Mueller matrix and there is no prior.
+/// Returns an error if the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If the lengths of the arguments do not match.
+/// Panics if the lengths of the arguments do not match.
 pub fn of_counts(
     scheme: &Scheme,
     rays: &[Ray],
@@ -38,15 +39,15 @@ pub fn of_counts(
 }
 
 /// Returns the variances that matrices predict, by measurement, then by pixel. The predicted intensity is
-/// averaged over a pixel's neighbours in time, because a single bin's estimate is as noisy as the reading
-/// itself.
+/// averaged over a pixel's neighbours in time, because the estimate of a single bin is as noisy as the
+/// reading.
 ///
 /// `matrices` holds 16 elements per pixel in the order of `layout`. `rays` holds one ray per wavelength, or
-/// per position and wavelength. `variance` returns the variance of a reading from a radiance and a wavelength
-/// in nanometres.
+/// one ray per position and wavelength. `variance` returns the variance of a reading from a radiance and a
+/// wavelength in nanometres.
 ///
 /// # Panics
-/// If there are too few rays or matrices.
+/// Panics if there are too few rays or matrices.
 fn predicted(
     scheme: &Scheme,
     rays: &[Ray],

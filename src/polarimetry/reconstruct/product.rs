@@ -1,8 +1,9 @@
-//! The product of an estimator with whole images: a 16 × M matrix times M intensities per pixel.
+//! Computes the product of an estimator with whole images. For each pixel, a 16 × M matrix is multiplied by M
+//! intensities.
 //!
-//! The product is limited by memory bandwidth: every intensity is read once, and every element is
-//! written once, in f32 or f64. The 16 × M matrix is rounded from f64. Pixels are processed in
-//! blocks whose intensities fit the L1 cache.
+//! Memory bandwidth limits the speed of the product. Every intensity is read once, and every element is
+//! written once, in f32 or f64. The 16 × M matrix is rounded from f64. Pixels are processed in blocks whose
+//! intensities fit the L1 cache.
 
 use super::estimator::LinearEstimate;
 use rayon::prelude::*;
@@ -11,12 +12,13 @@ use tensor::number::Number;
 const BLOCK: usize = 32;
 /// Number of values per SIMD vector.
 const LANES: usize = 8;
-/// Number of pixels that are read together: several cache lines of every image plane.
+/// Number of pixels that are read together. These pixels fill several cache lines of every image plane.
 const RUN: usize = 512;
-/// Number of pixels per task: large enough for memory pages, small enough for the L2 cache.
+/// Number of pixels per task. The number is large enough for memory pages and small enough for the L2 cache.
 const TASK: usize = 2048;
 
-/// The matrix of an estimator: for each measurement, its weights in the 16 elements.
+/// The matrix of an estimator. For each measurement, the matrix contains the measurement's weights in the 16
+/// elements.
 #[derive(Clone, Debug)]
 pub struct Weights<T>(Vec<[T; 16]>);
 
@@ -28,7 +30,7 @@ impl<T: Number> Weights<T> {
         Self((0..w.ncols()).map(column).collect())
     }
 
-    /// Returns the Mueller matrix (16 elements, row-major) of one pixel from its intensities.
+    /// Returns the Mueller matrix of one pixel (16 elements, row-major) from the intensities of the pixel.
     pub fn one(&self, intensities: impl Iterator<Item = T>) -> [T; 16] {
         let mut out = [T::default(); 16];
         for (column, x) in self.0.iter().zip(intensities) {
@@ -39,11 +41,12 @@ impl<T: Number> Weights<T> {
         out
     }
 
-    /// Computes the Mueller matrices of all pixels and returns whether all are finite. `intensities` is by
-    /// measurement, then by pixel. `out` receives 16 elements per pixel, row-major.
+    /// Computes the Mueller matrices of all pixels, and returns whether all matrices are finite.
+    /// `intensities` is sorted by measurement, then by pixel. `out` receives 16 elements per pixel,
+    /// row-major.
     ///
     /// # Panics
-    /// If the lengths of the arguments do not match.
+    /// Panics if the lengths of the arguments do not match.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
         assert_eq!(intensities.len(), pixels * self.0.len(), "one per measurement and pixel");
@@ -70,10 +73,10 @@ impl<T: Number> Weights<T> {
         self.any(plane, out)
     }
 
-    /// Computes the product with intensities from `plane`. Intensities are read in runs, which is the
-    /// fastest way to read memory, and copied by block. The intensities of a block are then contiguous in
-    /// the L1 cache. Without the copy, planes at a distance that is a power of two would compete for the
-    /// same cache sets.
+    /// Computes the product with intensities from `plane`. Intensities are read in runs, which is the fastest
+    /// way to read memory, and are copied by block. The intensities of a block are then contiguous in the L1
+    /// cache. Without the copy, planes at a distance that is a power of two would compete for the same cache
+    /// sets.
     #[inline(always)]
     fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         let mut finite = true;
@@ -105,8 +108,8 @@ impl<T: Number> Weights<T> {
     fn block(&self, x: &[[[T; LANES]; BLOCK / LANES]], out: &mut [T]) -> bool {
         let zero = [T::default(); LANES];
         let mut all = [[zero; 16]; BLOCK / LANES];
-        // Process four elements of two vectors of pixels at a time, so that sums and operands fit into
-        // registers.
+        // The loop processes four elements of two vectors of pixels at a time. Sums and operands therefore
+        // fit into registers.
         for pair in 0..BLOCK / LANES / 2 {
             for quarter in 0..4 {
                 let mut sums = [[zero; 2]; 4];

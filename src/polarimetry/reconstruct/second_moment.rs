@@ -1,4 +1,5 @@
-//! Second moments of Mueller matrices, which are the prior of a class of materials, and their files.
+//! Second moments of Mueller matrices, and files of second moments. A second moment is the prior of a class
+//! of materials.
 //!
 //! The second moment is E[t tᵀ] over matrices with T00 = 1, as row-major vectors t. `sunstone pbrdf pca
 //! --prior` computes the second moment from pBRDFs (see [`super::pca`]). Files are TOML, so that other
@@ -15,8 +16,8 @@ use std::path::Path;
 /// A 16 × 16 matrix over the elements of Mueller matrices, as row-major vectors (Stokes out first).
 pub type Moment = SMatrix<f64, 16, 16>;
 
-/// A second moment E[t tᵀ] with its cached root. Computing the root is slower than evaluating the loss
-/// with a prior.
+/// A second moment E[t tᵀ] with its cached root. The computation of the root is slower than the evaluation of
+/// the loss with a prior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondMoment {
     matrix: Moment,
@@ -24,8 +25,8 @@ pub struct SecondMoment {
 }
 
 impl SecondMoment {
-    /// Builds the moment from a positive semidefinite matrix; eigenvalues that rounding made negative count
-    /// as 0.
+    /// Builds the moment from a positive semidefinite matrix. Eigenvalues that are negative because of
+    /// rounding are treated as 0.
     pub fn new(matrix: Moment) -> Self {
         Self { root: root(&matrix), matrix }
     }
@@ -35,13 +36,13 @@ impl SecondMoment {
         &self.matrix
     }
 
-    /// Returns L with L Lᵀ = E[t tᵀ]; see [`root`].
+    /// Returns L with L Lᵀ = E[t tᵀ], as computed by [`root`].
     pub fn root(&self) -> &Moment {
         &self.root
     }
 }
 
-/// Returns the root L of a second moment S, with L Lᵀ = S; S may be singular.
+/// Returns the root L of a second moment S, with L Lᵀ = S. S may be singular.
 pub fn root(s: &Moment) -> Moment {
     let eigen = s.symmetric_eigen();
     let mut l = eigen.eigenvectors;
@@ -51,14 +52,14 @@ pub fn root(s: &Moment) -> Moment {
     l
 }
 
-/// Returns the second moment of the same matrices in frames that are rotated at random, independently
-/// before and after the scene: E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+/// Returns the second moment of the same matrices in frames that are rotated at random, E[(R(α) ⊗ R(β)) t tᵀ
+/// (R(α) ⊗ R(β))ᵀ]. The rotations before and after the scene are independent.
 ///
 /// Tables of materials contain matrices in frames of the plane of scattering. In an image, the frames of
 /// camera and projector are at any angle to that plane.
 pub fn in_any_frames(second_moment: &Moment) -> Moment {
-    // The rotated moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β. Eight angles each
-    // give the exact average.
+    // The rotated moment is a polynomial of degree 4 in the sines and cosines of 2α, and in those of 2β. For
+    // each of α and β, eight angles give the exact average.
     const ANGLES: usize = 8;
     let turns: Vec<_> =
         (0..ANGLES).map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64)).collect();
@@ -90,12 +91,12 @@ const FIX: &str = "create a prior: sunstone pbrdf pca --prior prior.toml -o comp
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix unless the matrix is 16 × 16, symmetric and positive
-/// semidefinite.
+/// [`InputError`] unless the matrix is 16 × 16, symmetric and positive semidefinite. The error states the
+/// file, the location and the fix.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;
     let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;
-    // The name is only informative.
+    // The name is informative and has no effect.
     let _ = file.name;
     let rows = &file.second_moment;
     let wrong = |message: &str| Err(InputError::new(path, text.as_str(), Some(rows.span()), message, FIX));
@@ -109,8 +110,8 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Returns the reason why a matrix is not a second moment, worded to follow the matrix's name in a message,
-/// or `None` if the matrix is a second moment.
+/// Returns the reason why a matrix is not a second moment. The text follows the matrix's name in a message.
+/// Returns `None` if the matrix is a second moment.
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {
@@ -126,7 +127,7 @@ pub fn fault(s: &Moment) -> Option<&'static str> {
 /// Writes a second moment.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn save(path: &Path, name: &str, s: &Moment) -> std::io::Result<()> {
     let rows = (0..16).map(|i| (0..16).map(|j| s[(i, j)]).collect());
     let out = SecondMomentOut { name, second_moment: rows.collect() };

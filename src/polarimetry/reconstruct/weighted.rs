@@ -1,25 +1,25 @@
-//! The estimate for a single pixel whose measurements have different weights, because some are saturated
-//! or noisier than others.
+//! The estimate for a single pixel whose measurements have different weights. Weights differ if some
+//! measurements are saturated or noisier than others.
 //!
 //! The estimate is weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements.
-//! With a prior of second moment s² S, the estimate of minimum expected squared error is N = Σ a aᵀ/σ_m²,
+//! With a prior of second moment s² S and N = Σ a aᵀ/σ_m², the estimate of minimum expected squared error is
 //! t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance is (s⁻² S⁻¹ + N)⁻¹.
 
 use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
 
-/// A Mueller matrix with the standard errors of its elements, both row-major.
+/// A Mueller matrix with the standard errors of its elements. Matrix and errors are row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimated {
-    /// Elements, in the unit of the intensities.
+    /// Elements in the units of the intensities.
     pub elements: [f64; 16],
-    /// Standard errors of the elements, in the same unit.
+    /// Standard errors of the elements, in the units of the intensities.
     pub errors: [f64; 16],
 }
 
 /// Estimates one pixel. `measurements` holds intensity and variance for every row of `a`. Measurements with a
-/// non-finite intensity or a variance that is not positive are ignored. `prior` is L, with second moment s² L
-/// Lᵀ.
+/// non-finite intensity or a variance that is not positive are ignored. `prior` is L, for the second moment
+/// s² L Lᵀ.
 ///
 /// Returns `None` if the remaining measurements do not determine a matrix.
 pub fn estimate(
@@ -41,7 +41,7 @@ pub fn estimate(
         let inner = Moment::identity() + root.transpose() * normal * root;
         root * Cholesky::new(inner)?.inverse() * root.transpose()
     } else {
-        // The matrix is scaled so that the singularity test does not depend on the unit.
+        // The matrix is scaled so that the singularity test does not depend on the units.
         let scale = normal.trace() / 16.0;
         let inverse = Cholesky::new(normal / scale)?.inverse();
         // Pivots do not reveal the accuracy of an inverse, so the product is checked.
@@ -68,9 +68,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// For noise that differs between captures, the estimate is unbiased, its covariance is the stated
-    /// one, and this covariance is at most that of unweighted least squares. The test uses chi-squared of
-    /// all 16 elements together and 20 000 samples.
+    /// For noise that differs between captures, the estimate is unbiased. The covariance of the estimate is
+    /// the stated covariance, and is at most the covariance of unweighted least squares. The test uses
+    /// chi-squared of all 16 elements together and 20 000 samples.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));

@@ -1,12 +1,12 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which is due to
-//! reflection from rough faces. The profile is compared with the closed form of a single reflection at
-//! the true normals, and with the renderer's labels.
+//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light. Reflection from
+//! rough faces causes this element. The profile is compared with the renderer's labels. A second comparison
+//! uses the closed form of a single reflection at the true normals.
 //!
 //! One reflection by glass at an angle below Brewster's angle reverses the handedness of circular
 //! polarization, so (3,3) is negative. A diffuse ground behind the crystal does not preserve circular
-//! polarization. Internal reflections have various path lengths, so the crystal's retardance changes
-//! their polarization in different ways. The method learns nothing; training variants are listed because
-//! every application requires them.
+//! polarization. The paths of internal reflections have various lengths, so the crystal's retardance changes
+//! the polarization of each reflection differently. The method learns nothing. Training variants are listed
+//! because every application requires training variants.
 
 pub mod predicted;
 
@@ -33,7 +33,7 @@ const METRICS: [Metric; 5] = [
 /// An image that is evaluated as a surface profile.
 #[derive(Clone, Copy)]
 enum Image {
-    /// An element 4 i + j of epipolar light, times a sign.
+    /// The element 4 i + j of epipolar light, times a sign.
     Epipolar(usize, f64),
     /// An element of all light, times a sign.
     All(usize, f64),
@@ -56,11 +56,10 @@ const METHODS: [(Method, Image); 7] = [
 /// Minimum fraction of surface-reflected light in a positive pixel.
 const SHARE: f64 = 0.1;
 
-/// Minimum coverage of a pixel that counts as crystal.
+/// Minimum coverage of a pixel that is evaluated as crystal.
 const WHOLE: f64 = 0.999;
 
-/// Minimum cosine between the normals of two pixels of the same face (1°), and maximum cosine for pixels
-/// of different faces (10°).
+/// Minimum cosine between the normals of two pixels of the same face (1°).
 const SAME_FACE_COS: f64 = 0.999_848;
 const UNLIKE: f64 = 0.984_808;
 
@@ -132,9 +131,9 @@ struct Seen {
     /// normal of a face.
     faces: Vec<usize>,
     normal: Vec<Vector3<f64>>,
-    /// −(3,3) according to the closed form; 0 outside the crystal.
+    /// −(3,3) according to the closed form, or 0 outside the crystal.
     predicted: Vec<f64>,
-    /// Intensity of light that only the surface reflects, and intensity of all light.
+    /// Intensity of the light that the surface alone reflects, and intensity of all light.
     surface: Vec<f64>,
     total: Vec<f64>,
 }
@@ -214,7 +213,7 @@ impl Seen {
     }
 
     /// Returns the area under the ROC curve for detecting edges by the difference between two pixels at
-    /// distance two. Pairs across an edge are positives, pairs within a face negatives.
+    /// distance two. Pairs across an edge are positives, and pairs within a face are negatives.
     fn edges(&self, image: &[f64]) -> f64 {
         let [w, h] = self.size;
         let (mut across, mut within) = (vec![], vec![]);

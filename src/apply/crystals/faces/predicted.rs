@@ -1,14 +1,15 @@
-//! The reflection of circular light by a face of known normal: −(3,3) of one reflection from microfacets.
+//! The reflection of circularly polarized light by a face of known normal: −(3,3) of one reflection from
+//! microfacets.
 //!
-//! With the half vector h of the directions to the camera and to the projector, the angle θ between h and
-//! either direction, and the Fresnel amplitude coefficients r_s, r_p at θ,
+//! The half vector h bisects the directions to the camera and to the projector. The angle between h and
+//! either direction is θ. The Fresnel amplitude coefficients at θ are r_s and r_p. With these symbols,
 //!
 //! > −M33 = −r_s r_p · D(h) G2 / (4 cosθ_o) · 1/(cos³θ_p d²),
 //!
-//! with the GGX distribution D of Walter et al. (2007) and Heitz's correlated masking-shadowing function
-//! G2 (2014, eq. 99). The point is at distance d from the projector, at angle θ_p to the projector's
-//! axis. The projector's irradiance on the plane at 1 m is 1. Rotations of frames do not change (3,3). At
-//! normal incidence, −r_s r_p is the reflectance; beyond Brewster's angle it is negative.
+//! with the GGX distribution D of Walter et al. (2007) and Heitz's correlated masking-shadowing function G2
+//! (2014, eq. 99). The point is at distance d from the projector, in a direction at angle θ_p to the
+//! projector's axis. The projector's irradiance on the plane at 1 m is 1. Rotations of frames do not change
+//! (3,3). At normal incidence, −r_s r_p is the reflectance. Beyond Brewster's angle, −r_s r_p is negative.
 
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
@@ -30,9 +31,9 @@ impl Glass {
         -s * p
     }
 
-    /// Returns D(h) G2 / (4 cosθ_o), 1/sr: the radiance divided by the irradiance perpendicular to the
-    /// beam, for perfectly reflecting facets. The result is 0 unless both unit directions are on the side
-    /// of the normal `n`.
+    /// Returns D(h) G2 / (4 cosθ_o), in 1/sr. For perfectly reflecting facets, this value is the radiance
+    /// divided by the irradiance perpendicular to the beam. The result is 0 unless the two unit directions
+    /// are on the side of the normal `n`.
     pub fn facets(self, n: Vector3<f64>, wo: Vector3<f64>, wi: Vector3<f64>) -> f64 {
         let (co, ci) = (n.dot(&wo), n.dot(&wi));
         if !(co > 0.0 && ci > 0.0) {
@@ -63,13 +64,13 @@ impl Glass {
 mod tests {
     use super::*;
 
-    /// Checks the values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
+    /// Checks the values in `CONVENTIONS.md` for glass of index 1.5 at normal incidence and at 45°.
     #[test]
     fn reversal_of_circular_light_matches_the_conventions() {
         let glass = Glass { index: 1.5, alpha: 0.3 };
         assert!((glass.turned(1.0) - 0.04).abs() < 1e-12);
         assert!((glass.turned(0.5_f64.sqrt()) - 0.0279111).abs() < 1e-6);
-        // At Brewster's angle the value is zero.
+        // At Brewster's angle, the value is zero.
         let cos = 1.0 / (1.0 + 1.5_f64.powi(2)).sqrt();
         assert!(glass.turned(cos).abs() < 1e-12 && glass.turned(0.9 * cos) < 0.0);
     }

@@ -1,4 +1,4 @@
-//! Tests with a roof of two known faces over a striped ground.
+//! Tests with a roof of two faces with known normals over a striped ground.
 
 use super::METRICS;
 use super::predicted::Glass;
@@ -23,9 +23,9 @@ fn device(x: f64) -> Pinhole {
     Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [x, 0.0, 0.2], axes)
 }
 
-/// Returns the normal at a pixel. The left face is tilted to the left by `lean` degrees, and the right
-/// face to the right by 2° less. The half vector, about 6° to the right, is therefore closer to the
-/// normal of the right face. The outermost columns are ground only.
+/// Returns the normal at a pixel. The left face is tilted to the left by `lean` degrees. The right face is
+/// tilted to the right by 2° less. The half vector, about 6° to the right, is therefore closer to the normal
+/// of the right face. The outermost columns show only the ground.
 fn normal(pixel: usize, lean: f64) -> Vector3<f64> {
     let angle = if pixel % SIZE < SIZE / 2 { -lean } else { lean - 2.0 };
     let (sin, cos) = angle.to_radians().sin_cos();
@@ -36,7 +36,7 @@ fn is_face(pixel: usize) -> bool {
     (1..SIZE - 1).contains(&(pixel % SIZE))
 }
 
-/// Returns an observation of faces that are tilted by `lean` degrees, with a truth map for a tilt of `truth`
+/// Returns an observation of faces that are tilted by `lean` degrees. The truth map assumes a tilt of `truth`
 /// degrees. The surface reflects `shine` times as much light as glass.
 fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation {
     let rig = Rig { camera: device(-0.02), projector: device(0.02) };
@@ -102,13 +102,14 @@ fn circular_polarization_isolates_the_faces() {
         }
         assert!(score(&outcome, method, 3) < 0.1, "{method}");
     }
-    // In the intensity, the faces are not visible before the ground.
+    // In the intensity, the faces are not visible against the ground.
     assert!(score(&outcome, "intensity", 0) < 0.5 && score(&outcome, "intensity", 3) > 0.9);
     assert!(score(&outcome, "-(3,3), non-epipolar", 0).abs() < 0.5);
     assert_eq!(outcome.pictures.len(), 8);
 }
 
-/// The metrics detect deliberate errors: wrong normals, and a surface that does not reverse handedness.
+/// Wrong normals, and a surface that does not reverse handedness, are deliberate errors. The metrics detect
+/// these errors.
 #[test]
 fn wrong_normals_and_missing_reversal_are_detected() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));

@@ -1,4 +1,4 @@
-//! Errors of detectors for settings and data, and the checks that report them.
+//! Errors of detectors for settings and data. This module also contains the checks that report these errors.
 
 use crate::capture::spectral_value::SpectralValue;
 
@@ -21,7 +21,7 @@ pub enum DetectorError {
     },
     #[error("radiance {index} is {value}; expected a finite value")]
     Radiance {
-        /// Index in the list, from 0.
+        /// Index of the entry in the list, counted from 0.
         index: usize,
         value: f64,
     },
@@ -57,7 +57,7 @@ pub(in crate::capture) fn demand(
     Err(DetectorError::Field { field, value, need })
 }
 
-/// The largest allowed setting, so that products of several settings stay finite.
+/// The largest permissible setting. With this limit, products of several settings stay finite.
 const LARGEST: f64 = 1e20;
 
 pub(super) fn positive(value: f64) -> bool {
@@ -83,8 +83,8 @@ pub(in crate::capture) fn count(
     Err(DetectorError::Count { what, expected, found })
 }
 
-/// Checks that an image has one value per pixel. On overflow the expected size saturates at a value that
-/// no list can have.
+/// Checks that an image has one value per pixel. On overflow, the expected size saturates at a value that no
+/// list can have.
 pub(super) fn area(
     what: &'static str,
     width: usize,

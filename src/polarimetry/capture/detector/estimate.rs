@@ -2,12 +2,12 @@
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Radiance in the scene's unit, with the dark signal subtracted; NaN if saturated. The value
-    /// can be negative.
+    /// Radiance in the scene's units, after subtraction of the dark signal. The radiance is NaN if saturated,
+    /// and can be negative.
     pub radiance: f64,
-    /// Variance of `radiance`; infinite if unknown.
+    /// Variance of `radiance`, or infinity if unknown.
     pub variance: f64,
-    /// True if the reading is only a lower bound of the radiance.
+    /// Whether the reading is merely a lower bound of the radiance.
     pub saturated: bool,
 }
 

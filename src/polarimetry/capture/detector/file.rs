@@ -1,4 +1,4 @@
-//! Detector files: TOML with the settings of one instrument.
+//! Detector files, which contain the settings of one instrument in TOML.
 //!
 //! ```toml
 //! demosaic = "bilinear"        # polarizer array: "none" (all four at every pixel), "bilinear", "superpixel"
@@ -7,8 +7,8 @@
 //! photons_per_unit = 2e6
 //! ```
 //!
-//! A calibration file ([`base::calibration_file`]) is also accepted; only its tables `[detector.cmos]` and
-//! `[detector.spad]` are read.
+//! A calibration file ([`base::calibration_file`]) is also accepted. In a calibration file, all tables except
+//! `[detector.cmos]` and `[detector.spad]` are ignored.
 
 use super::cmos::Cmos;
 use super::error::{DetectorError, demand, positive};
@@ -25,7 +25,7 @@ use std::path::Path;
 pub enum Detector {
     Cmos {
         camera: Cmos,
-        /// Demosaicking method for a polarizer array; `None` if every pixel records all four channels.
+        /// Demosaicking method for a polarizer array, or `None` if every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A single-photon avalanche diode.
@@ -74,7 +74,7 @@ struct DetectorFile {
     analyzer: Option<IgnoredAny>,
 }
 
-/// The `[detector]` table of a calibration, which may contain both detectors.
+/// The `[detector]` table of a calibration. The table may contain a camera and a photon counter.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Calibrated {
@@ -82,21 +82,22 @@ struct Calibrated {
     spad: Option<Located<Spad>>,
 }
 
-/// Reads a detector file. If a calibration has both detectors, `timed` (data with time bins) selects the
-/// photon counter, otherwise the camera.
+/// Reads a detector file. A calibration may have a camera and a photon counter. In this case, `timed` selects
+/// the photon counter for data with time bins. For other data, the camera is selected.
 ///
 /// # Errors
-/// [`InputError`] with file, location and fix if the file cannot be read or a setting is invalid.
+/// [`InputError`] if the file cannot be read or a setting is invalid. The error states the file, the location
+/// and the fix.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
     let fix = "write a file with a table [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", fix)?;
     from_toml(path, &text, timed)
 }
 
-/// Parses a detector from TOML text; `path` is used in messages.
+/// Parses a detector from TOML text. `path` is used in messages.
 ///
 /// # Errors
-/// Same as [`load`].
+/// The same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
     let error = |span, message: String, help: &str| InputError::new(path, text, span, message, help);
     let file: DetectorFile = document::parse(path, text, |_| {
@@ -156,8 +157,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     }
 }
 
-/// Returns the span of the field that an error names, which is the field's name at the beginning of a line.
-/// If no line begins with this name, returns the span of the whole table.
+/// Returns the span of the field that an error names. The span is the field's name at the beginning of a
+/// line. If no line begins with this name, returns the span of the whole table.
 fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<usize> {
     let DetectorError::Field { field, .. } = e else {
         return section.clone();
@@ -175,8 +176,8 @@ fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<us
     section.clone()
 }
 
-/// Returns a diode whose default time bins are replaced by valid ones, so that the other settings can be
-/// checked before the bins of a slice are known.
+/// Returns a diode whose default time bins are replaced by valid time bins. The remaining settings can
+/// therefore be checked before the bins of a slice are known.
 fn without_bins(diode: &Spad) -> Spad {
     let (standard, mut out) = (Spad::default(), diode.clone());
     if diode.bins == standard.bins {
@@ -188,12 +189,12 @@ fn without_bins(diode: &Spad) -> Spad {
     out
 }
 
-/// Returns a diode whose counter has the time bins of a histogram: `bins` bins of `bin_ps` each, starting
-/// at the laser pulse. Settings of bins that differ from the defaults must agree with the histogram.
+/// Returns a diode whose counter has the time bins of a histogram. There are `bins` bins of `bin_ps` each,
+/// starting at the laser pulse. Bin settings that differ from the defaults must agree with the histogram.
 ///
 /// # Errors
-/// [`DetectorError::Field`] if such a setting differs from the histogram, or if the histogram is longer
-/// than the period.
+/// [`DetectorError::Field`] if such a setting differs from the histogram, or if the histogram is longer than
+/// the period.
 pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, DetectorError> {
     let (standard, mut out) = (Spad::default(), diode.clone());
     let free = diode.bin_ps == standard.bin_ps;
@@ -204,7 +205,7 @@ pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, Detecto
     out.bin_ps = bin_ps;
     out.bins = bins;
     if diode.period_ps == standard.period_ps {
-        // The default period, extended to hold all bins and rounded up to whole bins.
+        // The period is the default period, extended to contain all bins and rounded up to whole bins.
         out.period_ps = (diode.period_ps / bin_ps).ceil().max(bins as f64) * bin_ps;
     }
     out.check()?;
@@ -234,7 +235,7 @@ mod tests {
         assert!(matches!(none, Detector::Cmos { demosaic: None, .. }));
         let diode = read("[spad]\npulses = 5").expect("a diode");
         assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
-        // A period may be a multiple of a slice's bins but not of the default bins.
+        // A period may be a multiple of a slice's bins without being a multiple of the default bins.
         for text in
             ["[spad]\nperiod_ps = 9990", "[spad]\nperiod_ps = 9990\nbin_ps = 30", "[spad]\nbins = 7000"]
         {

@@ -1,14 +1,15 @@
-//! Detectors: readings of instruments for a known radiance, and radiance estimates from such readings.
+//! Simulates detectors. A detector returns readings of instruments for a known radiance, and estimates the
+//! radiance from the readings.
 //!
 //! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its variance
 //!
 //! Simulated measurements of a render are therefore processed in the same way as laboratory measurements.
-//! [`cmos`] is a camera (linear model of EMVA 1288), [`polarizer_array`] the mosaic of polarizers on its
-//! sensor, and [`spad`] a single-photon avalanche diode with time-correlated counting. Radiance is in the
-//! scene's unit; the scale `photons_per_unit` converts it to photons.
+//! [`cmos`] is a camera (linear model of EMVA 1288). [`polarizer_array`] is the mosaic of polarizers on the
+//! camera's sensor. [`spad`] is a single-photon avalanche diode with time-correlated counting. Radiance is in
+//! the scene's units. The factor `photons_per_unit` converts radiance to photons.
 //!
-//! All random numbers come from counter-based streams ([`random::stream`]), so readings do not
-//! depend on threads or order.
+//! All random numbers come from counter-based streams ([`random::stream`]), so readings do not depend on
+//! threads or order.
 
 pub mod cmos;
 pub mod error;

@@ -1,30 +1,34 @@
 //! Corrections of photon-counting histograms for photons that arrive during the dead time of the diode.
 //!
-//! Both corrections divide counts by the number of pulses in which the diode was armed. In synchronous mode
-//! these are the pulses without an earlier count (Coates 1968, J. Phys. E 1:878, "The correction for photon
-//! 'pile-up' in the measurement of radiative lifetimes"),
+//! The two corrections divide counts by the number of pulses in which the diode was armed. In synchronous
+//! mode, these pulses are the pulses without an earlier count (Coates 1968, J. Phys. E 1:878, "The correction
+//! for photon 'pile-up' in the measurement of radiative lifetimes"),
 //!
 //! > λ_i = -ln(1 - n_i/A_i),  A_i = N - Σ_{j<i} n_j,  Var λ_i ≈ n_i/(A_i (A_i - n_i)).
 //!
 //! In free-running mode with dead time D, the dead times of counts in bins j cover a fraction of bin i. For
-//! counts that are uniformly distributed within their bins, this fraction is H(D - d) - H(-d) with the
-//! distance d = i - j of the bins, modulo the laser's period. H is the distribution function of the
-//! difference of two random numbers that are uniform in [0, 1) (cf. Isbaner et al. 2016, Opt. Express
-//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime imaging"):
+//! counts that are uniformly distributed within their bins, this fraction is H(D - d) - H(-d). The distance
+//! of the bins is d = i - j, modulo the laser's period. H is the distribution function of the difference of
+//! two random numbers that are uniform in [0, 1). The correction (cf. Isbaner et al. 2016, Opt. Express
+//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime imaging")
+//! is
 //!
 //! > λ_i = n_i/A_i,  A_i = N - Σ_d n_{i-d} (H(D - d) - H(-d)),  Var λ_i ≈ n_i/A_i².
 //!
-//! Both results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
-//! neglects:
+//! The two results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
+//! neglects three effects:
 //!
-//! - after-pulses, which remain in the counts and are interpreted as light that arrives a dead time later;
-//! - the nonuniform distribution of counts within a bin, of relative order λ_i²;
-//! - dead times cut off at the end of the capture, of relative order D over the capture's length.
+//! - After-pulses remain in the counts. The model interprets after-pulses as light that arrives a dead time
+//!   later.
+//! - Counts are distributed nonuniformly within a bin. The effect is of relative order λ_i².
+//! - Dead times are cut off at the end of the capture. The effect is of relative order D over the capture's
+//!   length.
 
-/// The number of detections per pulse and bin that a diode would have if it were always armed.
+/// The number of detections per pulse and bin that a diode would have if the diode were always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate, or NaN if the diode was never armed, or if it detected a photon whenever it was armed.
+    /// The rate. The rate is NaN if the diode was never armed, or if the diode detected a photon whenever it
+    /// was armed.
     pub value: f64,
     /// An unbiased estimate of the variance. The estimate is 0 in an empty bin and is therefore
     /// unsuitable for weighting single bins.
@@ -37,7 +41,8 @@ impl Rate {
     const SATURATED: Self = Self { value: f64::NAN, variance: f64::INFINITY, saturated: true };
 }
 
-/// Applies Coates's correction to a synchronous diode's counts in `pulses` periods, one per bin.
+/// Applies Coates's correction to the counts of a synchronous diode in `pulses` periods. There is one count
+/// per bin.
 pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     let mut left = pulses as f64;
     let rate = |count: &u64| {
@@ -65,8 +70,8 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     counts.iter().zip(armed).map(rate).collect()
 }
 
-/// Returns A_i of [`coates`]: the pulses in which a synchronous diode was still armed at each bin, or 0 where
-/// counts exceed pulses.
+/// Returns A_i of [`coates`], which is the number of pulses in which a synchronous diode was still armed at
+/// each bin. The number is 0 where counts exceed pulses.
 pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     let mut left = pulses as f64;
     let armed = |count: &u64| {
@@ -77,9 +82,9 @@ pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     counts.iter().map(armed).collect()
 }
 
-/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with
-/// a dead time of `dead` bins was armed at each bin of the period. The number is zero or negative
-/// where the counts are too high.
+/// Returns A_i of [`live_time`], which is the fractional number of pulses in which a free-running diode was
+/// armed at each bin of the period. The dead time is `dead` bins. The number is zero or negative where the
+/// counts are too high.
 pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
     let n: Vec<_> = counts.iter().map(|n| *n as f64).collect();
@@ -94,7 +99,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let laps = (whole / bins as f64).floor();
     let rest = ((whole - laps * bins as f64).max(0.0) as usize).min(bins);
     let back = |i: usize, d: usize| (i + bins - d % bins) % bins;
-    // Counts of the `rest` bins before bin i.
+    // The sum of the counts of the `rest` bins before bin i.
     let window = |i: usize| {
         if rest <= i { before[i] - before[i - rest] } else { before[i] + total - before[i + bins - rest] }
     };
@@ -107,7 +112,8 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     (0..bins).map(|i| pulses as f64 - covered(i)).collect()
 }
 
-/// Returns H(s), the probability that one uniform random number in [0, 1) exceeds another by less than s.
+/// Returns H(s), which is the probability that one uniform random number in [0, 1) exceeds another by less
+/// than s.
 fn difference_below(s: f64) -> f64 {
     let s = s.clamp(-1.0, 1.0);
     if s < 0.0 { 0.5 * (1.0 + s).powi(2) } else { 1.0 - 0.5 * (1.0 - s).powi(2) }
@@ -121,16 +127,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Checks for each bin that the mean of the corrected rates equals the true rate within 5 standard
-    /// errors, and that the mean of the stated variances equals the observed variance. The sum over bins is
-    /// checked in the same way. The check of the sum reveals biases that are ten times smaller. The variance
-    /// of the sum is the sum of the variances, because the increments of a martingale are uncorrelated.
+    /// Checks each bin within 5 standard errors. The mean of the corrected rates must equal the true rate,
+    /// and the mean of the stated variances must equal the observed variance. The sum over bins is checked in
+    /// the same way. The check of the sum reveals biases that are ten times smaller. The variance of the sum
+    /// is the sum of the variances, because the increments of a martingale are uncorrelated.
     fn assert_unbiased(rates: &[f64], captures: &[Vec<Rate>]) {
         for (i, rate) in rates.iter().enumerate() {
             let seen = Moments::of(captures.iter().map(|c| c[i].value));
             let stated = Moments::of(captures.iter().map(|c| c[i].variance));
             seen.assert_mean(*rate, stated.mean);
-            // κ₄ of counts with mean ≥ 20 is below σ⁴/10; the stated variances are more precise than that.
+            // κ₄ of counts with mean ≥ 20 is below σ⁴/10. The stated variances are more precise than this
+            // value.
             seen.assert_variance(stated.mean, 0.1 * stated.mean.powi(2));
         }
         let sum = |one: fn(&Rate) -> f64| Moments::of(captures.iter().map(|c| c.iter().map(one).sum()));
@@ -146,17 +153,16 @@ mod tests {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
         let counts: Vec<_> =
             (0..2000).map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key))).collect();
-        // Without correction, the last bin has a tenth of its photons, so the ratio of the last to the
-        // first bin is wrong.
+        // Without correction, the last bin has a tenth of its photons. The ratio of the last bin to the first
+        // bin is therefore wrong.
         let raw = |i: usize| counts.iter().map(|c| c[i] as f64).sum::<f64>() / 2000.0 / 20_000.0;
         assert!((raw(7) / (f64::exp(-2.6) * (1.0 - f64::exp(-0.2))) - 1.0).abs() < 0.01);
         assert!(raw(7) < 0.1 * raw(0));
         assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
-    /// The live-time correction is unbiased for dead times of part of a bin, several bins, part of a
-    /// period, and more than one and two periods, with 0.95 photons per pulse. The test uses 300 captures
-    /// of 10 000 pulses.
+    /// The live-time correction is unbiased for dead times from part of a bin to more than two periods. There
+    /// are 0.95 photons per pulse. The test uses 300 captures of 10 000 pulses.
     #[test]
     fn live_time_corrects_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();
@@ -170,7 +176,7 @@ mod tests {
         }
     }
 
-    /// The weights of a count sum to D, its dead time in bins.
+    /// The weights of a count sum to the dead time D in bins.
     #[test]
     fn weights_of_a_count_sum_to_its_dead_time() {
         for dead in [0.0, 0.4, 1.0, 1.5, 2.0, 3.7, 8.0, 9.5, 16.0, 23.2] {

@@ -1,17 +1,19 @@
-//! The mosaic of polarizers on a sensor (division-of-focal-plane polarimeter), and its demosaicking.
+//! The mosaic of polarizers on a sensor (division-of-focal-plane polarimeter). This module also demosaics the
+//! frames.
 //!
 //! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2:
 //!
 //! > 90°  45°
 //! > 135°  0°
 //!
-//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the
-//! top one, column 0 the left one). Images of the four polarizers are in the order of
-//! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
+//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"). Row 0 is the top row,
+//! and column 0 is the left column. Images of the four polarizers are in the order of
+//! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide (2021).
 //!
-//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. Neither of
-//! the methods here avoids this error (for methods that replace it by other errors, see Zhang, Luo, Liu &
-//! Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. The methods
+//! in this module do not avoid this error. Other methods replace the error by different errors (Zhang, Luo,
+//! Liu & Cui 2016, "Image interpolation for division of focal plane polarimeters with intensity
+//! correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
@@ -27,17 +29,18 @@ pub fn polarizer(x: usize, y: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Each 2×2 block becomes one pixel with the values of four polarizers; an odd last row or
-    /// column is dropped.
+    /// Each 2×2 block becomes one pixel with the values of four polarizers. An odd last row or column is
+    /// dropped.
     Superpixel,
-    /// Every pixel receives the values of all four polarizers, as means of the two or four nearest pixels.
+    /// Every pixel receives the values of all four polarizers. Each value is the mean of the two or four
+    /// nearest pixels.
     Bilinear,
 }
 
-/// Images of the four polarizers, rows from the top.
+/// Images of the four polarizers, with rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Images {
-    /// In the order of `ARRAY_DEG`, each with `width`·`height` values.
+    /// Images in the order of `ARRAY_DEG`. Each image has `width`·`height` values.
     pub images: [Vec<f64>; 4],
     pub width: usize,
     pub height: usize,
@@ -66,7 +69,8 @@ pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Res
 }
 
 /// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbours
-/// of a bilinear image share pixels, so their errors are correlated; the variances do not include this.
+/// of a bilinear image share pixels, so their errors are correlated. The variances do not include this
+/// correlation.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless `variance` has `width`·`height` values.
@@ -118,8 +122,8 @@ fn apart(
     Ok(out)
 }
 
-/// Returns the positions below `size` with parity `parity` that contribute to position `at` of the result,
-/// with their weights.
+/// Returns the positions that contribute to position `at` of the result, with their weights. The positions
+/// are below `size` and have the parity `parity`.
 fn nearest(at: usize, parity: usize, size: usize, method: Method) -> impl Iterator<Item = (usize, f64)> {
     let places = match (method, at % 2 == parity) {
         (Method::Superpixel, _) => [Some((2 * at + parity, 1.0)), None],
@@ -188,12 +192,13 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Variances of means of one, two or four pixels of equal variance are correct, also at the borders.
+    /// Variances of means of one, two or four pixels of equal variance are correct. The same is true at the
+    /// borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");
-        // Pixel (2, 2) has the 90° polarizer. 45° is horizontally adjacent, 135° vertically, and 0°
-        // diagonally.
+        // Pixel (2, 2) has the 90° polarizer. The 45° polarizer is horizontally adjacent, the 135° polarizer
+        // is vertically adjacent, and the 0° polarizer is diagonally adjacent.
         let inside: Vec<_> = got.images.iter().map(|v| v[12]).collect();
         assert_eq!(inside, [1.0, 2.0, 4.0, 2.0]);
         let corner: Vec<_> = got.images.iter().map(|v| v[0]).collect();

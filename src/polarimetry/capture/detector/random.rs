@@ -1,19 +1,21 @@
-//! Random numbers of detectors: one stream per pixel and capture, and Poisson and normal distributions.
+//! Random numbers of detectors. There is one stream per pixel and capture, with Poisson and normal
+//! distributions.
 
 use optics::sampling::stream::Stream;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 
-/// Salt that separates the detectors' random streams from those of the renderer, which use the same
-/// (seed, pixel, sample) keys. The noise must not be correlated with the render to which it is added. The
-/// value is arbitrary.
+/// Salt that separates the detectors' random streams from the renderer's random streams, which use the same
+/// (seed, pixel, sample) keys. The noise must not be correlated with the render to which the noise is added.
+/// The value is arbitrary.
 const SALT: u64 = 0x6465_7465_6374_6f72;
 
 /// Mean above which a normal distribution replaces the Poisson distribution. The skewness of the Poisson
-/// distribution is then 1e-5, far below the resolution of any test. Rejection sampling would lose
-/// accuracy in double precision (rust-random/rand issue 1515).
+/// distribution is then 1e-5, far below the resolution of any test. Rejection sampling would lose accuracy in
+/// double precision (rust-random/rand issue 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
-/// Returns the random stream of pixel `pixel` in capture `key`, separate from all streams of the renderer.
+/// Returns the random stream of pixel `pixel` in capture `key`. The random streams of captures are separate
+/// from all streams of the renderer.
 pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }

@@ -1,37 +1,39 @@
-//! The response of a time-correlated photon counter to a short pulse, integrated over its bins.
+//! The response of a time-correlated photon counter to a short pulse, integrated over the bins of the
+//! counter.
 //!
 //! > h(t) = (1 - a) N(t; σ) + a ∫₀^∞ N(t - s; σ) exp(-s/τ)/τ ds
 //!
-//! The response combines a Gaussian for the jitter of laser, diode and clock with an exponential tail
-//! from carriers that diffuse into the junction (the usual model of SPADs: Lacaita, Cova, Ghioni & Zappa
-//! 1993, "Single-photon avalanche diode with ultrafast pulse response free from slow tails"). The
-//! cumulative response is
+//! The response combines a Gaussian and an exponential tail. The Gaussian models the jitter of laser, diode
+//! and clock. The tail models carriers that diffuse into the junction. The response is the usual model of
+//! SPADs (Lacaita, Cova, Ghioni & Zappa 1993, "Single-photon avalanche diode with ultrafast pulse response
+//! free from slow tails"). The cumulative response is
 //!
 //! > H(t) = Φ(t/σ) - a exp(σ²/2τ² - t/τ) Φ(t/σ - σ/τ),
 //!
-//! the distribution function of the exponentially modified Gaussian (Grushka 1972, Anal. Chem. 44:1733) mixed
-//! with that of the normal distribution, Φ. Light is assumed to arrive in the middle of its bin.
+//! The cumulative response is a mixture of two distribution functions. The first is that of the exponentially
+//! modified Gaussian (Grushka 1972, Anal. Chem. 44:1733). The second is that of the normal distribution, Φ.
+//! Light is assumed to arrive in the middle of its bin.
 
 /// Ratio of the FWHM of a Gaussian to its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;
 
-/// Range of the response, in standard deviations and in multiples of τ. Beyond the sum of both, the
+/// Range of the response, in standard deviations and in multiples of τ. Beyond the sum of the two ranges, the
 /// response is below double precision.
 const SIGMAS: f64 = 9.0;
 const TAUS: f64 = 40.0;
 
-/// Argument below which Φ is computed by its asymptotic series, because Φ would underflow and its
-/// factor would overflow.
+/// Argument below which Φ is computed by its asymptotic series. Without the series, Φ would underflow and the
+/// factor of Φ would overflow.
 const FAR: f64 = -30.0;
 
-/// The instrument's response. All times have the same unit, which is arbitrary.
+/// The instrument's response. All times have the same arbitrary unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
-    /// Standard deviation σ of the jitter, zero or more.
+    /// Standard deviation σ of the jitter, which is zero or positive.
     pub sigma: f64,
     /// Fraction `a` of the response that is in the exponential tail, 0 to 1.
     pub tail: f64,
-    /// Time constant τ of the tail, zero or more.
+    /// Time constant τ of the tail, which is zero or positive.
     pub tau: f64,
 }
 
@@ -67,12 +69,13 @@ impl Response {
         self.tail * self.tau
     }
 
-    /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` after their arrival.
-    /// Bins are cyclic with period `bins`; the sum of the fractions is 1. Arrivals before time 0 are in the
-    /// last bins.
+    /// Returns the fractions of the light that are detected 0, 1, … bins of length `bin` after the arrival of
+    /// the light. Bins are cyclic with period `bins`. The sum of the fractions is 1. Arrivals before time 0
+    /// are in the last bins.
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
-        // No checked setting reaches further; the bound prevents an endless loop for others.
+        // No checked setting has a longer response. For settings that are not checked, the bound prevents an
+        // endless loop.
         let reach = |time: f64| (time / bin).ceil().min(64.0 * bins as f64) as i64 + 1;
         let (early, late) = (reach(SIGMAS * self.sigma), reach(SIGMAS * self.sigma + TAUS * self.tau));
         let at = |k: i64| self.before((k as f64 - 0.5) * bin);
@@ -101,7 +104,7 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Returns the time of each bin's centre and the bin's fraction; times in the second half are negative.
+    /// Returns the time of each bin's centre and the bin's fraction. Times in the second half are negative.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;
@@ -120,7 +123,7 @@ mod tests {
             let sum = |power: i32| timed(&shares).iter().map(|(t, v)| v * t.powi(power)).sum::<f64>();
             assert!((sum(0) - 1.0).abs() < 1e-13);
             assert!((sum(1) - r.mean()).abs() < 1e-9, "{r:?}: {}", sum(1));
-            // Second moment: σ² + 2aτ², plus 1/12 from the bins.
+            // The second moment is σ² + 2aτ², plus 1/12 from the bins.
             let second = r.sigma.powi(2) + 2.0 * r.tail * r.tau.powi(2) + 1.0 / 12.0;
             assert!((sum(2) / second - 1.0).abs() < 1e-9, "{r:?}: {} for {second}", sum(2));
         }
@@ -134,7 +137,7 @@ mod tests {
         assert!((wide - 70.0).abs() <= 0.5, "{wide}");
     }
 
-    /// The closed form equals the convolution integral as computed by the trapezoidal rule.
+    /// The closed form equals the convolution integral that the trapezoidal rule computes.
     #[test]
     fn tail_is_the_convolution_of_both() {
         for (sigma, tau) in [(1.0, 3.0), (2.0, 0.5), (1.0, 0.06)] {
@@ -155,7 +158,7 @@ mod tests {
 
     #[test]
     fn both_branches_agree_at_their_boundary() {
-        // z = -σ/τ at t = 0.
+        // At t = 0, z = -σ/τ.
         let (near, far) = (1.0 / 29.999_999, 1.0 / 30.000_001);
         let difference = response(1.0, 1.0, near).before(0.0) - response(1.0, 1.0, far).before(0.0);
         assert!(difference.abs() < 1e-8);
@@ -169,7 +172,8 @@ mod tests {
         assert!((shares[3] / shares[2] - (-0.5_f64).exp()).abs() < 1e-12);
     }
 
-    /// A tail that is longer than the period wraps around and adds up to a geometric series.
+    /// A tail that is longer than the period wraps around. The sum of the wrapped parts is a geometric
+    /// series.
     #[test]
     fn tails_wrap_around_the_period() {
         let shares = response(0.0, 1.0, 8.0).binned(1.0, 10);

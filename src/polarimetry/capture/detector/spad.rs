@@ -1,14 +1,15 @@
 //! A single-photon avalanche diode with time-correlated single-photon counting (TCSPC).
 //!
-//! Light of radiance L_j in time bin j of a laser's period causes, per pulse while the diode is armed,
+//! Light of radiance L_j in time bin j of a laser's period causes detections in bin i. While the diode is
+//! armed, the number of detections per pulse is
 //!
 //! > λ_i = η Φ Σ_j h_{i-j} L_j + d Δ
 //!
-//! detections in bin i. Here η is the detection efficiency, Φ the photons per pulse and unit of radiance,
-//! h the instrument's response, cyclic in the period (`response.rs`), d the dark counts per second and Δ
-//! the length of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and
-//! [`super::pile_up`] corrects for it. The estimates do not remove the response: they estimate h ∗ L,
-//! which is delayed by [`Spad::response_mean_ps`] on average.
+//! where η is the detection efficiency and Φ the photons per pulse and unit of radiance. The instrument's
+//! response h is cyclic in the period (`response.rs`). The dark counts per second are d, and Δ is the length
+//! of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and [`super::pile_up`]
+//! corrects for dead time. The estimates do not remove the response. The estimated quantity is h ∗ L, which
+//! is delayed by [`Spad::response_mean_ps`] on average.
 //!
 //! The jitter is applied to the rates, before the dead time. The resulting relative error is of the order
 //! of the jitter divided by the dead time.
@@ -25,39 +26,40 @@ use serde::{Deserialize, Serialize};
 /// Maximum number of bins of a period.
 const MAX_BINS: f64 = 1_048_576.0;
 
-/// Maximum number of pulses of a capture: a day at 10 MHz.
+/// Maximum number of pulses of a capture, which is a day at 10 MHz.
 const MAX_PULSES: u64 = 1_000_000_000_000;
 
-/// Maximum expected number of detections of a free-running diode in one capture. Detections are
-/// simulated one by one, about 10⁷ per second. A diode with a dead time of 50 ns in constant light
-/// reaches this number in five seconds.
+/// Maximum expected number of detections of a free-running diode in one capture. The simulation processes
+/// detections one by one, about 10⁷ per second. A diode with a dead time of 50 ns in constant light reaches
+/// the maximum in five seconds.
 const MAX_DETECTIONS: f64 = 1e8;
 
-/// The rule for when the diode is armed.
+/// The rule that determines when the diode is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// The diode is armed at each laser pulse, with at most one detection per pulse. `dead_time_ps`
-    /// and after-pulses have no effect, because both are assumed to end before the next pulse.
+    /// The diode is armed at each laser pulse, with at most one detection per pulse. `dead_time_ps` and
+    /// after-pulses have no effect, because dead times and after-pulses are assumed to end before the next
+    /// pulse.
     #[default]
     Synchronous,
-    /// The diode is armed again a fixed dead time after each detection. Photons during the dead
-    /// time do not extend it.
+    /// The diode is armed again a fixed dead time after each detection. Photons during the dead time do not
+    /// extend the dead time.
     FreeRunning,
 }
 
 /// The settings of a diode and its counter. The defaults are typical of silicon SPADs with a 10 MHz laser.
-/// `photons_per_unit` depends on scene, laser and lens; its default is only a placeholder.
+/// `photons_per_unit` depends on scene, laser and lens. The default of `photons_per_unit` is a placeholder.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spad {
     pub mode: Mode,
-    /// Length of a bin, ps.
+    /// Length of a bin in picoseconds.
     pub bin_ps: f64,
-    /// Number of bins, from the start of the period, whose radiance is estimated. Counts are kept for all
-    /// bins.
+    /// Number of bins whose radiance is estimated, counted from the start of the period. Counts are kept for
+    /// all bins.
     pub bins: usize,
-    /// Time between laser pulses, ps; a whole number of bins.
+    /// Time between laser pulses in picoseconds. The period is a whole number of bins.
     pub period_ps: f64,
     /// Laser pulses per capture.
     pub pulses: u64,
@@ -67,17 +69,17 @@ pub struct Spad {
     pub detection_efficiency: SpectralValue,
     /// Detections per second without light.
     pub dark_counts_per_s: f64,
-    /// Dead time after a detection, ps (free-running mode).
+    /// Dead time after a detection in picoseconds (free-running mode).
     pub dead_time_ps: f64,
     /// Probability that a detection causes an after-pulse (free-running mode).
     pub after_pulsing: f64,
-    /// Mean time from the end of the dead time to an after-pulse, ps.
+    /// Mean time from the end of the dead time to an after-pulse, in picoseconds.
     pub after_pulse_time_ps: f64,
-    /// Full width at half maximum of the Gaussian part of the response, ps.
+    /// Full width at half maximum of the Gaussian part of the response, in picoseconds.
     pub irf_fwhm_ps: f64,
     /// Fraction of the response in the exponential tail.
     pub irf_tail: f64,
-    /// Time constant of the tail, ps.
+    /// Time constant of the tail in picoseconds.
     pub irf_tail_ps: f64,
 }
 
@@ -106,7 +108,7 @@ impl Spad {
     /// Checks the settings of the diode and its counter.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] if a setting is invalid; the error names the first invalid field.
+    /// [`DetectorError::Field`] if a setting is invalid. The error names the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         let or_zero = |field, value, need| demand(field, value, non_negative(value), need);
@@ -165,16 +167,16 @@ impl Spad {
         self.detection_efficiency.at(nm) * self.photons_per_unit
     }
 
-    /// Returns the mean delay of the response, ps, which is due to its tail.
+    /// Returns the mean delay of the response in picoseconds. The tail causes this delay.
     pub fn response_mean_ps(&self) -> f64 {
         self.instrument().mean()
     }
 
-    /// Returns the fractions of light that are detected 0, 1, … bins after their arrival. Bins are cyclic in
-    /// the period; the sum of the fractions is 1.
+    /// Returns the fractions of light that are detected 0, 1, … bins after the arrival of the light. Bins are
+    /// cyclic in the period. The sum of the fractions is 1.
     ///
     /// # Errors
-    /// Same as [`Self::check`].
+    /// The same errors as [`Self::check`].
     pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
         self.check()?;
         Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
@@ -182,17 +184,18 @@ impl Spad {
 
     /// Returns the detections per pulse in each bin of the period while the diode is armed.
     ///
-    /// `histogram` is the radiance (scene's unit) in each bin after the laser pulse, at wavelength `nm`.
-    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as 0.
+    /// `histogram` is the radiance in each bin after the laser pulse, in the scene's units, at wavelength
+    /// `nm`. Light that arrives later than one period is counted with the following pulses. Negative sums are
+    /// treated as 0.
     ///
     /// # Errors
-    /// Same as [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
+    /// The same errors as [`Self::check`], and [`DetectorError::Radiance`] if a value is not finite.
     pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
         finite(histogram)?;
         let response = self.response()?;
         let bins = response.len();
         let (per_unit, dark) = (self.per_unit(nm), self.dark());
-        // The response is zero in most bins, and often the light as well.
+        // The response is zero in most bins. The light is also zero in many bins.
         let taps: Vec<_> = response.iter().enumerate().filter(|(_, share)| **share > 0.0).collect();
         let mut rates = vec![0.0; bins];
         for (j, radiance) in histogram.iter().enumerate().filter(|(_, radiance)| **radiance != 0.0) {
@@ -206,12 +209,12 @@ impl Spad {
         Ok(rates)
     }
 
-    /// Returns the variance of one bin's estimate after all pulses, for a given radiance, without dead
-    /// time. Photons and dark counts follow Poisson statistics.
+    /// Returns the variance of one bin's estimate after all pulses, for a given radiance, without dead time.
+    /// Photons and dark counts follow Poisson statistics.
     pub fn variance(&self, radiance: f64, nm: f64) -> f64 {
         let unit = self.per_unit(nm);
         let rate = (unit * radiance).max(0.0) + self.dark();
-        // The bound of one count in total limits the precision of a bin.
+        // A lower bound of one count in total limits the precision of a bin.
         let pulses = self.pulses as f64;
         rate.max(1.0 / pulses) / (pulses * unit * unit)
     }
@@ -220,8 +223,9 @@ impl Spad {
     /// [`Self::rates`].
     ///
     /// # Errors
-    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
-    /// [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸ detections.
+    /// The same errors as [`Self::check`]. [`DetectorError::Count`] unless there is one rate per bin of the
+    /// period. [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸
+    /// detections.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
         count("the rates of a period", self.period_bins(), rates.len())?;
@@ -238,13 +242,14 @@ impl Spad {
     }
 
     /// Returns radiance estimates in the first `bins` bins from the counts in all bins of the period. The
-    /// dead time is corrected and dark counts are subtracted (see [`pile_up`] for the neglected effects).
+    /// dead time is corrected, and dark counts are subtracted (see [`pile_up`] for the neglected effects).
     ///
-    /// The variances are unbiased and therefore 0 in bins without counts, so they are unsuitable as weights
-    /// of single bins.
+    /// The variances are unbiased and therefore 0 in bins without counts. Such variances are unsuitable as
+    /// weights of single bins.
     ///
     /// # Errors
-    /// Same as [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
+    /// The same errors as [`Self::check`], and [`DetectorError::Count`] unless there is one count per bin of
+    /// the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
         count("the counts of a period", self.period_bins(), counts.len())?;

@@ -1,7 +1,8 @@
-//! Simulated time-correlated photon counting: histograms of detections over the laser's period.
+//! Simulates time-correlated photon counting. The results are histograms of detections over the laser's
+//! period.
 //!
-//! In synchronous mode the diode is rearmed at every pulse, and only its first detection in a period counts.
-//! One pulse causes a count in bin i with probability
+//! In synchronous mode, the diode is rearmed at every pulse. The first detection in a period is counted, and
+//! later detections do not occur. One pulse causes a count in bin i with probability
 //!
 //! > p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i))
 //!
@@ -9,16 +10,16 @@
 //! The histogram of N pulses therefore has exactly a multinomial distribution and is drawn as a chain of
 //! binomial random numbers.
 //!
-//! In free-running mode the diode is dead for a fixed time after each detection, independently of the
-//! laser. Detections are simulated one by one. The next detection occurs when the integral of the rate
-//! since the diode was armed reaches a random number with exponential distribution of mean 1. Empty
-//! periods therefore cost no computing time.
+//! In free-running mode, the diode is dead for a fixed time after each detection, independently of the laser.
+//! The simulation processes detections one by one. Before each detection, a random number is drawn from the
+//! exponential distribution with mean 1. The detection occurs when the integral of the rate since the diode
+//! was armed reaches this number. Empty periods therefore take no computing time.
 
 use super::random::poisson;
 use optics::sampling::stream::Stream;
 use rand_distr::{Binomial, Distribution, Exp1};
 
-/// The behaviour of a free-running diode after a detection; times are in bins.
+/// The behaviour of a free-running diode after a detection. Times are in bins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Recovery {
     /// Time without detections.
@@ -34,8 +35,8 @@ fn sound(rate: f64) -> f64 {
     rate.max(0.0)
 }
 
-/// Returns the counts of `pulses` periods of a synchronous diode; `rates` are the detections per pulse
-/// and bin while the diode is armed.
+/// Returns the counts of `pulses` periods of a synchronous diode. `rates` are the detections per pulse and
+/// bin while the diode is armed.
 pub(super) fn synchronous(rates: &[f64], pulses: u64, stream: &mut Stream) -> Vec<u64> {
     let mut left = pulses;
     let draw = |rate: &f64| {
@@ -57,7 +58,8 @@ pub(super) fn most_detections(rates: &[f64], recovery: &Recovery, pulses: u64) -
 /// Returns the counts of `pulses` periods of a free-running diode that is armed at the start. `rates` are the
 /// detections per pulse and bin while the diode is armed. A rate is constant within a bin.
 ///
-/// A pending after-pulse is dropped if a photon is detected first, because that avalanche refills the traps.
+/// A pending after-pulse is dropped if a photon is detected first, because the photon's avalanche refills the
+/// traps.
 pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stream: &mut Stream) -> Vec<u64> {
     if recovery.dead <= 0.0 && recovery.after_pulsing <= 0.0 {
         // Without dead time and after-pulses, detections do not affect each other, so the counts are
@@ -100,7 +102,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     }
 }
 
-/// A time in periods and bins. This representation stays exact in long captures.
+/// A time in periods and bins. Times in periods and bins stay exact in long captures.
 #[derive(Clone, Copy)]
 struct Time {
     pulse: u64,
@@ -113,7 +115,8 @@ impl Time {
     }
 }
 
-/// The rates of one period, and their integral up to the start of each bin and to the end of the period.
+/// The rates of one period, and the integral of the rates up to the start of each bin and to the end of the
+/// period.
 struct Clock<'a> {
     rates: &'a [f64],
     integral: Vec<f64>,
@@ -205,8 +208,8 @@ mod tests {
         both.assert_variance(variance, variance * (1.0 - 6.0 * (p + q) * (1.0 - p - q)));
     }
 
-    /// Counts at low flux follow Poisson statistics, without and with dead times that cover 1e-4 of the
-    /// capture. The test uses 5000 captures of 20 000 pulses.
+    /// Counts at low flux follow Poisson statistics, without dead time and with dead times that cover 1e-4 of
+    /// the capture. The test uses 5000 captures of 20 000 pulses.
     #[test]
     fn low_flux_gives_poisson_counts() {
         let rates = [1e-3, 4e-3, 0.0, 2e-3];
@@ -221,12 +224,12 @@ mod tests {
         }
     }
 
-    /// Counts of constant light saturate as in theory, for a rate r per bin and dead times τ from a
-    /// fraction of a period to several periods. The count in a time T is that of a renewal process whose
-    /// intervals τ + Exp(r) have mean μ = τ + 1/r and standard deviation 1/r. The diode is armed at the
-    /// start, as if the last event had occurred at time -τ. The mean is therefore (T + τ)/μ + ((1/r)² -
-    /// μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the variance is r T/(1 + rτ)³. The
-    /// test uses 400 captures of 10 000 bins.
+    /// Counts of constant light saturate as predicted by theory. The rate is r per bin, and the dead times τ
+    /// are a fraction of a period to several periods. The count in a time T is that of a renewal process with
+    /// intervals τ + Exp(r). The intervals have mean μ = τ + 1/r and standard deviation 1/r. The diode is
+    /// armed at the start, as if the last event had occurred at time -τ. The mean count is therefore (T +
+    /// τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ). The variance is r
+    /// T/(1 + rτ)³. The test uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {
@@ -237,8 +240,8 @@ mod tests {
             assert!((mean / (rate * time / (1.0 + rate * dead)) - 1.0).abs() < 0.01);
             let variance = rate * time / (1.0 + rate * dead).powi(3);
             if variance < 1.0 {
-                // The spread is below one count: the asymptotic variance is invalid, and the formula for
-                // the mean is accurate to one count.
+                // The spread is below one count. The asymptotic variance is therefore invalid, and the
+                // formula for the mean is accurate to one count.
                 assert!((seen.mean - mean).abs() < 1.0, "{} for {mean}", seen.mean);
                 continue;
             }
@@ -247,8 +250,8 @@ mod tests {
         }
     }
 
-    /// Each detection causes another detection with probability p, so the cluster size is geometric with
-    /// mean 1/(1 - p) and mean square (1 + p)/(1 - p)². The test uses 4000 captures with about 100
+    /// Each detection causes another detection with probability p. The cluster size is therefore geometric
+    /// with mean 1/(1 - p) and mean square (1 + p)/(1 - p)². The test uses 4000 captures with about 100
     /// photons in 10⁶ pulses.
     #[test]
     fn after_pulses_multiply_the_counts() {
@@ -260,12 +263,12 @@ mod tests {
         assert!(
             (seen.mean * (1.0 - p) / 100.0 - 1.0).abs() < 5.0 * (variance / 4000.0).sqrt() / 100.0 + 1e-3
         );
-        // κ₄ is 100 E G⁴ for the cluster size G; for p = 0.2 the fourth moment of G is 8.9.
+        // κ₄ is 100 E G⁴ for the cluster size G. For p = 0.2, the fourth moment of G is 8.9.
         seen.assert_variance(variance, 890.0);
     }
 
-    /// After-pulses occur an exponentially distributed time after the end of the dead time. Only one of 200
-    /// bins has light; the test checks the counts in later bins.
+    /// The time from the end of the dead time to an after-pulse is exponentially distributed. Of 200 bins,
+    /// one has light. The test checks the counts in later bins.
     #[test]
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];
@@ -274,8 +277,8 @@ mod tests {
         let counts = free_running(&rates, &recovery, 10_000_000, &mut stream(3, 0, 0));
         assert_eq!(counts[1..20].iter().sum::<u64>(), 0);
         let after: u64 = counts[20..].iter().sum();
-        // Mean delay of the first after-pulses. The delay is measured from the light, which arrives half a
-        // bin earlier on average.
+        // The mean delay of the first after-pulses. The delay is measured from the light, which arrives half
+        // a bin earlier on average.
         let early = &counts[20..41];
         assert!(early[..5].iter().sum::<u64>() > early[5..10].iter().sum::<u64>());
         let (n, share) = (counts[0] as f64, 0.1 / 0.9);

@@ -11,7 +11,7 @@ impl Moments {
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let (mut n, mut mean, mut squares) = (0.0, 0.0, 0.0);
         for v in values {
-            // Welford 1962, which avoids cancellation if the mean is far from zero.
+            // The algorithm of Welford (1962) avoids cancellation if the mean is far from zero.
             n += 1.0;
             let step = v - mean;
             mean += step / n;
@@ -21,8 +21,8 @@ impl Moments {
         Self { n, mean, variance }
     }
 
-    /// Checks that the mean is `want` within 5·√(variance/n), where `variance` is the true variance of a
-    /// single value.
+    /// Checks that the mean is `want` within 5·√(variance/n). `variance` is the true variance of a single
+    /// value.
     pub fn assert_mean(&self, want: f64, variance: f64) {
         let off = (self.mean - want) / (variance / self.n).sqrt();
         assert!(off.abs() < 5.0, "the mean is {}, {off} standard errors from {want}", self.mean);

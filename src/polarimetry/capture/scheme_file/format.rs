@@ -1,4 +1,4 @@
-//! The contents of scheme files, and the checks of these contents.
+//! Defines the contents of scheme files, and checks these contents.
 
 use crate::capture::coaxial::Coaxial;
 use crate::capture::element::{Element, ElementKind, Setting};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A setting in degrees: one number, or one number per capture.
+/// A setting in degrees. A setting has one number, or one number per capture.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 pub(super) enum SettingFile {
@@ -99,10 +99,10 @@ pub(super) struct SchemeFile {
     detector: Option<IgnoredAny>,
 }
 
-/// The largest allowed magnitude of an angle, degrees, and of all other numbers.
+/// The largest permissible magnitude of an angle (in degrees) and of all other numbers.
 const LARGEST: f64 = 1e6;
 
-/// The text of a file, for errors with locations.
+/// The text of a file. Errors use the text to state locations.
 pub(super) struct Text<'a> {
     pub(super) path: &'a Path,
     pub(super) text: Arc<str>,

@@ -1,4 +1,4 @@
-//! Tests reading and writing schemes in TOML and CSV files, also with damaged input.
+//! Tests the reading and writing of schemes in TOML and CSV files. The tests include damaged input.
 
 use super::*;
 use crate::capture::scheme::Sensor;

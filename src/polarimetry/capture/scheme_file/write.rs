@@ -7,7 +7,8 @@ use super::super::spectral_value::SpectralValue;
 use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
-/// The fields in which an element differs from an ideal one; the others are `None`, which TOML omits.
+/// The fields in which an element differs from an ideal element. All other fields are `None`, which TOML
+/// omits.
 #[derive(Serialize)]
 struct ElementOut {
     name: String,
@@ -72,7 +73,7 @@ fn element_out(e: &Element) -> ElementOut {
 /// Returns a scheme as TOML.
 ///
 /// # Errors
-/// If a number cannot be serialized, which cannot happen for a checked scheme.
+/// Returns an error if a number cannot be serialized. Checked schemes do not cause this error.
 pub fn to_toml(scheme: &Scheme) -> Result<String, toml::ser::Error> {
     let sensor = match &scheme.sensor {
         Sensor::Intensity => {

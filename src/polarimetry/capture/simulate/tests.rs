@@ -1,9 +1,10 @@
-//! Tests simulated captures against the design matrix, and their noise against its stated standard deviation.
+//! Tests simulated captures against the design matrix. Also tests the noise of the captures against the
+//! stated standard deviation.
 
 use super::*;
 use crate::capture::detector::testing::Moments;
 
-/// Returns matrices that differ per pixel, with T00 equal to `scale`. No intensity is close to zero.
+/// Returns matrices that differ between pixels, with T00 equal to `scale`. No intensity is close to zero.
 fn matrices(layout: Layout, scale: f64) -> Vec<f64> {
     let of = |i: usize| match i % 16 {
         0 => scale,
@@ -26,7 +27,7 @@ fn camera(photons_per_unit: f64) -> Noise {
     Noise::Cmos { camera: Cmos { photons_per_unit, ..Cmos::default() }, demosaic: None }
 }
 
-/// Returns a camera whose only noise is the quantization of 1e7 electrons to 24 bits.
+/// Returns a camera without noise except the quantization of 1e7 electrons to 24 bits.
 fn still(demosaic: Option<Method>, binning: u32) -> Noise {
     Noise::Cmos {
         camera: Cmos {
@@ -92,8 +93,8 @@ fn camera_variances_match_the_scatter() {
             let seen = shoot(&with(camera(1e6)), seed);
             let variances = seen.variances.expect("a camera's");
             for ((a, b), v) in seen.intensities.iter().zip(&clean.intensities).zip(&variances) {
-                // The difference is divided by the stated standard deviation, so that bright and dark
-                // pixels have equal weight.
+                // The difference is divided by the stated standard deviation, so bright and dark pixels have
+                // equal weight.
                 off.push(f64::from(*a - *b) / f64::from(*v).sqrt());
                 stated += f64::from(*v);
                 n += 1.0;
@@ -135,7 +136,7 @@ fn saturated_intensities_are_nan() {
     assert!(got.variances.is_some_and(|v| v.iter().all(|v| v.is_infinite())));
 }
 
-/// Binning halves width and height, and each reading equals the intensity of the mean matrix.
+/// Binning halves width and height. Each reading equals the intensity of the mean matrix.
 #[test]
 fn binning_is_the_mean_of_the_matrices() {
     let odd = Layout { height: 5, width: 7, ..SMALL };

@@ -1,5 +1,5 @@
-//! Compares gradients with central differences, losses with Monte Carlo estimates, and learned schemes
-//! with lower bounds.
+//! Compares gradients with central differences, losses with Monte Carlo estimates, and learned schemes with
+//! lower bounds.
 
 use super::*;
 use crate::capture::design_matrix::a_optimal_bound;
@@ -8,7 +8,7 @@ use crate::reconstruct::loss::metric;
 use crate::reconstruct::second_moment::SecondMoment;
 
 fn objective(estimator: Estimator, angle_error: f64) -> Objective {
-    // A second moment of full rank with unequal directions.
+    // The second moment has full rank and unequal directions.
     let root = Moment::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin() / 4.0);
     let mut s = root * root.transpose() + Moment::identity() * 0.02;
     s /= s[(0, 0)];
@@ -28,9 +28,11 @@ fn functionals() -> Moment {
     metric(&[of(1.3), of(0.4)])
 }
 
-/// Analytic gradients agree with central differences. The test covers both sensors, both estimators, few
-/// and many captures, with and without angle errors, and metrics of all elements and of a few
-/// functionals. It also covers chromatic plates and liquid crystals.
+/// Analytic gradients agree with central differences. The test covers:
+/// - the two sensors and the two estimators,
+/// - few and many captures, with and without angle errors,
+/// - metrics of all elements and of a few functionals,
+/// - chromatic plates and liquid crystals.
 #[test]
 fn gradients_are_exact() {
     let mut checked = 0;
@@ -79,8 +81,8 @@ fn gradients_are_exact() {
     assert!(checked > 300);
 }
 
-/// With the metric M = 1, the error is that of all elements. With M = Σ w wᵀ, the error is the sum of the
-/// functionals' errors.
+/// With the metric M = 1, the error is the error of all elements. With M = Σ w wᵀ, the error is the sum of
+/// the functionals' errors.
 #[test]
 fn errors_follow_the_metric() {
     for (captures, estimator) in
@@ -103,11 +105,11 @@ fn errors_follow_the_metric() {
     }
 }
 
-/// Measuring the brightness in unpolarized light takes one capture. With an uninformative prior, M00 and
-/// one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²).
-/// Behind polarizers every row has |a|² = 4 a₀₀², so three quarters remain for any angles, and K captures
-/// with the same settings do not reduce it. With the prior that light is never polarized, K captures
-/// leave σ²/(K a₀₀² + σ²).
+/// One capture is sufficient to measure the brightness in unpolarized light. With an uninformative prior, M00
+/// and one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²).
+/// Behind polarizers, every row has |a|² = 4 a₀₀². Three quarters of the variance therefore remain for any
+/// angles, and K captures with the same settings do not reduce this remainder. With the prior that light is
+/// never polarized, K captures leave σ²/(K a₀₀² + σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
@@ -187,8 +189,8 @@ fn the_closed_form_equals_the_sampled_loss() {
     }
 }
 
-/// Learned angles reach the lower bound of all schemes: 1600/K with an intensity sensor, 440/K with a
-/// polarizer array.
+/// Learned angles reach the lower bound of all schemes. The bound is 1600/K with an intensity sensor, and
+/// 440/K with a polarizer array.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn learned_schemes_reach_the_bound() {
@@ -204,8 +206,8 @@ fn learned_schemes_reach_the_bound() {
     }
 }
 
-/// The observer is notified of every descent and can stop it; the loss histories contain the minimum that
-/// was found.
+/// The observer is notified of every descent and can stop the learning. The loss histories contain the
+/// minimum that was found.
 #[test]
 fn an_observer_is_notified_and_can_stop_the_search() {
     use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,7 +1,7 @@
 //! Vector arithmetic that argmin requires of a point and a gradient.
 //!
-//! Argmin-math implements it for `Vec`, but then brings a generator of random numbers, which takes 9
-//! processor-seconds to compile.
+//! Argmin-math implements this arithmetic for `Vec`. However, argmin-math then requires a generator of random
+//! numbers that takes 9 processor-seconds to compile.
 
 use argmin_math::{
     ArgminAdd, ArgminDot, ArgminL1Norm, ArgminL2Norm, ArgminMinMax, ArgminMul, ArgminSignum, ArgminSub,

@@ -1,17 +1,17 @@
 //! Principal components of a set of Mueller matrices.
 //!
-//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X -
-//! mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows from its
-//! eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. A limitation is that singular values
-//! below about 1e-8 of the first are rounding errors.
+//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Let S be the covariance, so
+//! that (X - mean)ᵀ (X - mean) = n S. V then contains the eigenvectors of S, and Σ = √(n λ) follows from the
+//! eigenvalues λ of S. The 16 × 16 matrix S is therefore sufficient. A limitation is that singular values
+//! below about 1e-8 of the first singular value are rounding errors.
 
 use super::moments::{MatrixRow, Moments};
 use nalgebra::{SMatrix, SymmetricEigen};
 
-/// Maximum number of steps of the eigenvalue iteration; a few steps per eigenvalue suffice.
+/// Maximum number of steps of the eigenvalue iteration. A few steps per eigenvalue are sufficient.
 const MOST_STEPS: usize = 10_000;
 
-/// Principal components in descending order. Matrices are row-major, Stokes out first.
+/// Principal components in descending order. Matrices are row-major, with the Stokes output index first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Components {
     /// Number of rows n.
@@ -20,18 +20,19 @@ pub struct Components {
     pub mean: MatrixRow,
     /// Singular values of X - mean in descending order. Singular values are proportional to √n.
     pub spectrum: MatrixRow,
-    /// Fraction of the total variance of each component, σ² / Σ σ²; all 0 for a set without variance.
+    /// Fraction of the total variance of each component, σ² / Σ σ². All fractions are 0 for a set without
+    /// variance.
     pub share: MatrixRow,
-    /// V by columns: `vectors[k]` is the unit vector of component k. The element of largest magnitude of each
-    /// vector is positive.
+    /// The columns of V. `vectors[k]` is the unit vector of component k. The element of largest magnitude of
+    /// each vector is positive.
     pub vectors: [MatrixRow; 16],
-    /// V Σ / √n by columns: the standard deviation of the set along each component, as a matrix. These
-    /// columns are the paper's scaled components, in a scale that does not depend on the number of bins.
+    /// The columns of V Σ / √n. A column is the standard deviation of the set along a component, as a matrix.
+    /// The columns are the paper's scaled components, in a scale that does not depend on the number of bins.
     pub scaled: [MatrixRow; 16],
 }
 
 impl Components {
-    /// Computes the components of a set. Returns `None` if it is empty or overflowed. In a set of n < 17
+    /// Computes the components of a set. Returns `None` if the set is empty or overflowed. In a set of n < 17
     /// rows, all components from the n-th on have no variance and arbitrary perpendicular directions.
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
@@ -124,7 +125,8 @@ mod tests {
         }
     }
 
-    /// A set of few rows has fewer components with variance than rows. Equal rows have none.
+    /// A set of few rows has fewer components with variance than rows. A set of equal rows has no component
+    /// with variance.
     #[test]
     fn few_rows_and_equal_rows() {
         for n in [1, 2, 5, 15] {

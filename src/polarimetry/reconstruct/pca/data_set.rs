@@ -4,16 +4,17 @@ use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Number of slabs between two merges. This number is large enough for many threads, and small enough to
-/// limit memory.
+/// Number of slabs between two merges. The number is large enough for many threads, and small enough to limit
+/// memory.
 const BATCH: u32 = 64;
 
 /// Settings for the data that is kept for each material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Factor c of the map arctan(c T); 8 in Baek & Heide 2021.
+    /// Factor c of the map arctan(c T). The factor is 8 in Baek & Heide (2021).
     pub c: f64,
-    /// Number of bins sampled at random (with a fixed seed), for experiments that need single matrices.
+    /// Number of bins that are sampled at random with a fixed seed. Experiments that need single matrices use
+    /// these samples.
     pub samples: usize,
 }
 
@@ -37,7 +38,7 @@ pub struct Material {
     pub samples: Vec<[f32; 16]>,
 }
 
-/// A set of materials, in order of name.
+/// A set of materials, sorted by name.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     pub materials: Vec<Material>,
@@ -45,8 +46,9 @@ pub struct DataSet {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
-    /// Weight in proportion to the number of a material's valid bins, as in the paper, whose X stacks all
-    /// bins. If all tables have one resolution, this is nearly the same as [`Self::Materials`].
+    /// Weight in proportion to the number of a material's valid bins. The paper also uses this weight,
+    /// because its X stacks all bins. If all tables have one resolution, this weight is nearly the same as
+    /// [`Self::Materials`].
     #[default]
     Bins,
     /// Equal weight for all materials.
@@ -54,8 +56,8 @@ pub enum Weight {
 }
 
 impl Weight {
-    /// Returns the pooled moments of some materials, plain or mapped as selected by `of`. The count is that
-    /// of the bins.
+    /// Returns the pooled moments of some materials. `of` selects plain or mapped moments. The count is the
+    /// number of bins.
     pub fn pool<'a>(
         self,
         materials: impl IntoIterator<Item = &'a Material>,
@@ -112,7 +114,7 @@ impl DataSet {
 /// accumulator.
 ///
 /// # Errors
-/// [`DataError::Factor`] if the factor c is invalid; [`DataError::NoBins`] if no bin is valid.
+/// [`DataError::Factor`] if the factor c is invalid, and [`DataError::NoBins`] if no bin is valid.
 pub fn gather(
     name: &str,
     slabs: usize,

@@ -1,10 +1,10 @@
-//! Cross-validation over materials: learning from some materials and testing on others (Baek & Heide 2021,
-//! §4).
+//! Cross-validation over materials. A scheme is learned from some materials and tested on all other materials
+//! (Baek & Heide 2021, §4).
 //!
-//! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all
-//! others. Related materials, whose names are adjacent, are thus in different folds; no random numbers are
-//! used. The training set may contain materials related to a test material (a silicone of another colour).
-//! The fold then tests generalization to new specimens, not to new kinds of material.
+//! Materials are sorted by name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all others.
+//! Related materials have adjacent names and are therefore in different folds. No random numbers are used.
+//! The training set may contain materials that are related to a test material, such as a silicone of another
+//! colour. The fold then tests generalization to new specimens, but not to new kinds of material.
 
 use super::data_set::{DataError, DataSet, Weight};
 use super::moments::Moments;
@@ -16,23 +16,23 @@ pub struct Fold {
     pub train: Moments,
     /// Moments of T / T00 over the test materials.
     pub test: Moments,
-    /// Indices of the test materials in [`DataSet::materials`], ascending.
+    /// Indices of the test materials in [`DataSet::materials`], in ascending order.
     pub test_materials: Vec<usize>,
     pub test_names: Vec<String>,
 }
 
-/// Splits the indices 0 to n - 1 into k lists, of which list f is f, f + k, f + 2k, …; returns at
-/// most n lists.
+/// Splits the indices 0 to n - 1 into k lists. List f is f, f + k, f + 2k, …. Returns at most n lists.
 pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
     let k = k.min(n);
     (0..k).map(|f| (f..n).step_by(k).collect()).collect()
 }
 
-/// Returns the `k` folds of a data set, at most one per material; every material is tested once.
+/// Returns the `k` folds of a data set. There is at most one fold per material, and every material is tested
+/// once.
 ///
 /// # Errors
-/// [`DataError::Folds`] if there are fewer than two folds or materials, which would leave the training set or
-/// the test set empty.
+/// [`DataError::Folds`] if there are fewer than two folds or fewer than two materials. The training set or
+/// the test set would then be empty.
 pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
     let all = &data.materials;
     if k < 2 || all.len() < 2 {
@@ -72,7 +72,8 @@ mod tests {
         DataSet { materials: (0..n).map(material).collect() }
     }
 
-    /// Every material is tested once, and training and test set of each fold together contain all bins once.
+    /// Every material is tested once. The training set and the test set of each fold together contain all
+    /// bins once.
     #[test]
     fn folds_split_the_materials() {
         let data = data(25);
@@ -92,7 +93,7 @@ mod tests {
         assert!(split(0, 5).is_empty());
     }
 
-    /// Materials with equal weights have pooled moments that are the mean of their moments.
+    /// For materials with equal weights, the pooled moments are the mean of the materials' moments.
     #[test]
     fn materials_can_have_equal_weights() {
         let data = data(4);

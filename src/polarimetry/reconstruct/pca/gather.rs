@@ -1,19 +1,20 @@
-//! Selects the valid entries of a pBRDF and accumulates their moments and samples.
+//! Selects the valid entries of a pBRDF, and accumulates the moments and samples of these entries.
 //!
-//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive;
-//! it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible for passive
-//! materials. The T00 of such an entry is noise around 0, so the quotient is arbitrarily large. A few such
-//! entries would dominate the second moments, so they are excluded and counted. Entries that are slightly
-//! unphysical because of noise stay as measured. There is no lower limit of T00, because a dark bin is a
-//! valid measurement and the paper uses all bins.
+//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive.
+//! A valid entry is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible
+//! for passive materials. The T00 of such an entry is noise around 0, so the quotient is arbitrarily large. A
+//! few such entries would dominate the second moments. Entries above [`GREATEST`] are therefore excluded and
+//! counted. Entries that are slightly unphysical because of noise are not changed. There is no lower limit of
+//! T00, because a dark bin is a valid measurement and the paper uses all bins.
 //!
-//! Slabs of entries are processed in parallel. The data kept per slab is bounded in size and merged in the
-//! order of slabs. The result therefore does not depend on threads or on the split of a file into slabs.
+//! Slabs of entries are processed in parallel. The data of each slab is bounded in size. The data is merged
+//! in the order of slabs. The result therefore does not depend on threads or on the split of a file into
+//! slabs.
 
 use super::moments::{MatrixRow, Moments};
 use optics::sampling::mix::mix;
 
-/// Largest valid magnitude of a normalized element: 1, plus 10 % for noise and calibration.
+/// Largest valid magnitude of a normalized element. The value is 1, plus 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
 /// Smallest T00 of a valid entry. Below this value, the other elements lose digits in single precision.
 const LEAST: f32 = 1e-30;
@@ -46,11 +47,12 @@ pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
 
-/// A random sample of at most `most` entries without replacement: those with the smallest random keys.
+/// A random sample of at most `most` entries without replacement. The sample contains the entries with the
+/// smallest random keys.
 #[derive(Clone, Debug)]
 struct Choice {
     most: usize,
-    /// Upper bound of keys: greater or equal keys are not among the smallest.
+    /// Upper bound of keys. Keys that are greater than or equal to the bound are not among the smallest keys.
     bound: u64,
     kept: Vec<(u64, [f32; 16])>,
 }
@@ -70,7 +72,7 @@ impl Choice {
         }
     }
 
-    /// Keeps only the `most` smallest keys, in ascending order.
+    /// Keeps the `most` smallest keys in ascending order and removes all other keys.
     fn prune(&mut self) {
         self.kept.sort_unstable_by_key(|k| k.0);
         self.kept.truncate(self.most);
@@ -91,12 +93,13 @@ pub struct Gathered {
     pub tally: Tally,
     c: f64,
     choice: Choice,
-    /// Index of the next entry, with the slab in the upper half.
+    /// Index of the next entry. The upper half of the index is the slab.
     next: u64,
 }
 
 impl Gathered {
-    /// Creates an empty accumulator for a slab, which maps by arctan(c T) and chooses up to `most` samples.
+    /// Creates an empty accumulator for a slab. The accumulator maps by arctan(c T) and chooses up to `most`
+    /// samples.
     pub fn new(slab: u32, c: f64, most: usize) -> Self {
         Self {
             plain: Moments::default(),
@@ -108,15 +111,15 @@ impl Gathered {
         }
     }
 
-    /// Creates an empty accumulator for another slab. The new accumulator skips samples that would
-    /// not be chosen over the samples of this one.
+    /// Creates an empty accumulator for another slab. The new accumulator skips samples that would not
+    /// replace samples of `self`.
     pub fn beside(&self, slab: u32) -> Self {
         let mut new = Self::new(slab, self.c, self.choice.most);
         new.choice.bound = self.choice.bound;
         new
     }
 
-    /// Adds the next entry, a row-major matrix; `None` stands for an invalid entry.
+    /// Adds the next entry, which is a row-major matrix. `None` represents an invalid entry.
     #[inline]
     pub fn take(&mut self, m: Option<&[f32; 16]>) {
         self.next += 1;
@@ -148,8 +151,8 @@ impl Gathered {
         self.choice.prune();
     }
 
-    /// Returns the sampled entries, divided by T00, in random order. The first n of these entries are
-    /// also a random sample.
+    /// Returns the sampled entries in random order, divided by T00. The first n of these entries are also a
+    /// random sample.
     pub fn samples(mut self) -> Vec<[f32; 16]> {
         self.choice.prune();
         self.choice.kept.into_iter().map(|k| k.1).collect()

@@ -1,12 +1,13 @@
 //! Principal components of measured reflectance, and the second moments for learned ellipsometry.
 //!
-//! Baek & Heide 2021, "Polarimetric Spatio-Temporal Light Transport Probing", §3.2 and figure 5: every
-//! Mueller matrix of 25 pBRDFs is divided by its T00 and mapped by arctan(c T), c = 8. The matrices are the
-//! rows of X. With X - mean = U Σ Vᵀ, the columns of V Σ are the scaled principal components.
+//! Baek & Heide 2021, "Polarimetric Spatio-Temporal Light Transport Probing", §3.2 and figure 5, analyse the
+//! Mueller matrices of 25 pBRDFs. Every matrix is divided by its T00 and mapped by arctan(c T), c = 8. The
+//! mapped matrices are the rows of X. With X - mean = U Σ Vᵀ, the columns of V Σ are the scaled principal
+//! components.
 //!
 //! - [`gather`] selects the valid matrices.
 //! - [`data_set`] holds the moments and samples of each material.
-//! - [`moments`] accumulates mean and second moments.
+//! - [`moments`] accumulates the mean and the second moments.
 //! - [`components`] computes V and Σ.
 //! - [`folds`] leaves materials out for cross-validation (§4).
 

@@ -1,21 +1,22 @@
 //! Mean and second moments of sets of Mueller matrices, accumulated from any number of subsets.
 //!
 //! A matrix is a row v of 16 elements, `v[4 i + j] = m[i][j]`, i = Stokes out, j = Stokes in. The accumulator
-//! stores the number of rows n, their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. Rows are added as in
-//! Welford 1962. Two sets are merged as in Chan, Golub & LeVeque 1983, "Algorithms for computing the sample
-//! variance":
+//! stores the number of rows n, the mean μ of the rows and the co-moments C = Σ (v - μ)(v - μ)ᵀ. Rows are
+//! added with the algorithm of Welford (1962). Two sets are merged with the algorithm of Chan, Golub &
+//! LeVeque (1983, "Algorithms for computing the sample variance"):
 //!
 //! > μ = μ_a + δ n_b / n,  C = C_a + C_b + δ δᵀ n_a n_b / n,  δ = μ_b - μ_a.
 //!
-//! These formulas avoid a sum of squares, in which a variance that is small relative to the mean would be
-//! lost to rounding.
+//! These formulas avoid a sum of squares. In a sum of squares, rounding would eliminate a variance that is
+//! small relative to the mean.
 
 use rayon::prelude::*;
 
 /// A Mueller matrix as a row of X.
 pub type MatrixRow = [f64; 16];
 
-/// Rows per parallel work unit; constant, so that the result does not depend on the number of threads.
+/// Number of rows per parallel work unit. The number is constant, so the result does not depend on the number
+/// of threads.
 const CHUNK: usize = 4096;
 
 /// Moments of a set of rows. The empty set has mean 0.
@@ -62,8 +63,8 @@ impl Moments {
             *mean += d / self.count;
         }
         let after: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
-        // `before` and `after` are parallel, so the product is symmetric except for rounding errors.
-        // Computing only one half would be slower.
+        // `before` and `after` are parallel, so the product is symmetric except for rounding errors. The
+        // computation of one half alone would be slower.
         for (c, a) in self.about_mean.iter_mut().zip(&after) {
             for (c, b) in c.iter_mut().zip(&before) {
                 *c += a * b;
@@ -88,7 +89,8 @@ impl Moments {
         self.count = count;
     }
 
-    /// Returns the set with every row counted `weight` times; negative or non-finite weights count as 0.
+    /// Returns the set with every row counted `weight` times. Negative or non-finite weights are treated as
+    /// 0.
     pub fn weighted(&self, weight: f64) -> Self {
         if !(weight > 0.0 && weight.is_finite()) {
             return Self::default();
@@ -110,7 +112,8 @@ impl Moments {
         self.mean
     }
 
-    /// Returns E[(v - μ)(v - μ)ᵀ] = C / n, exactly symmetric, or 0 for the empty set.
+    /// Returns E[(v - μ)(v - μ)ᵀ] = C / n. The result is exactly symmetric. The result is 0 for the empty
+    /// set.
     pub fn covariance(&self) -> [MatrixRow; 16] {
         if self.count <= 0.0 {
             return [[0.0; 16]; 16];
@@ -119,7 +122,7 @@ impl Moments {
         std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (c[i][j] + c[j][i]) / self.count))
     }
 
-    /// Returns E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
+    /// Returns the raw second moment E[v vᵀ], which equals covariance + μ μᵀ.
     pub fn second(&self) -> [MatrixRow; 16] {
         let (mut out, mean) = (self.covariance(), &self.mean);
         for (i, row) in out.iter_mut().enumerate() {
@@ -148,7 +151,7 @@ mod tests {
         }
     }
 
-    /// Both moments equal their definitions, and merging any subsets gives the same result.
+    /// The first and second moments equal their definitions. Merging any subsets gives the same result.
     #[test]
     fn moments_match_their_definitions() {
         let rows = rows(9001, 3);
@@ -170,17 +173,18 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 is computed correctly with a mean of 1e4, although a sum of squares would lose it.
+    /// A variance of 1e-12 is computed correctly with a mean of 1e4. With a sum of squares, the variance
+    /// would be lost.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> =
             (0..20_000).map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16]).collect();
         let c = Moments::of(&rows).covariance()[3][7];
-        // The rows are rounded to 1e-12 of their size, 2e-6 of the expected result.
+        // The rows are rounded to 1e-12 of their size, which is 2e-6 of the expected result.
         assert!((c / 1e-12 - 1.0).abs() < 1e-5, "{c}");
     }
 
-    /// Weights are equivalent to repeated rows; weight zero gives the empty set.
+    /// Weights are equivalent to repeated rows. With weight zero, the set is empty.
     #[test]
     fn weights_equal_repeated_rows() {
         let (a, b) = (Moments::of(&rows(50, 1)), Moments::of(&rows(70, 2)));

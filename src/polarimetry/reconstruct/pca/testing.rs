@@ -3,7 +3,8 @@
 use super::moments::MatrixRow;
 use optics::sampling::stream::Stream;
 
-/// Returns `n` rows around a mean, with four strong directions and weak variance in all others.
+/// Returns `n` rows around a mean. The rows have four strong directions and weak variance in all other
+/// directions.
 pub fn rows(n: u32, seed: u64) -> Vec<MatrixRow> {
     (0..n)
         .map(|k| {

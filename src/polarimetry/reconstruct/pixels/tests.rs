@@ -1,4 +1,5 @@
-//! Tests the reconstruction of whole images: wavelengths, saturation, errors, projection, priors.
+//! Tests the reconstruction of whole images. The topics are wavelengths, saturation, errors, projection and
+//! priors.
 
 use super::*;
 use crate::decompose::cloude::is_realizable;
@@ -58,8 +59,8 @@ fn every_wavelength_has_its_own_optics() {
     assert!(worst(&out) > 1e-2);
 }
 
-/// Saturated and missing measurements affect only their own pixel. A pixel with too few
-/// measurements is not determined, but its neighbours are.
+/// Saturated and missing measurements do not affect other pixels. A pixel with too few measurements is not
+/// determined, but the neighbours of the pixel are determined.
 #[test]
 fn saturated_values_are_excluded_per_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
@@ -93,7 +94,8 @@ fn saturated_values_are_excluded_per_pixel() {
     }
 }
 
-/// Stated errors equal the actual ones, whether from σ, from a map of variances or from residuals.
+/// Stated errors equal the actual errors. The test covers errors from σ, from a map of variances and from
+/// residuals.
 #[test]
 fn errors_of_matrices_match_actual_errors() {
     let (scheme, rays, pixels, sigma) = (chromatic(24), rays(), 6000, 1e-3);
@@ -110,8 +112,8 @@ fn errors_of_matrices_match_actual_errors() {
             stated[i % 16] += errors[i].powi(2);
         }
         for e in 0..16 {
-            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); the estimate
-            // σ̂² from 8 redundant measurements adds √(2/8/6000).
+            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000). The estimate σ̂²
+            // from 8 redundant measurements adds √(2/8/6000).
             let ratio: f64 = off[e] / stated[e];
             assert!((ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(), "{noise:?} {e}: {ratio}");
         }
@@ -160,7 +162,7 @@ fn priors_allow_few_captures() {
         let clean = design.intensities(&truth(p));
         (0..8).for_each(|m| seen[m * pixels + p] = clean[m]);
     }
-    // One measurement of one pixel is missing, so that this pixel is solved individually.
+    // One measurement of one pixel is missing, so the pixel is solved individually.
     seen[3 * pixels + 11] = f64::NAN;
     let options = Options { prior: Some(s), noise: Some(1e-6), ..Options::default() };
     let mut out = vec![0.0; pixels * 16];
@@ -175,7 +177,7 @@ fn priors_allow_few_captures() {
 
 proptest! {
     /// Realizable matrices of any kind, captured without noise, are recovered from any built-in scheme of
-    /// full rank, and the projection does not change them.
+    /// full rank. The projection does not change these matrices.
     #[test]
     fn realizable_matrices_are_recovered(
         raw in prop::array::uniform16(-1.0_f64..1.0),

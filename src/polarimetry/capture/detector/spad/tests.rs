@@ -58,9 +58,9 @@ fn rates_add_up_to_light_and_dark_counts() {
     assert!(rates.iter().zip(light()).all(|(rate, light)| (rate - 0.15 * light).abs() < 1e-15));
 }
 
-/// Estimates are unbiased after conversion from radiance to counts and back in both modes: 500 captures
-/// of 20 000 pulses with 0.2 light and 0.4 dark detections per pulse. Estimates match the light convolved
-/// with the response within 5 stated standard errors.
+/// In each mode, estimates are unbiased after conversion from radiance to counts and back. The test uses 500
+/// captures of 20 000 pulses with 0.2 light and 0.4 dark detections per pulse. Estimates match the light
+/// convolved with the response within 5 stated standard errors.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     for (mode, pixel) in [(Mode::Synchronous, 0), (Mode::FreeRunning, 1)] {
@@ -104,8 +104,8 @@ fn endless_simulations_are_refused() {
     for setting in ["`pulses`", "`photons_per_unit`", "`dark_counts_per_s`", "`dead_time_ps`"] {
         assert!(endless.to_string().contains(setting), "{endless}");
     }
-    // The limit applies to single detections: a long dead time or few photons keep their number low in a
-    // long capture.
+    // The limit applies to single detections. With a long dead time or few photons, the number of detections
+    // stays low in a long capture.
     for (rate, dead_time_ps) in [(1e3, 1e9), (1e-12, 1e-3)] {
         let diode = Spad { dead_time_ps, ..diode.clone() };
         assert!(diode.count(&[rate; 80], &mut stream).is_ok());
