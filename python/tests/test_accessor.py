@@ -194,7 +194,7 @@ def test_invalid_requests_are_refused() -> None:
     distorted = {**tree.attrs["camera"], "distortion": {"k1": 0.1}}
     with pytest.raises(ValueError, match="lens of the camera distorts"):
         tree["full"].ds.sunstone.epipolar(camera=distorted)
-    with pytest.warns(UserWarning, match=r"drives \d+ projector pixels that the slice does not keep"):
+    with pytest.warns(UserWarning, match=r"uses \d+ projector pixels that the slice does not keep"):
         tree["some"].ds.sunstone.probe(np.ones((10, 12)))
 
 

@@ -175,7 +175,7 @@ def test_many_renders_have_a_manifest(client: Any, tmp_path: Path) -> None:
     ).read_bytes()
     # A different render with an existing name is refused.
     jobs[0] = Job(SCENE, name="mirror_room_seed1", spp=4, seed=1, slices=["conventional"], integrator="path")
-    with pytest.raises(RenderError, match="samples_per_pixel differs"):
+    with pytest.raises(RenderError, match="differ in samples_per_pixel"):
         distributed.render_many(jobs, tmp_path / "set", client=client)
     with pytest.raises(ValueError, match="two renders"):
         distributed.render_many([jobs[1], jobs[1]], tmp_path / "set", client=client)
