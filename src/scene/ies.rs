@@ -202,7 +202,7 @@ mod tests {
             ("0 45 90", "0 95 90", "line 6: a vertical angle is out of order"),
             ("90 180 270", "90 180 280", "cover 90 to 280"),
             ("10 2 0\n", "10 2", "the file ends after line 10"),
-            ("10 5 0", "10 -5 0", "candela value -5"),
+            ("10 5 0", "10 -5 0", "a candela value is negative: -5"),
             ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "emits no light"),
         ];
         for (a, b, expected) in cases {

@@ -383,7 +383,7 @@ fn errors_have_position_and_fix() {
     let Err(error) = MaterialSet::from_text(Path::new("m.toml"), out) else {
         panic!("200 nm is accepted");
     };
-    assert!(error.to_string().contains("cover 380 to 1000 nm"), "{error}");
+    assert!(error.to_string().contains("cover only 380 to 1000 nm"), "{error}");
 }
 
 /// Tests that names of optical constants give the same materials as the values of the constants.

@@ -318,7 +318,7 @@ fn invalid_captures_are_reported() {
     assert_eq!(calibrate(&counter, &[], 1, &Options::default()), Err(TemporalError::NoCapture));
     let message = |c: Capture| of(c).expect_err("is bad").to_string();
     assert!(message(capture(&all, 999)).contains("at most one per pulse"));
-    assert!(message(capture(&all, 0)).contains("number of pulses is 0"));
+    assert!(message(capture(&all, 0)).contains("number of laser pulses is 0"));
     assert!(message(capture(&all[..5], 2000)).contains("5 bins"));
     assert!(message(Capture { pixel: 1, ..capture(&all, 2000) }).contains("pixel 1 does not exist"));
     for travel_ps in [f64::NAN, f64::INFINITY] {

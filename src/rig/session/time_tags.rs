@@ -299,7 +299,7 @@ mod tests {
     fn invalid_records_are_refused() {
         let photon = |sync: u32, dtime: u32| sync | dtime << 10;
         let message = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
-        assert!(message(&[photon(5, 1)], 5).contains("pulse 5 of 5"));
+        assert!(message(&[photon(5, 1)], 5).contains("pulse number 5"));
         assert!(message(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
         assert!(message(&[0xC000_0000], 9).contains("unknown type"));
         let good = Tags::new(&[photon(5, 1), photon(5, 2)], RECORD, 6).expect("tags");

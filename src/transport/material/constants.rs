@@ -196,7 +196,7 @@ mod tests {
             assert_eq!(find(name).unwrap().name, "N-BK7");
         }
         let error = lookup("gold", 200.0).unwrap_err().to_string();
-        assert!(error.contains("Au cover 380 to 1000 nm, not 200 nm"), "{error}");
+        assert!(error.contains("Au cover only 380 to 1000 nm, not 200 nm"), "{error}");
         assert!(lookup("gold", 380.0).is_ok() && lookup("gold", 1000.0).is_ok());
         assert!(lookup("gold", f64::NAN).is_err() && lookup("gold", 1000.5).is_err());
         let error = lookup("unobtainium", 550.0).unwrap_err().to_string();

@@ -27,7 +27,7 @@ fn errors_name_position_and_fix() {
         ("\"full\"", "\"ful\"", "unknown mask `ful`"),
         ("stripes = 8", "stripes = 0", "`stripes` is 0"),
         ("\"epipolar\"", "\"full\"", "duplicate mask `full`"),
-        ("[20, 80]", "[20, -1]", "`exposures_ms` has -1"),
+        ("[20, 80]", "[20, -1]", "`exposures_ms` contains -1"),
         ("[20, 80]", "[]", "`exposures_ms` has 0 entries"),
         ("\"drr\"", "\"drrr\"", "unknown scheme `drrr`"),
         ("captures = 36", "captures = 0", "0 captures"),
