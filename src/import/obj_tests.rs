@@ -133,7 +133,7 @@ fn unused_items_are_noted() {
     noted("made_up 3", "`made_up`");
     noted("s 1\nf 1 3 4", "smoothing groups");
     noted("f 1 2", "fewer than three corners");
-    noted("f 1/1 3/1 4/1", "missing texture coordinates");
+    noted("f 1/1 3/1 4/1", "texture coordinates that do not exist");
     noted("f 1//6148914691236517206 3//1 4//1", "normals that do not exist");
     noted("v 0 0 0 nan nan nan", "colours of 1 vertices");
     noted("f 1 2 3 4\nf 1 3 2 4", "self-intersecting");
