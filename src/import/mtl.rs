@@ -6,7 +6,7 @@
 //! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as in Blender's
 //!   importer. `Ns` gives the coat's roughness. With `illum` 3 to 9 except 6 (ray-traced
 //!   reflection) and without transparency, `Ks` is the reflectance of a mirror.
-//! Materials with `illum` 0 or 1 have no highlights.
+//!   Materials with `illum` 0 or 1 have no highlights.
 //! - `d` (or 1 - `Tr`) is the share of the surface that is present. The remaining share is glass if `illum`
 //!   is 4, 6, 7, 9 or absent and the refractive index `Ni` is not 1.
 
