@@ -314,10 +314,9 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
 }
 
 /// Returns a layer so thin that the light inside is the mean of entering and leaving light (Wiscombe 1976,
-/// "diamond"). Let G = δ/2μ, and let P be the phase matrices of the two hemispheres. The leaving light is ((1
-/// - G)/(1 + G) + B w) times the entering light. The kernel is B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 +
-///
-/// G)).
+/// "diamond"). Let G = δ/2μ, and let P be the phase matrices of the two hemispheres. The leaving light is
+/// `(1 - G)/(1 + G) + B w` times the entering light. The kernel is
+/// `B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G))`.
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;
