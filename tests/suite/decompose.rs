@@ -15,7 +15,7 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 
 /// Returns all arrays of an archive.
-fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
+pub fn arrays(path: &Path) -> HashMap<String, NumpyArray> {
     let mut zip = zip::ZipArchive::new(File::open(path).expect("a file")).expect("an archive");
     let folder = tempfile::tempdir().expect("a folder");
     (0..zip.len())

@@ -1,10 +1,10 @@
 //! Tests that `sunstone pbrdf` evaluates materials, and writes, inspects, slices and draws tables.
 
+use crate::decompose::arrays;
 use crate::harness::{files, refusals, run, stderr};
 use serde_json::Value;
-use std::io::Read;
 use std::path::Path;
-use sunstone::base::npy::Header;
+use sunstone::store::numpy::{NumpyArray, Values};
 
 const MATERIALS: &str = r#"
 wavelengths_nm = [450, 550, 650]
@@ -19,15 +19,6 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("m.toml"), MATERIALS).expect("a file");
     folder
-}
-
-/// Returns the shape and the numbers of an array in NumPy's format.
-fn array(reader: &mut impl Read) -> (Vec<usize>, Vec<f64>) {
-    let header = Header::read(reader).expect("an array");
-    let mut elements = vec![];
-    reader.read_to_end(&mut elements).expect("elements");
-    let numbers = header.numbers(&elements).expect("numbers");
-    (header.shape, numbers)
 }
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {
@@ -123,9 +114,10 @@ fn tables_are_made_and_read() {
     let row: Vec<f64> =
         lines.next().expect("a row").split(',').map(|n| n.parse().expect("a number")).collect();
     assert_eq!(row[..4], [100.0, 40.0, 0.0, 550.0]);
-    let (shape, values) = array(&mut std::fs::File::open(at.join("cut.npy")).expect("a file"));
-    assert_eq!(shape, [19, 4, 4]);
-    assert!((values[0] - row[4]).abs() < 1e-6 * row[4]);
+    let cut = NumpyArray::read(&at.join("cut.npy")).expect("an array");
+    assert_eq!(cut.shape, [19, 4, 4]);
+    let Values::Single(values) = cut.values else { panic!("the array has double precision") };
+    assert!((f64::from(values[0]) - row[4]).abs() < 1e-6 * row[4]);
     // At θh = 0, the directions of light and view are mirror images about the normal. The material of the
     // table gives the same value.
     let source = json(at, &["pbrdf", "eval", "m.toml", "--name", "rough", "--in", "40,0", "--out", "40,180"]);
@@ -174,19 +166,21 @@ fn principal_components_are_found() {
             .collect();
         assert!(rows.windows(2).all(|w| w[0][1] >= w[1][1]), "{text}");
         assert!((rows[15][3] - 100.0).abs() < 2e-3, "{text}");
-        let file = std::fs::File::open(at.join("c.npz")).expect("arrays");
-        let mut npz = zip::ZipArchive::new(file).expect("a zip");
-        let mut array = |name: &str| array(&mut npz.by_name(name).expect("an array"));
-        let (spectrum, share) = (array("spectrum.npy").1, array("share.npy").1);
+        let saved = arrays(&at.join("c.npz"));
+        let double = |name: &str| match &saved[name].values {
+            Values::Double(values) => values.clone(),
+            Values::Single(_) => panic!("{name} has single precision"),
+        };
+        let (spectrum, share) = (double("spectrum"), double("share"));
         assert!(
             (spectrum[0] / rows[0][1] - 1.0).abs() < 1e-3 && (share.iter().sum::<f64>() - 1.0).abs() < 1e-12
         );
-        let (shape, vectors) = array("vectors.npy");
-        assert_eq!(shape, [16, 4, 4]);
+        let vectors = double("vectors");
+        assert_eq!(saved["vectors"].shape, [16, 4, 4]);
         let dot =
             |k: usize, l: usize| (0..16).map(|i| vectors[16 * k + i] * vectors[16 * l + i]).sum::<f64>();
         assert!((dot(0, 0) - 1.0).abs() < 1e-12 && dot(0, 1).abs() < 1e-12);
-        let m00 = array("mean.npy").1[0];
+        let m00 = double("mean")[0];
         let want = if arguments.contains("none") { 1.0 } else { 8.0_f64.atan() };
         assert!((m00 - want).abs() < 1e-12, "{m00}");
     }

@@ -49,7 +49,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
     let mut stream = Stream::new(8, 0, 0);
     let lights = lights(&mut stream);
     let tree = LightTree::new(&lights).expect("lights that shine");
-    for _ in 0..15 {
+    for _ in 0..60 {
         let at = receiver(&mut stream);
         let mut counts = vec![0.0_f64; lights.len()];
         let mut none = 0.0;
