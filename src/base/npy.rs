@@ -3,6 +3,9 @@
 
 use std::io::{self, Read, Write};
 
+/// First bytes of a `.npy` file.
+pub const SIGNATURE: &[u8] = b"\x93NUMPY";
+
 /// Type of an array's numbers, with the size of a number in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Element {
@@ -41,24 +44,15 @@ impl Element {
 }
 
 /// A number type that NumPy arrays can contain.
-pub trait NumpyNumber: Copy {
+pub trait NumpyNumber {
     /// NumPy's type string on this machine, for example `<f4`.
     const TYPE: &str;
-    /// Writes the number's bytes in the byte order of this machine.
-    ///
-    /// # Errors
-    /// Returns an error if the writer fails.
-    fn write(self, writer: &mut impl Write) -> io::Result<()>;
 }
 
 macro_rules! numbers {
     ($($number:ty: $little:literal, $big:literal;)*) => {$(
         impl NumpyNumber for $number {
             const TYPE: &str = if cfg!(target_endian = "big") { $big } else { $little };
-            #[inline]
-            fn write(self, writer: &mut impl Write) -> io::Result<()> {
-                writer.write_all(&self.to_ne_bytes())
-            }
         }
     )*};
 }
@@ -84,7 +78,7 @@ impl Header {
         let mut start = [0; 8];
         match reader.read_exact(&mut start) {
             Err(e) if e.kind() != io::ErrorKind::UnexpectedEof => return Err(e),
-            Ok(()) if start.starts_with(b"\x93NUMPY") => {}
+            Ok(()) if start.starts_with(SIGNATURE) => {}
             _ => return Err(invalid("the file does not begin with the signature of the NPY format")),
         }
         let length = match start[6..] {
@@ -157,7 +151,8 @@ pub fn write_header(writer: &mut impl Write, kind: &str, shape: &[usize]) -> io:
         text.push(' ');
     }
     text.push('\n');
-    writer.write_all(b"\x93NUMPY\x01\x00")?;
+    writer.write_all(SIGNATURE)?;
+    writer.write_all(&[1, 0])?;
     writer.write_all(&(text.len() as u16).to_le_bytes())?;
     writer.write_all(text.as_bytes())
 }
@@ -271,7 +266,7 @@ mod tests {
     fn file(version: u8, text: &str) -> Vec<u8> {
         let length = (text.len() as u32).to_le_bytes();
         let length = if version == 1 { &length[..2] } else { &length[..] };
-        [b"\x93NUMPY", &[version, 0][..], length, text.as_bytes()].concat()
+        [SIGNATURE, &[version, 0], length, text.as_bytes()].concat()
     }
 
     fn read(text: &str) -> Option<Header> {

@@ -1,6 +1,6 @@
 //! Parses files with the transforms of many copies: text, or NumPy's `.npy`.
 
-use base::npy::{Element, Header};
+use base::npy::{Element, Header, SIGNATURE};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Returns the transforms that a file lists. The content determines the format. A `.npy` array ([`is_array`])
@@ -15,7 +15,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
 
 /// Returns whether bytes begin like a `.npy` file.
 pub fn is_array(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x93NUMPY")
+    bytes.starts_with(SIGNATURE)
 }
 
 /// Returns the affine map for the rows of a 3×4 or 4×4 matrix. A fourth row must be 0 0 0 1.

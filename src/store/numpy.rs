@@ -189,7 +189,7 @@ impl NumpyArray {
 ///
 /// # Errors
 /// Returns an error if the writer fails, or the number of values does not match the shape.
-pub fn write<T: NumpyNumber>(
+pub fn write<T: NumpyNumber + bytemuck::Pod>(
     writer: impl Write,
     shape: &[usize],
     values: impl IntoIterator<Item = T>,
@@ -199,7 +199,7 @@ pub fn write<T: NumpyNumber>(
     begin::<T>(&mut buffered, shape)?;
     let mut count = 0;
     for value in values {
-        value.write(&mut buffered)?;
+        buffered.write_all(bytemuck::bytes_of(&value))?;
         count += 1;
     }
     if count != shape.iter().product::<usize>() {
