@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let square: f64 = found.iter().zip(&truth).map(off).sum();
         let predicted = DesignMatrix::new(&scheme, &rays[0]).error_variance()?;
         println!(
-            "{captures} captures: rms error {:.3e}, predicted {:.3e}, at best {:.3e}",
+            "{captures} captures: rms error {:.3e}, predicted {:.3e}, lower bound {:.3e}",
             (square / truth.len() as f64).sqrt(),
             sigma * (predicted / 16.0).sqrt(),
             sigma * (a_optimal_bound(&scheme) / 16.0).sqrt()

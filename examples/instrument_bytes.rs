@@ -22,7 +22,9 @@ fn main() {
         ["dlpc350"] => dlpc350(),
         ["scpi-emulator"] => scpi_emulator(),
         ["scpi-laser", path] => scpi_laser(path),
-        _ => eprintln!("say dlpc350, scpi-emulator, or scpi-laser TABLE"),
+        _ => eprintln!(
+            "usage: instrument_bytes dlpc350, instrument_bytes scpi-emulator, or instrument_bytes scpi-laser TABLE"
+        ),
     }
 }
 

@@ -449,7 +449,7 @@ fn an_analog_galvo_takes_the_same_frames() {
     assert!(output.status.success(), "{}", text(&output));
     for (galvo, words) in [
         ("driver = \"analog\"\nvolts_per_degree = 2", "reduce the range"),
-        ("driver = \"analog\"\ncard = { bits = 0 }", "a setting in `card` is outside the supported range"),
+        ("driver = \"analog\"\ncard = { bits = 0 }", "`card.bits` is 0, outside the supported range"),
         ("channels = [0, 1]", "applies only to driver"),
     ] {
         let output = checked(&RIG.replace("[galvo]\n", &format!("[galvo]\n{galvo}\n")));

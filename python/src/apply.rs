@@ -81,7 +81,7 @@ pub fn run_application<'py>(
             .and_then(|here| applications::find_scenes(&here, plan.scene))
             .ok_or_else(|| {
                 input(format!(
-                    "scenes: scenes/{} not found in this folder or its parents; pass the folder of the scenes shipped with Sunstone",
+                    "scenes: scenes/{} not found in the current folder or its parents; pass the folder of the scenes shipped with Sunstone",
                     plan.scene
                 ))
             })?,

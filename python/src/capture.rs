@@ -103,10 +103,11 @@ impl Scheme {
         incidence_deg: f64,
         azimuth_deg: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        if !(0.0..90.0).contains(&incidence_deg) || !(-360.0..=360.0).contains(&azimuth_deg) {
-            bail!(
-                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees, got {incidence_deg} and {azimuth_deg}"
-            );
+        if !(0.0..90.0).contains(&incidence_deg) {
+            bail!("incidence_deg: expected an angle from 0 to less than 90 degrees, got {incidence_deg}");
+        }
+        if !(-360.0..=360.0).contains(&azimuth_deg) {
+            bail!("azimuth_deg: expected an angle from -360 to 360 degrees, got {azimuth_deg}");
         }
         let ray = Ray {
             incidence: incidence_deg.to_radians(),

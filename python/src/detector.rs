@@ -48,7 +48,7 @@ pub fn capture<'py>(
 ) -> PyResult<(Numbers<'py>, Option<Numbers<'py>>, Vec<usize>)> {
     check_wavelengths(&wavelengths_nm)?;
     let [leading @ .., 4, 4] = matrices.shape() else {
-        bail!("matrices: expected an array of shape (..., 4, 4)");
+        bail!("matrices: the shape of the matrices is {:?}; expected (..., 4, 4)", matrices.shape());
     };
     let values = slice("matrices", &matrices)?.to_vec();
     let listed = if lanes { &wavelengths_nm[..] } else { &[] };
@@ -59,7 +59,9 @@ pub fn capture<'py>(
     if let Some(bin) = with.bin_ps {
         if leading.len() != 3 + usize::from(lanes) {
             bail!(
-                "bin_ps: expected matrices of shape (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)"
+                "bin_ps: the shape of the matrices is {:?}; expected (rows, columns, bins, 4, 4), or (rows, columns, bins, \
+                 wavelengths, 4, 4)",
+                matrices.shape()
             );
         }
         if !(bin > 0.0 && bin.is_finite()) {
@@ -109,8 +111,8 @@ fn noise(image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
                 Ok(Noise::Gaussian { sigma })
             } else {
                 Err(input(
-                    "relative_noise: the mean M00 of the matrices is not positive; pass noise, in the unit of the matrices, instead \
-                     of relative_noise",
+                    "relative_noise: the mean M00 of the matrices is not positive; pass `noise`, in the unit of the matrices, \
+                     instead of `relative_noise`",
                 ))
             }
         }

@@ -40,7 +40,7 @@ pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
         (Some(name), _) => bail!("name: unknown {what} `{name}`; available: {known}"),
         (None, [one]) => Ok(one.clone()),
-        (None, []) => bail!("there is no {what}; add at least one"),
-        (None, _) => bail!("name: there are several {several}; pass the name of one of {known}"),
+        (None, []) => bail!("there is no {what}; add at least one {what}"),
+        (None, _) => bail!("name: there are several {several}; pass one of these names: {known}"),
     }
 }

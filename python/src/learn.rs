@@ -38,8 +38,11 @@ impl LearningData {
         resolution: [usize; 3],
         folds: usize,
     ) -> PyResult<Self> {
-        if !resolution.iter().all(|n| (2..=4096).contains(n)) || bands.iter().any(|nm| *nm < 100) {
-            bail!("expected a resolution of three numbers from 2 to 4096, and bands from 100 nm");
+        if !resolution.iter().all(|n| (2..=4096).contains(n)) {
+            bail!("resolution: expected three numbers from 2 to 4096, got {resolution:?}");
+        }
+        if let Some(nm) = bands.iter().find(|nm| **nm < 100) {
+            bail!("bands: expected wavelengths of at least 100 nm, got {nm} nm");
         }
         let settings = Settings { samples: 0, ..Settings::default() };
         let frames = if plane { Frames::Plane } else { Frames::Any };
@@ -127,12 +130,16 @@ pub fn learn<'py>(
         bail!("noise: expected a number from 1e-9 to 1e6, got {}", asked.noise);
     }
     if !(0.0..=90.0).contains(&asked.angle_error_deg) {
-        bail!("angle_error_deg: expected a number from 0 to 90, in degrees");
+        bail!("angle_error_deg: expected a number from 0 to 90, in degrees, got {}", asked.angle_error_deg);
     }
-    if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
-        bail!(
-            "starts, iterations, adam_steps: expected at most 100000 starts, 10000000 iterations and 10000000 adam_steps"
-        );
+    for (name, n, most) in [
+        ("starts", u64::from(asked.starts), 100_000),
+        ("iterations", asked.iterations, 10_000_000),
+        ("adam_steps", asked.adam_steps as u64, 10_000_000),
+    ] {
+        if n > most {
+            bail!("{name}: expected at most {most}, got {n}");
+        }
     }
     let search = Search {
         starts: asked.starts,

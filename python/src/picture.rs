@@ -22,10 +22,9 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
     if height == 0 || width == 0 {
         bail!("an image of shape {shape:?} has no pixels; pass at least one row and one column");
     }
-    let size =
-        |n: usize| u32::try_from(n).map_err(|_| input("an image must have less than 2^32 rows and columns"));
+    let lost = || input(format!("an image of shape {shape:?} is too large; pass fewer rows or columns"));
+    let size = |n: usize| u32::try_from(n).map_err(|_| lost());
     let (w, h) = (size(width)?, size(height)?);
-    let lost = || input(format!("an image of shape {shape:?} is too large"));
     let (picture, format) = match values {
         Values::Bytes(a) => {
             let data: Vec<u8> = a.as_array().iter().copied().collect();

@@ -25,8 +25,11 @@ type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
     let all = focal.iter().chain(&principal).chain(&origin).chain(axes.as_flattened());
-    if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
-        bail!("expected finite numbers, and nonzero focal lengths in pixels");
+    if !all.clone().all(|v| v.is_finite()) {
+        bail!("some numbers of the camera or projector are not finite; expected finite numbers");
+    }
+    if focal.contains(&0.0) {
+        bail!("focal: expected nonzero focal lengths, in pixels, got {focal:?}");
     }
     Ok(Pinhole::new(resolution, focal, principal, origin, axes))
 }
@@ -102,7 +105,7 @@ enum Code {
 impl Code {
     fn of(name: &str, columns: usize, periods: Option<Vec<f64>>) -> PyResult<Self> {
         if !(1..=65_536).contains(&columns) {
-            bail!("columns: expected a number from 1 to 65536");
+            bail!("columns: expected a number from 1 to 65536, got {columns}");
         }
         let unused = || match &periods {
             None => Ok(()),
@@ -116,8 +119,8 @@ impl Code {
             "micro-phase-shift" => match periods {
                 Some(periods) => Ok(Self::MicroPhaseShift(periods)),
                 None => bail!(
-                    "periods: the code `micro-phase-shift` requires a list of periods, in projector columns; the paper uses seven \
-                     periods of about 16 columns"
+                    "periods: the code `micro-phase-shift` requires a list of periods, in projector columns; pass, for example, seven \
+                     periods of about 16 columns (Gupta & Nayar 2012)"
                 ),
             },
             other => bail!(
@@ -232,7 +235,11 @@ pub fn normals_of_cues<'py>(
     of_camera("cues", &angles, camera)?;
     of_camera("guess", &guess, camera)?;
     if [angles.channels, guess.channels] != [3, 3] {
-        bail!("cues and guess: expected three numbers per pixel");
+        bail!(
+            "cues and guess: expected three numbers per pixel, got {} and {}",
+            angles.channels,
+            guess.channels
+        );
     }
     let cues = Cues { angles };
     array(py, detached(py, || polarization::nearest(camera, &cues, &guess))?)

@@ -234,7 +234,7 @@ ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
     ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; expected a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
     ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: the stage is at .*, expected"),
-    ("scan", "galvo", "point", lambda at: at[0], "expected the angles of the mirrors, two finite numbers of degrees"),
+    ("scan", "galvo", "point", lambda at: at[0], "expected the angles of the mirrors, as two finite numbers in degrees"),
     ("scan", "laser", "state", lambda s: rig.LaserState(True, np.inf), "`rate_hz` is inf"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` returned 63 counts, but 64 bins are configured"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts - 1.0, h.pulses), "`counts` is float64 of shape"),

@@ -12,9 +12,7 @@ pub enum ApplyError {
         name: String,
     },
     /// A slice does not resolve a required axis.
-    #[error(
-        "slice `{slice}` of variant {variant} does not resolve {axis}; correct the slice in the scene file"
-    )]
+    #[error("slice `{slice}` of variant {variant} must resolve {axis}; correct the slice in the scene file")]
     Axis {
         variant: u64,
         slice: String,

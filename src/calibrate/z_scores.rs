@@ -74,7 +74,7 @@ impl ZScores {
             let v = c.squares / c.values;
             let z = deviations(v, c.independent);
             println!(
-                "{what}: {name}: variance of z {v:.3} of {} ({} independent), {z:+.1} standard deviations from 1",
+                "{what}: {name}: the variance of z is {v:.3} for {} values ({} independent), {z:+.1} standard deviations from 1",
                 c.values, c.independent
             );
         }
@@ -85,7 +85,11 @@ impl ZScores {
             } else {
                 deviations(v, c.independent).abs() < CHANCE
             };
-            assert!(good, "{what}: {name}: variance of z {v} of {}", c.independent);
+            assert!(
+                good,
+                "{what}: {name}: the variance of z is {v} for {} independent values",
+                c.independent
+            );
         }
     }
 }

@@ -79,7 +79,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .or_else(|| applications::find_scenes(&std::env::current_dir().ok()?, scene))
             .ok_or_else(|| {
                 Failure::input(format!(
-                    "scenes/{scene} not found in this folder or its parents; set --scenes to the folder of the scenes shipped with \
+                    "scenes/{scene} not found in the current folder or its parents; set --scenes to the folder of the scenes shipped with \
                      Sunstone"
                 ))
             })?,

@@ -289,7 +289,7 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
     }
     if one.orientation != 1 {
         eprintln!(
-            "note: the images are rotated by their EXIF orientation, {}, to {} × {} pixels, as in OpenCV",
+            "note: the images are rotated according to their EXIF orientation {}, as in OpenCV; the rotated images have {} × {} pixels",
             one.orientation, one.image.width, one.image.height
         );
     }
@@ -408,7 +408,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         let thrown = at_corners(&decoded, &found.corners, reach);
         let lit = thrown.iter().flatten().count();
         info!(
-            "{name}: the projector pixel is decoded at {} camera pixels, and {lit} of {} corners are lit",
+            "{name}: projector pixels are decoded at {} camera pixels, and at {lit} of {} corners",
             decoded.count(),
             board.len()
         );

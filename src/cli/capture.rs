@@ -117,7 +117,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
     if unknown == captured.intensities.len() {
         bail!(
-            "{}: no matrix gives a finite intensity, so no file was written; use matrices of a lit scene with finite elements",
+            "{}: no matrix gives a finite intensity, so no file was written; use finite matrices of a lit scene",
             a.from.source.display()
         );
     }

@@ -116,8 +116,8 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices { shape: other, values: sigmas, .. } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         bail!(
-            "{}: the leading shape of the errors must be {shape:?}, as in the matrices, but is {other:?}; pass one error per matrix \
-             element",
+            "{}: the leading axes of the errors have shape {other:?}, but the leading axes of the matrices have shape {shape:?}; pass \
+             one error per matrix element",
             path.display()
         );
     }

@@ -88,7 +88,7 @@ fn element(text: &str) -> Result<Element, String> {
     let digit = |i: usize| text.chars().nth(i).and_then(|c| c.to_digit(4)).map(|d| d as usize);
     match (digit(0), digit(1), text.len()) {
         (Some(i), Some(j), 2) => Ok([i, j]),
-        _ => Err(format!("`{text}` is not a Mueller element; expected row and column, such as 00 or 23")),
+        _ => Err(format!("`{text}` is not a Mueller element; expected a row and a column, such as 00 or 23")),
     }
 }
 
@@ -99,7 +99,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
         if a.view.is_some() || a.partial || of_view || moved {
             bail!(
-                "--view, the options of views and --partial apply only to stores; set the view in the figure file"
+                "--view, --slice, --wavelength, --element, --row, --pixel, --frames, --raw, --limit and --partial apply only to stores; \
+                 set the view in the figure file"
             );
         }
         let further = a.names.iter().map(PathBuf::from);

@@ -87,7 +87,8 @@ fn reached(target: &Value) -> Option<String> {
     let (mean, uniform) = (number("mean_samples_per_pixel")?, number("uniform_samples_per_pixel")?);
     Some(format!(
         "{:.0} % of the lit pixels of slice {} have a relative error of at most {:.2} % (target {:.2} %); {} rounds, {mean:.0} \
-         samples per pixel on average, {:.0} % of the estimated {uniform:.0} that uniform sampling would need",
+         samples per pixel on average; this is {:.0} % of the estimated {uniform:.0} samples per pixel that uniform \
+         sampling would need",
         100.0 * number("share")?,
         target.get("slice")?.as_str()?,
         100.0 * number("reached")?,

@@ -128,7 +128,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let several = templates.len() * a.estimator.len() > 1;
     check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
-        bail!("--angles draws a single scheme; pass only one value of -k, --sensor and --estimator");
+        bail!("--angles draws a single scheme; pass one value for each of -k, --sensor and --estimator");
     }
     // The noise of a full-rank least-squares estimate does not depend on the material, so the data might not
     // be needed.
@@ -202,10 +202,14 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     if !(0.0..=90.0).contains(&a.angle_error) {
         bail!("--angle-error: expected a number from 0 to 90, in degrees, got {}", a.angle_error);
     }
-    if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
-        bail!(
-            "--starts, --iterations, --adam-steps: expected at most 100000 starts, 10000000 iterations and 10000000 Adam steps"
-        );
+    for (name, n, most) in [
+        ("--starts", u64::from(a.starts), 100_000),
+        ("--iterations", a.iterations, 10_000_000),
+        ("--adam-steps", a.adam_steps as u64, 10_000_000),
+    ] {
+        if n > most {
+            bail!("{name}: expected at most {most}, got {n}");
+        }
     }
     match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
         Some(k) => bail!("-k: expected 1 to 256 captures, got {k}"),
@@ -298,7 +302,8 @@ fn rmse(error: f64) -> f64 {
 
 fn line(row: &LearnedRow, noise: f64) -> String {
     format!(
-        "{:<26} {:>3} captures: RMS error per element {:.3e} ({:.3e} on the training materials), total {:.4} noise variances, {:.1} s",
+        "{:<26} {:>3} captures: RMS error per element {:.3e} ({:.3e} on the training materials), total squared error {:.4} times the \
+         noise variance, {:.1} s",
         row.kind,
         row.captures,
         rmse(row.validated.unseen),

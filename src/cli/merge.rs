@@ -48,7 +48,8 @@ fn note_dropped(a: &Arguments) -> Result<(), Failure> {
             continue;
         }
         eprintln!(
-            "note: {} has no standard errors of the totals, so the result has none either and cannot report unreliable error estimates",
+            "note: {} has no standard errors of the totals, so the result has none; unreliable error estimates in the result are not \
+             reported",
             input.display()
         );
     }

@@ -105,7 +105,9 @@ fn report(r: &ProbeResult) -> Result<(), Failure> {
     ] {
         let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
         if sum != 0.0 {
-            eprintln!("note: the result does not include the light that {name}, whose sum is {sum:.6e}");
+            eprintln!(
+                "note: the result does not include the light that {name}; the sum of this light is {sum:.6e}"
+            );
         }
     }
     let values = &r.mean.data;

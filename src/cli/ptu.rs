@@ -172,8 +172,8 @@ fn count(a: &Histogram) -> Result<(), Failure> {
             a.file.display()
         );
     }
-    if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
-        bail!("--channel: the list contains a channel twice; list each channel once");
+    if let Some(i) = (1..channels.len()).find(|i| channels[..*i].contains(&channels[*i])) {
+        bail!("--channel: the list contains channel {} twice; list each channel once", channels[i]);
     }
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
     let plan = Plan { bin, bins, channels, scan };
@@ -217,7 +217,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
     if left_out.photons() > 0 {
         let reasons = left_out.describe(header.resolution_s(mode));
         let counted = found.photons - left_out.photons();
-        note(format!("{counted} of {} photons are counted; {reasons}", found.photons));
+        note(format!("{counted} of {} photons are counted; not counted: {reasons}", found.photons));
     }
     for (i, channel) in plan.channels.iter().enumerate() {
         let row = found.counts.chunks_exact(plan.bins).skip(i);
@@ -226,9 +226,9 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
         }
     }
     let by_pixels = plan.scan.is_some_and(|s| s.clock.sweep.is_none());
-    let step = if by_pixels { "pixels" } else { "lines" };
+    let (step, one) = if by_pixels { ("pixels", "pixel") } else { ("lines", "line") };
     if found.beyond > 0 {
-        note(format!("{} {step} begin after the last of the {step} of a frame", found.beyond));
+        note(format!("{} {step} begin after the last {one} of their frame", found.beyond));
     }
     if found.missing > 0 {
         note(format!("the last frame lacks {} {step}", found.missing));
@@ -267,8 +267,8 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
             bail!(
-                "--pixel-marker, --frame-marker: two of the markers are equal; pass different markers for the begin, the end and the \
-                 frame"
+                "--pixel-marker, --frame-marker: two of the markers are equal; pass different markers for the start of a pixel, the \
+                 end of a pixel and the start of a frame"
             );
         }
         Ok(Clock { begin, end, frame, sweep: None })

@@ -76,8 +76,8 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     if !shape.starts_with(want) {
         let want = if channels == 1 { format!("({k}, ...)") } else { format!("({k}, {channels}, ...)") };
         bail!(
-            "{} has shape {shape:?}, but the captures of scheme {} need shape {want}; pass the scheme of these captures, with the \
-             captures on the first axis",
+            "{} has shape {shape:?}, but the captures of scheme {} need shape {want}; pass the scheme of these captures, and an \
+             array with the captures on the first axis",
             a.source.display(),
             scheme.name
         );

@@ -162,7 +162,10 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
             ));
         }
     }
-    out.push_str("error variance: sum over the 16 elements, relative to that of an intensity; bound: minimum for this number of captures\n");
+    out.push_str(
+        "error variance: sum over the 16 elements, relative to the variance of an intensity; bound: minimum for this number of \
+         captures\n",
+    );
     out
 }
 

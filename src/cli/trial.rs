@@ -80,7 +80,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if unknown > 0 {
         eprintln!(
-            "note: {}: excluded {unknown} matrices with elements that are not finite",
+            "note: {}: {unknown} matrices are excluded, because they have elements that are not finite",
             a.from.source.display()
         );
     }
@@ -146,7 +146,7 @@ fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
 fn failure(e: TrialError) -> Failure {
     match e {
         TrialError::NoiseUnknown => Failure::input(
-            "--prior requires the noise of the intensities, which [spad] does not define; pass --noise, or use a detector with [cmos]",
+            "--prior requires the noise of the intensities, but [spad] does not define this noise; pass --noise, or use a detector with [cmos]",
         ),
         TrialError::NoTries => Failure::failed(e),
         other => Failure::input(other),

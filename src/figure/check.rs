@@ -56,7 +56,7 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
         View::Flight(_) => Ok(()),
         View::Profile(v) if !v.pixel.iter().all(|p| (0.0..1e6).contains(p)) => {
             let value = format!("{:?}", v.pixel);
-            Err(FigureError::option("pixel", value, "a column and a row of the camera, from 0"))
+            Err(FigureError::option("pixel", value, "a column and a row of the camera, counted from 0"))
         }
         View::Profile(_) => Ok(()),
         View::SpaceSpace(v) | View::SpaceTime(v) => {

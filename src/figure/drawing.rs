@@ -276,7 +276,7 @@ impl Drawing {
         // The PNG filter is fixed, because adaptive filters would take longer than the rest of the drawing.
         PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
             .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
-            .expect("memory takes every PNG of at least one pixel");
+            .expect("a PNG of at least one pixel can be written to memory");
         let png = BASE64_STANDARD.encode(&png);
         self.put(format_args!(
             "<image {r} preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \

@@ -56,7 +56,7 @@ pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Resul
             error(
                 figure,
                 format!("cannot draw figure `{name}`: {e}"),
-                "correct the view, or use a slice that keeps the axes of this view".to_owned(),
+                "correct the view, or use a slice with the axes that the view requires".to_owned(),
             )
         })?;
     }

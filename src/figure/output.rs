@@ -48,7 +48,7 @@ impl Format {
             "png" => Ok(Self::Png),
             "svg" => Ok(Self::Svg),
             "pdf" => Ok(Self::Pdf),
-            _ => Err(unknown(path, ".png, .svg or .pdf (light in flight also .gif or .apng)")),
+            _ => Err(unknown(path, ".png, .svg or .pdf (for light in flight also .gif or .apng)")),
         }
     }
 }

@@ -52,7 +52,7 @@ pub const NOTE: Style = Style::new(14.0, Rgb([90, 90, 96]));
 /// Returns the advance width of a character in pixels.
 fn advance(c: char, style: Style) -> f64 {
     static FACE: OnceLock<Face> = OnceLock::new();
-    let face = FACE.get_or_init(|| Face::parse(font(), 0).expect("the embedded font is a font"));
+    let face = FACE.get_or_init(|| Face::parse(font(), 0).expect("the embedded font is valid"));
     // A missing character is drawn as the font's first glyph.
     let glyph = face.glyph_index(c).unwrap_or_default();
     let units = face.glyph_hor_advance(glyph).unwrap_or_default();

@@ -178,7 +178,9 @@ impl<'a> Data<'a> {
                 .map(element)
                 .collect(),
             (None, None) if count > self.buffers.iter().map(|b| b.len()).sum() => {
-                return Err(wrong("has no data, but more elements than the file has bytes"));
+                return Err(wrong(
+                    "has no data, and its number of elements exceeds the number of bytes of the file",
+                ));
             }
             (None, None) => vec![[T::default(); N]; count],
         };

@@ -171,7 +171,7 @@ impl Importer<'_> {
             let node = root.nodes.get(index).ok_or_else(|| broken(format!("node {index} does not exist")))?;
             if std::mem::replace(&mut visited[index], true) {
                 return Err(broken(format!(
-                    "node {index} occurs more than once in the hierarchy (a cycle, or listed as a child twice)"
+                    "node {index} occurs more than once in the hierarchy (a cycle, or a node that is listed as a child twice)"
                 )));
             }
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
@@ -240,7 +240,7 @@ impl Importer<'_> {
             };
             match Value::as_u64(value).and_then(|i| usize::try_from(i).ok()) {
                 Some(i) => Ok(Some(i)),
-                None => Err(broken(format!("{INSTANCING}: {name} is not an accessor"))),
+                None => Err(broken(format!("{INSTANCING}: {name} is not the index of an accessor"))),
             }
         };
         let moves = accessor("TRANSLATION")?.map(|i| self.data.floats::<3>(i)).transpose()?;
@@ -249,8 +249,11 @@ impl Importer<'_> {
         let counts =
             [moves.as_ref().map(Vec::len), turns.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
         let count = counts.iter().flatten().copied().next().unwrap_or(0);
-        if counts.iter().flatten().any(|&c| c != count) || count == 0 {
-            return Err(broken(format!("{INSTANCING}: the attributes are empty or differ in count")));
+        if counts.iter().flatten().any(|&c| c != count) {
+            return Err(broken(format!("{INSTANCING}: the attributes have different numbers of elements")));
+        }
+        if count == 0 {
+            return Err(broken(format!("{INSTANCING}: the attributes have no elements")));
         }
         (0..count)
             .map(|i| {

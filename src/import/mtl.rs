@@ -154,7 +154,7 @@ fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     let mut there = dissolve.or(transparent.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
     if dissolve.is_none() && transparent == Some(1.0) && matches!(illum, Some(0..=2)) {
         out.notes
-            .push("Tr is 1, but illum has no transparency: the material is imported as opaque".to_owned());
+            .push("Tr is 1, but illum selects an opaque model: the material is imported as opaque".into());
         there = 1.0;
     }
     let image = m.text("map_d").and_then(|t| picture(t, &mut out.unused));

@@ -53,7 +53,7 @@ pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportErro
         let what = format!("the mesh has no attribute {name:?}");
         return Err(ImportError::new(
             what,
-            "use vertex_NAME or face_NAME for the properties NAME_0 to NAME_2, or NAME = color for red, green, blue",
+            "use vertex_NAME or face_NAME for the properties NAME_0 to NAME_2; for red, green and blue, use `color` as NAME",
         ));
     }
     Ok(model)
@@ -315,7 +315,7 @@ impl File<'_> {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
             return Err(ImportError::new(
                 format!(
-                    "the file is a point cloud: {} vertices and no rows of \"face\" (elements: {})",
+                    "the file is a point cloud: it has {} vertices, but no rows of element \"face\" (elements: {})",
                     self.positions.len(),
                     names.join(", ")
                 ),

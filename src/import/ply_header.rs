@@ -133,7 +133,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
                     .last_mut()
                     .ok_or_else(|| bad(format!("property {name:?} precedes all elements")))?;
                 if element.properties.iter().any(|p| p.name == name) {
-                    return Err(bad(format!("element {:?} has two properties {name:?}", element.name)));
+                    return Err(bad(format!("element {:?} has two properties named {name:?}", element.name)));
                 }
                 element.properties.push(Property { name: name.to_owned(), kind, list });
             }
@@ -145,7 +145,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
             _ => return Err(bad(format!("unknown header line `{}`", line.trim()))),
         }
     }
-    unreachable!("every line shortens what is left of the header");
+    unreachable!("every line shortens the rest of the header");
 }
 
 /// Refuses counts that exceed the file's length, before memory is allocated.
@@ -172,7 +172,8 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
         // The last number needs no following space.
         if least > length + 1 {
             let what = format!(
-                "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"
+                "the header declares {count} rows of {name:?} and at least {} bytes of data, but only {length} bytes follow the header",
+                least - 1
             );
             return Err(ImportError::new(what, "the file is truncated: export or copy the file again"));
         }

@@ -29,7 +29,7 @@ pub(super) const CROSSING: &str =
 
 pub(super) fn too_large(corners: usize) -> ImportError {
     ImportError::new(
-        format!("a concave polygon has too many corners ({corners})"),
+        format!("a concave polygon has {corners} corners, but at most {MOST_CORNERS} are supported"),
         "triangulate the mesh before export",
     )
 }

@@ -36,7 +36,8 @@ const MOST: usize = 4_000_000;
 /// Deviation from the surface, in cell sizes, at which subdivision stops.
 const NEAR: f64 = 0.02;
 const PARTS: usize = 4;
-const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, some of them negative";
+const FIX: &str =
+    "provide at least 2 x 2 x 2 points with one distance per point; some of the distances must be negative";
 
 /// Computes a triangle mesh of the surface on which the distance is zero.
 ///

@@ -70,7 +70,7 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
     let count = u32::from_le_bytes(*count);
     if number >= count {
-        let what = format!("mesh {number} does not exist: the file has {count} meshes (counted from 0)");
+        let what = format!("mesh {number} (counted from 0) does not exist: the file has {count} meshes");
         return Err(ImportError::new(what, "choose an existing mesh"));
     }
     let size = if version == 3 { 4 } else { 8 };

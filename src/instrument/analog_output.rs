@@ -45,7 +45,7 @@ impl AnalogLimits {
             (1..settings.channels.len()).all(|i| !settings.channels[..i].contains(&settings.channels[i]));
         if settings.channels.is_empty() || !known || !once {
             return Err(format!(
-                "channels {:?} must be different numbers from 0 to {}",
+                "invalid channels {:?}; expected one or more different numbers from 0 to {}",
                 settings.channels,
                 self.channels.saturating_sub(1)
             ));

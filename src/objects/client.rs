@@ -68,7 +68,7 @@ impl ObjectClient for Objects {
     fn may_be_written(&self) -> Result<(), Refusal> {
         if self.scheme.starts_with("http") {
             return Err(Refusal::new(
-                format!("{}:// is a read-only web server", self.scheme),
+                format!("{}:// addresses are read-only", self.scheme),
                 "write to a local folder or to an object store (s3://, gs://, az://)",
             ));
         }
@@ -167,8 +167,9 @@ async fn fetch(
     match read.await {
         Ok((Some(bytes), size)) => Ok(Some((bytes, size))),
         Ok((None, size)) => {
-            let source =
-                format!("the object {key} has {size} bytes, which is more than any file of a store can have");
+            let source = format!(
+                "the object {key} has {size} bytes, but a file of a store has at most {LARGEST} bytes"
+            );
             Err(Error::Generic { store: "object", source: source.into() })
         }
         Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => Ok(None),

@@ -26,7 +26,7 @@ pub enum TrialError {
     Dark,
     /// A prior requires the noise level, which is unknown.
     #[error(
-        "a prior requires the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
+        "a prior requires the noise of the intensities, but [spad] does not define this noise; set a standard deviation, or use [cmos]"
     )]
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.

@@ -86,9 +86,10 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
         let mut long = vec![];
         if tag::is_long(kind) {
             let size = u64::from_le_bytes(word);
-            if size > (bytes.length - bytes.at).min(MOST) {
+            let most = (bytes.length - bytes.at).min(MOST);
+            if size > most {
                 bytes.at = begin;
-                let what = format!("tag {name:?} has a value of {size} bytes, which exceeds the file");
+                let what = format!("tag {name:?} has a value of {size} bytes; expected at most {most} bytes");
                 return Err(bytes.error(what, DAMAGED));
             }
             long = vec![0; size as usize];

@@ -129,7 +129,7 @@ impl Scan {
         let ticks = (per_pixel / tick).round();
         if !(1.0..1e15).contains(&ticks) {
             return Err(format!(
-                "the tag ImgHdr_TimePerPixel is {} ms, expected 1 to 1e15 counts of the clock",
+                "the tag ImgHdr_TimePerPixel is {} ms ({ticks} counts of the clock); expected 1 to 1e15 counts",
                 per_pixel * 1e3
             ));
         }

@@ -104,7 +104,7 @@ impl Value {
                 let (numbers, rest) = long.as_chunks::<8>();
                 if !rest.is_empty() {
                     return Err(format!(
-                        "a list of numbers with {} bytes, which is not a multiple of 8",
+                        "a list of numbers of {} bytes; expected a multiple of 8 bytes",
                         long.len()
                     ));
                 }
@@ -142,7 +142,8 @@ impl Value {
             Self::Time(f) => word(code::TIME, f.to_bits()),
             Self::Floats(f) => long(code::FLOATS, f.iter().flat_map(|f| f.to_le_bytes()).collect()),
             Self::Text(t) => {
-                let mut bytes = to_ansi(t).ok_or("a text that Windows-1252 cannot encode")?;
+                let mut bytes =
+                    to_ansi(t).ok_or("the text has a character that Windows-1252 cannot encode")?;
                 bytes.push(0);
                 long(code::TEXT, bytes)
             }

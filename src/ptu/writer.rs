@@ -162,7 +162,7 @@ impl<W: Write + Seek> Writer<W> {
         let (t3, last) = (self.record.mode() == Mode::T3, self.record.channels() - 1);
         if !(first..=last).contains(&channel) {
             return Err(refused(format!(
-                "channel {channel} does not exist: expected a channel of {} from {first} to {last}",
+                "channel {channel} does not exist: record type {} has channels {first} to {last}",
                 self.record.name()
             )));
         }
@@ -206,7 +206,7 @@ impl<W: Write + Seek> Writer<W> {
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!(
-                "the marker bits are {bits:#b}: expected at least one of the four markers"
+                "the marker bits are {bits:#b}: expected 0b1 to 0b1111 (one bit per marker)"
             )));
         }
         let (time, bits) = (self.at(time)?, u32::from(bits));

@@ -145,7 +145,7 @@ impl SceneBuilder {
         if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {
             self.refuse(fault(
                 &place,
-                "a mesh in memory has a name with the extension of a file format".into(),
+                format!("the name `{name}` of a mesh in memory has the extension of a file format"),
                 "use a name without the extension .obj, .gltf or .glb",
             ));
             return self;

@@ -135,7 +135,7 @@ struct Numbers<'a> {
 impl Numbers<'_> {
     fn next(&mut self, what: &str) -> Result<f32, String> {
         let Some((line, word)) = self.words.next() else {
-            return Err(format!("the file ends after line {}, but {what} is expected", self.last));
+            return Err(format!("the file ends after line {}: expected {what}", self.last));
         };
         self.last = line;
         match word.parse::<f32>() {
@@ -164,7 +164,7 @@ impl Numbers<'_> {
             return Ok(list);
         }
         Err(format!(
-            "line {}: {what} is out of order; angles must increase within 0..{most} degrees",
+            "line {}: {what} is out of order or out of range; angles must increase within 0..{most} degrees",
             self.last
         ))
     }

@@ -83,7 +83,7 @@ pub fn prepare<'a>(
         for panel in panels {
             view::check(panel, &scene).map_err(|e| match &panel.view {
                 Some(at) => source
-                    .error(at, e, "correct the view, or use a slice that keeps the axes of this view")
+                    .error(at, e, "correct the view, or use a slice with the axes that the view requires")
                     .into(),
                 None => FigureFileError::Figure(FigureError::Encode(e)),
             })?;

@@ -217,7 +217,7 @@ any_of!(IndexFile, "a number, a list with one number per wavelength, or a name s
 
 schema!(IndexFile, "RefractiveIndex", |g| {
     let spectrum = g.subschema_for::<SpectrumFile>();
-    json_schema!({"anyOf": [spectrum, {"type": "string", "description": "A name of the optical constants."}]})
+    json_schema!({"anyOf": [spectrum, {"type": "string", "description": "The name of a material with built-in optical constants."}]})
 });
 
 any_of!(TimeFile, "\"sum\" or { start_ps, bin_ps, bins }", {

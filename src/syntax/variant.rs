@@ -205,7 +205,7 @@ impl<'a> Vary<'a> {
             let expected = wanted.map_or("one number".to_owned(), |n| format!("a list of {n} numbers"));
             return refuse(
                 format!(
-                    "vary.{name}: the shape of the range does not match the value at the path, {expected}"
+                    "vary.{name}: the shape of the range does not match the value at the path, which is {expected}"
                 ),
                 "give min and max with the same shape as the value at the path",
             );
@@ -257,7 +257,7 @@ impl<'a> Vary<'a> {
             if let Some(n) = period(parameter).filter(|n| !most.is_multiple_of(*n)) {
                 let values = parameter.values.as_ref().map_or(0..0, Located::span);
                 let message = format!(
-                    "vary.{other} covers {n} variants, vary.{name} {most}: the larger number must be a multiple of the smaller"
+                    "vary.{other} covers {n} variants and vary.{name} covers {most} variants, but {most} is not a multiple of {n}"
                 );
                 let help = "give lists of equal length, or choose `every` so that the larger number of variants is a multiple of the smaller";
                 return Err(self.error(values, message, help));

@@ -59,7 +59,7 @@ fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     assert_eq!(counts(&d.join("h.npy")).1.iter().sum::<u32>(), 2);
     let message = stderr(&out);
     assert!(
-        message.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"),
+        message.contains("2 of 3 photons are counted; not counted: 1 after the last bin (up to 100.880 ns"),
         "{message}"
     );
 }

@@ -304,7 +304,7 @@ fn wrong_sets_are_refused() {
     // Negative control: a part contains a number in a tile of another part.
     sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0]).expect("a number");
     twin.finish().expect("a part");
-    refused(&["p1", "twin", "p3"], &["another part also has"]);
+    refused(&["p1", "twin", "p3"], &["also have values in another part"]);
 }
 
 /// Tests that more parts than tiles merge to the whole render. Some of the parts are empty but valid.

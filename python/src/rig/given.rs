@@ -222,7 +222,7 @@ impl<L, S: Value> Given<L, Acquiring<S>> {
         if self.state.under_way {
             return Err(self.failure(
                 Fault::Refused,
-                format!("an {acquisition} is already in progress; wait for the end of the acquisition"),
+                format!("an {acquisition} is already in progress; wait for the end of the {acquisition}"),
             ));
         }
         self.tell(method, ())?;
@@ -298,8 +298,9 @@ impl GalvoScanner for Galvo {
         self.call("point", ((x, y), within.as_secs_f64()), |answer| {
             let found: Option<[f64; 2]> = answer.0.extract().ok();
             let finite = found.filter(|a| a.iter().all(|v| v.is_finite()));
-            finite
-                .ok_or_else(|| "expected the angles of the mirrors, two finite numbers of degrees".to_owned())
+            finite.ok_or_else(|| {
+                "expected the angles of the mirrors, as two finite numbers in degrees".to_owned()
+            })
         })
     }
 }

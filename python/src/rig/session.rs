@@ -165,7 +165,9 @@ pub fn rig_run<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(u32, u32, f64)> {
     let existing = match (resume, force) {
-        (true, true) => return Err(input("resume and force cannot be combined")),
+        (true, true) => {
+            return Err(input("resume and force cannot be combined; pass only one of these arguments"));
+        }
         (true, false) => Existing::Resume,
         (false, true) => Existing::Replace,
         (false, false) => Existing::Refuse,

@@ -66,7 +66,7 @@ impl<'py> Answer<'_, 'py> {
 /// Converts seconds to a duration.
 pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds)
-        .map_err(|_| format!("`{name}` is {seconds}; expected seconds, 0 or more"))
+        .map_err(|_| format!("`{name}` is {seconds}; expected a number of seconds, 0 or more"))
 }
 
 /// Converts a deadline. An infinite deadline becomes a very long duration.

@@ -9,7 +9,7 @@ use polarimetry::capture::mueller_image::ImageError;
 pub enum ChainError {
     /// The slice has axes that an image does not have.
     #[error(
-        "slice `{slice}` has {what}, which a camera cannot capture; use a slice with rows, columns and complete Mueller matrices or \
+        "a camera cannot capture slice `{slice}`, because {what}; use a slice with rows, columns and complete Mueller matrices or \
          intensities"
     )]
     Axes { slice: String, what: &'static str },

@@ -27,10 +27,10 @@ impl Light {
         let polarized = match [out, inn] {
             [4, 4] => true,
             [1, 1] => false,
-            _ => return Err(wrong("only some of the Stokes elements")),
+            _ => return Err(wrong("the slice has only some of the Stokes elements")),
         };
         if [AxisKind::Y, AxisKind::X].map(|k| t.find(k)) != [Some(0), Some(1)] {
-            return Err(wrong("no leading row and column axes"));
+            return Err(wrong("the first two axes are not `y` and `x`"));
         }
         let places: Vec<Axis> = t.axes.iter().filter(|a| !is_stokes(a.kind)).cloned().collect();
         let nm = t.find(AxisKind::Wavelength).map_or_else(|| vec![DEFAULT_NM], |i| t.axes[i].coords.clone());

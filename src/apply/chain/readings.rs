@@ -37,7 +37,7 @@ fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
     glass.kind = ElementKind::Polarizer { extinction: SpectralValue::Same(1.0) };
     Scheme::new("photograph", vec![glass], vec![], Sensor::Intensity)
-        .map_err(|e| ChainError::Axes { slice: e.to_string(), what: "no capture" })
+        .map_err(|e| ChainError::Axes { slice: e.to_string(), what: "the scheme of the camera is invalid" })
 }
 
 impl<'a> Readings<'a> {

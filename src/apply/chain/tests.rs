@@ -158,7 +158,7 @@ fn leaking_polarizers_bias_in_closed_form() {
     }
 }
 
-/// Compares the scatter over 400 seeds with the estimated errors. χ²/n is 1 within 5 standard errors, which
+/// Compares the scatter over 150 seeds with the estimated errors. χ²/n is 1 within 5 standard errors, which
 /// are computed from the spread of the squares over seeds. Every bias is at most 5 times the bias's standard
 /// error plus a tenth of a standard error of the data. The test covers:
 /// - a camera,

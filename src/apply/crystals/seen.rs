@@ -73,7 +73,7 @@ impl Seen {
         }
         let pixels = message.pixels(&rig.camera, o, &wavelengths)?;
         if pixels.is_empty() {
-            return Err(o.no_pixel("the slab from face to face"));
+            return Err(o.no_pixel("the slab through only its front and back faces"));
         }
         let plate = |pixel: usize, lane: usize| measured(&without, pixel, lane).mean.try_inverse();
         let mirror = Matrix4::from_diagonal(&[1.0, 1.0, -1.0, -1.0].into());

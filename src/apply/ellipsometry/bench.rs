@@ -38,7 +38,7 @@ impl Bench {
         let (width, height, lanes) = (pixels.width, pixels.height, pixels.wavelengths);
         let object = o.truth(OBJECT)?;
         if (object.width, object.height) != (width, height) {
-            return Err(o.sizes("the map of objects and the light"));
+            return Err(o.sizes(format!("map `{OBJECT}` and slice `{LIGHT}`")));
         }
         let mean = &o.slice(LIGHT)?.mean;
         let nm: Vec<f64> =

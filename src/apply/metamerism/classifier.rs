@@ -32,7 +32,8 @@ impl Classifier {
         let direction = Discriminant::new(&of(|s| &s.real), &of(|s| &s.fake));
         let direction = direction.ok_or_else(|| ApplyError::Unsolved {
             method,
-            cause: "the training variants have too few pixels of real or fake fruit".into(),
+            cause: "the training variants have too few pixels of real or fake fruit; render the variants at a higher resolution"
+                .into(),
         })?;
         Ok(Self { features, direction })
     }

@@ -35,8 +35,11 @@ impl Seen {
         {
             return Err(o.sizes("slices and truth maps"));
         }
-        if seen.real.is_empty() || seen.fake.is_empty() {
-            return Err(o.no_pixel("only a real or only a fake fruit"));
+        if seen.real.is_empty() {
+            return Err(o.no_pixel("only real fruit"));
+        }
+        if seen.fake.is_empty() {
+            return Err(o.no_pixel("only fake fruit"));
         }
         Ok(seen)
     }

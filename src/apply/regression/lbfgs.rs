@@ -77,13 +77,14 @@ pub fn minimize(moments: &Moments) -> Result<Linear, &'static str> {
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
     let target = (moments.yy / moments.count).sqrt();
     if !(first > 0.0 && target > 0.0 && first.is_finite() && target.is_finite()) {
-        return Err("the training images contain no light");
+        return Err("the training images contain no light; check the lights of the scene");
     }
     let mut start = vec![0.0; 2 * n];
     // The starting weight is 1 in the units of the features.
     start[0] = first / target;
-    let problem = Problem::new(moments, first, target)
-        .ok_or("the training images contain values that are not finite")?;
+    let problem = Problem::new(moments, first, target).ok_or(
+        "the training images contain values that are not finite; render the training variants again",
+    )?;
     let p = quasi_newton(&problem, &start, ITERATIONS).x;
     let weights: Vec<f64> = p[..n].iter().map(|w| w * target / first).collect();
     let biases = p[n..].iter().map(|b| b * first);

@@ -121,7 +121,8 @@ impl Descattering {
             Solver::Ridge => Ok(ridge_by_cross_validation(&moments).0),
             Solver::WithoutNoise => Ok(without_noise(&all).0),
             Solver::Window => {
-                best_window(&all).ok_or_else(|| unsolved(self.method.name, "the slice has no time bins"))
+                let cause = "the slice has no time bins; correct the slice in the scene file";
+                best_window(&all).ok_or_else(|| unsolved(self.method.name, cause))
             }
         }
     }

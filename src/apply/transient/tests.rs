@@ -175,6 +175,6 @@ fn missing_inputs_are_reported() {
     let labels = lame.slices.get_mut(LABELLED).expect("it");
     labels.mean = labels.mean.sum(AxisKind::Label);
     let failed = run(&all[..1], &[lame]).expect_err("no labels");
-    assert!(failed.to_string().contains("does not resolve labels"), "{failed}");
+    assert!(failed.to_string().contains("must resolve labels"), "{failed}");
     assert!(matches!(run(&[], &all), Err(ApplyError::Empty(_))));
 }

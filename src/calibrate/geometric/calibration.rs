@@ -242,11 +242,14 @@ impl Calibration {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;
         let calibration: Self = calibration_file::parse(path, &text, fix)?;
-        let sound = |d: &DeviceTable| d.device().is_some() && d.pose().is_some();
-        if sound(&calibration.camera) && calibration.projector.as_ref().is_none_or(sound) {
+        let tables = [Some(&calibration.camera), calibration.projector.as_ref()];
+        let message = if tables.iter().flatten().any(|d| d.device().is_none()) {
+            "the resolution, the matrix or the distortion coefficients of a device are invalid"
+        } else if tables.iter().flatten().any(|d| d.pose().is_none()) {
+            "the pose of a device is not a rotation and a translation"
+        } else {
             return Ok(calibration);
-        }
-        let message = "the matrix, the distortion coefficients or the pose of a device are invalid";
+        };
         Err(InputError::new(path, text, None, message, fix))
     }
 }

@@ -12,16 +12,19 @@ pub enum Fault {
     #[error("view {view}: all points are on one line, so the pose is undetermined; exclude the view")]
     Collinear { view: usize },
     #[error(
-        "a board of {columns} × {rows} corners with squares of {square} m: expected at least 3 × 3 inner corners and a positive length"
+        "the board has {columns} × {rows} inner corners and squares of {square} m; expected 3 to 1000 columns and rows, and a positive \
+         square size"
     )]
     Board { columns: usize, rows: usize, square: f64 },
-    #[error("{measured} coordinates do not determine {unknown} unknowns: use more views, or fix parameters")]
+    #[error(
+        "{measured} coordinates cannot determine {unknown} unknowns; use more views, or exclude parameters from the fit"
+    )]
     TooFew { measured: usize, unknown: usize },
     #[error("the views do not determine {what}; {fix}")]
     NotDetermined { what: String, fix: String },
     #[error(
-        "no camera model fits the points: the best fit has {rms:.3} pixels RMS; check the columns, the rows and the order of the corners, \
-         and that all images are from one camera and have one size"
+        "no camera model fits the points: the best fit has an RMS error of {rms:.3} pixels; check the columns, the rows and the order of \
+         the corners, and check that all images are from one camera and have the same size"
     )]
     NoFit { rms: f64 },
 }

@@ -93,8 +93,11 @@ impl Image {
         };
         let loaded = loaded.map_err(error)?;
         let values = &loaded.image.values;
-        if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
-            return Err(error("the image has no pixels, or a pixel value is not a finite number".into()));
+        if values.is_empty() {
+            return Err(error("the image has no pixels: use an image with at least one pixel".into()));
+        }
+        if !values.iter().all(|v| v.is_finite()) {
+            return Err(error("a pixel value is not a finite number: correct the image".into()));
         }
         Ok(loaded)
     }
@@ -180,7 +183,10 @@ fn npy(path: &Path) -> Result<Image, String> {
         [h, w] => (h, w, 1),
         [h, w, d] if d > 0 => (h, w, d),
         _ => {
-            return Err(format!("the array has shape {:?}; expected (height, width)", reader.shape));
+            return Err(format!(
+                "the array has shape {:?}; expected [height, width] or [height, width, channels]",
+                reader.shape
+            ));
         }
     };
     if reader.len() > MOST {

@@ -45,7 +45,7 @@ fn title(device: usize) -> &'static str {
 pub(super) fn singular() -> Fault {
     Fault::NotDetermined {
         what: "all parameters independently".into(),
-        fix: format!("{TILT}, or fix parameters"),
+        fix: format!("{TILT}, or exclude parameters from the fit"),
     }
 }
 
@@ -72,7 +72,7 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
         fix: if lens {
             "use fewer distortion coefficients, or views that reach the corners of the image".into()
         } else {
-            format!("{TILT}, or fix parameters")
+            format!("{TILT}, or exclude parameters from the fit")
         },
     })
 }
@@ -91,10 +91,10 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
             };
             if bad || !error(i).is_finite() {
                 return Err(Fault::NotDetermined {
-                    what: format!("{} {name}: {size:.0} ± {:.0} pixels", title(d), error(i)),
+                    what: format!("{} {name} ({size:.0} ± {:.0} pixels)", title(d), error(i)),
                     fix: match device.model {
                         Model::Eight | Model::Twelve => format!("use 5 coefficients, or {TILT}"),
-                        _ => format!("{TILT}, or fix this parameter"),
+                        _ => format!("{TILT}, or exclude this parameter from the fit"),
                     },
                 });
             }
@@ -106,7 +106,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
         if worst > WORST_ANGLE {
             return Err(Fault::NotDetermined {
                 what: format!(
-                    "the rotation between projector and camera: ± {:.1} degrees",
+                    "the rotation between projector and camera (standard error {:.1} degrees)",
                     worst.to_degrees()
                 ),
                 fix: TILT.into(),

@@ -39,7 +39,8 @@ pub enum CalibrationError {
     )]
     Lengths { name: String, found: usize, want: usize },
     #[error(
-        "sample `{name}`: the light or the noise of the light is not positive; increase the light, and exclude saturated captures"
+        "sample `{name}`: the sum of the intensities or a standard deviation is not positive; use more light, and exclude saturated \
+         captures"
     )]
     Dark { name: String },
     #[error(

@@ -6,7 +6,7 @@ pub enum RadiometricError {
     #[error("there are no dark frames; capture dark frames with the lens cap on")]
     NoDark,
     #[error(
-        "the stack of {exposure_s} s has {frames} frames; a noise estimate needs at least 2, and 16 or more are recommended"
+        "too few frames with an exposure time of {exposure_s} s: got {frames}, expected at least 2 (16 or more are recommended)"
     )]
     Frames { exposure_s: f64, frames: u32 },
     #[error("a frame has {found} pixels, but the other frames have {want}; use frames of the same region")]

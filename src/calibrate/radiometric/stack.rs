@@ -56,7 +56,7 @@ impl Stack {
             return Err(RadiometricError::Setting {
                 what: "a digital number",
                 value: f64::from(*dn),
-                need: "a value within the bits of the camera's format",
+                need: "a value that fits the bit depth of the camera's format",
             });
         }
         self.frames += 1;

@@ -53,7 +53,8 @@ pub enum TemporalError {
     #[error("histogram {index} (from 0): {what}")]
     Capture { index: usize, what: String },
     #[error(
-        "no histogram shows a pulse above the background ({dark} dark, {saturated} saturated); count longer, or attenuate the light"
+        "no histogram shows a pulse above the background ({dark} histograms are too dark, {saturated} are saturated); count longer, or \
+         attenuate the light"
     )]
     NoPulse { dark: usize, saturated: usize },
     #[error("the fit of the response does not converge: improve the initial values, or fit fewer parameters")]
@@ -107,7 +108,8 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         let sum: u64 = c.counts.iter().map(|n| u64::from(*n)).sum();
         if counter.mode == Mode::Synchronous && sum > c.pulses {
             return wrong(format!(
-                "{sum} counts in {} pulses, but a synchronous diode counts at most one per pulse",
+                "got {sum} counts in {} laser pulses, but a synchronous diode counts at most one per pulse; correct the number \
+                 of laser pulses",
                 c.pulses
             ));
         }

@@ -245,17 +245,18 @@ pub fn calibrate_with(
 ) -> Result<Temporal, TemporalError> {
     check(counter, captures, pixels)?;
     let period_ps = counter.bin_ps * counter.period_bins as f64;
-    let fits = template.share.iter().all(|v| v.is_finite())
-        && template.step_ps > 0.0
-        && template.first_ps >= -period_ps
-        && template.end_ps() <= period_ps
-        && (0.0..=0.9).contains(&template.after_pulsing);
-    if !fits {
-        return Err(TemporalError::Counter {
-            what: "first time of the measured response",
-            value: template.first_ps,
-            need: "a time within one period, with a positive step and finite values",
-        });
+    let (first, last, after) = (template.first_ps, template.end_ps(), template.after_pulsing);
+    let odd = template.share.iter().copied().find(|v| !v.is_finite());
+    for (what, value, holds, need) in [
+        ("measured response", odd.unwrap_or(0.0), odd.is_none(), "finite numbers"),
+        ("step of the measured response", template.step_ps, template.step_ps > 0.0, "a positive time in ps"),
+        ("first time of the measured response", first, first >= -period_ps, "at most one period before 0 ps"),
+        ("last time of the measured response", last, last <= period_ps, "at most one period after 0 ps"),
+        ("after-pulse probability", after, (0.0..=0.9).contains(&after), "0 to 0.9"),
+    ] {
+        if !holds {
+            return Err(TemporalError::Counter { what, value, need });
+        }
     }
     let none = Matrix4::zeros();
     finish(counter, captures, pixels, &Known::Template(template), &none, correct_clock)

@@ -86,7 +86,7 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(',')
         .map(|n| match n.trim().parse::<f64>() {
             Ok(v) if v.abs() <= 36_000.0 => Ok(v),
-            _ => Err(format!("`{n}`: expected a number from -36000 to 36000")),
+            _ => Err(format!("`{n}`: expected an angle from -36000 to 36000 degrees")),
         })
         .collect()
 }

@@ -47,7 +47,7 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
     text += &format!("  bands    {:4} entries, {bands:?} nm\n", bands.len());
     let of = if statistics_step(&table) == 1 { "all" } else { "a sample of" };
     text += &format!(
-        "statistics over {of} entries:\n  nm    known      M00 from        to  mean preserved degree of polarization\n"
+        "statistics over {of} entries:\n  nm    known      M00 from        to  mean depolarization index\n"
     );
     for band in band_statistics(&table) {
         let (nm, share, kept) = (band.nm, 100.0 * band.known, band.kept);

@@ -23,7 +23,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
-        bail!("--variance, --noise and --saturation are given by the run's detector; remove these options");
+        bail!(
+            "--variance, --saturation, and --noise without --prior do not apply to runs, because the detector of the run defines \
+             these values; remove these options"
+        );
     }
     let scheme = a.scheme.as_deref().map(load).transpose()?;
     let run = Run::open(&a.source, scheme.as_ref()).map_err(Failure::input)?;
@@ -34,7 +37,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if array && masks.len() != 1 {
         bail!(
-            "an array can contain only one mask, but the run has {}; select a mask with --mask, or write a store: -o {}",
+            "an array can contain only one mask, but {} masks are selected ({}); select one mask with --mask, or write a store: -o {}",
+            masks.len(),
             masks.join(", "),
             a.output.with_extension("zarr").display()
         );
@@ -55,8 +59,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
         bail!(
-            "{}: none of the {} pixels of mask {} is determined, because too few readings are unsaturated to determine 16 elements, \
-             so no file was written; reduce the exposure",
+            "{}: none of the {} pixels of mask {} is determined, because the unsaturated readings do not determine 16 elements; no \
+             file was written; reduce the exposure",
             a.source.display(),
             image.tally.pixels,
             image.name

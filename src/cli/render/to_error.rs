@@ -95,10 +95,10 @@ fn describe(
     a: &Arguments,
     target: &Target,
 ) -> Result<String, Failure> {
-    let of = if goal.share == 0.5 { "median".to_owned() } else { format!("{} of", percent(goal.share)) };
+    let of = if goal.share == 0.5 { "median of".to_owned() } else { format!("{} of", percent(goal.share)) };
     let missed = if standing.next == Next::Exhausted {
         format!(
-            ", above the target of {}: pixels reached the sample limit (--most-spp {})",
+            ", above the target of {}: some pixels reached the sample limit (--most-spp {})",
             percent(goal.error),
             goal.most
         )
@@ -107,7 +107,7 @@ fn describe(
     };
     let rate = summary.samples as f64 / summary.wall_s.max(1e-9) / 1e6;
     Ok(format!(
-        "{}: {} slices, error {} ({of} lit pixels of slice {}){missed}, after {} rounds with {:.0} spp on average (uniform sampling: \
+        "{}: {} slices, error {} ({of} the lit pixels of slice {}){missed}, after {} rounds with {:.0} spp on average (uniform sampling: \
          about {:.0}); {:.1} s, {rate:.2} Msamples/s, {} samples discarded{}",
         target.path.display(),
         scene.slices.len(),

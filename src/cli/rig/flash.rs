@@ -33,10 +33,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let steps = session.steps(&stand_in(&session)?)?;
     let [w, h] = SIZE;
-    if steps.patterns.is_empty() || steps.patterns.iter().any(|p| [p.width, p.height] != SIZE) {
+    if steps.patterns.is_empty() {
+        bail!("{}: the plan uses no projector patterns; pass a plan with patterns", a.plan.display());
+    }
+    if let Some(p) = steps.patterns.iter().find(|p| [p.width, p.height] != SIZE) {
         bail!(
-            "{}: the projector's patterns are not {w} x {h} pixels; set [projector] size = [{w}, {h}] in the rig file",
-            a.plan.display()
+            "{}: the patterns have {} x {} pixels, but the projector has {w} x {h} pixels; set [projector] size = [{w}, {h}] in the rig \
+             file",
+            a.plan.display(),
+            p.width,
+            p.height
         );
     }
     let images = flash::images(&steps.patterns);

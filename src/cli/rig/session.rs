@@ -53,8 +53,8 @@ pub(super) fn stand_in(session: &Prepared) -> Result<Rig, Failure> {
 pub(super) fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
     let cost = steps.cost(rig);
     let mut text = format!(
-        "plan       {}\nrig        {}\nscheme     {}, {} captures\nframes     {}\nduration   {} of rig time, {} of it moving\nraw data   \
-         {:.1} MB\n",
+        "plan       {}\nrig        {}\nscheme     {}, {} captures\nframes     {}\nduration   {} of rig time, including {} of stage motion\n\
+         raw data   {:.1} MB\n",
         steps.plan.name,
         rig.name,
         scheme.name,

@@ -35,7 +35,7 @@ fn fix(captures: usize, least: usize) -> String {
         format!("use at least {least} captures with this sensor, or a prior (--prior)")
     } else {
         format!(
-            "{least} captures can be enough: choose more different settings (for example with `sunstone learn`), or use a prior (--prior)"
+            "{least} captures can be enough: choose settings that differ more (for example with `sunstone learn`), or use a prior (--prior)"
         )
     }
 }
@@ -311,6 +311,6 @@ mod tests {
         let still = Scheme::four("still", std::array::from_fn(|_| Setting::Each(vec![0.3; 20])), false);
         let still = matrix(&still.expect("a scheme")).covariance().expect_err("no rank");
         assert_eq!(still.rank, 1);
-        assert!(still.to_string().contains("more different settings"), "{still}");
+        assert!(still.to_string().contains("settings that differ more"), "{still}");
     }
 }

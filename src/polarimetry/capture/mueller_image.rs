@@ -39,7 +39,7 @@ pub enum ImageError {
     Empty,
     /// The number of elements does not match the shape.
     #[error(
-        "the array has {found} elements, which do not fill matrices of shape {shape:?} with 16 elements each"
+        "the array has {found} elements; expected 16 elements for each matrix of an array of shape {shape:?}"
     )]
     Elements {
         /// Lengths of the axes before the two Stokes axes.
@@ -48,12 +48,14 @@ pub enum ImageError {
     },
     /// Binning and superpixels need two rows and two columns.
     #[error(
-        "an image of {height} x {width} is too small for binning or demosaicking; remove `binning` and `demosaic`"
+        "an image of {height} x {width} pixels is too small for binning or demosaicking, which need at least 2 x 2 pixels; remove \
+         `binning` and `demosaic`"
     )]
     TooSmall { height: usize, width: usize },
     /// A photon counter needs time bins, and the image has none.
     #[error(
-        "a [spad] counts photons in time bins; use a slice with time bins and without projector axes, or use [cmos]"
+        "a [spad] counts photons in time bins, but the image has no time bins or has projector axes; use a slice with time bins and \
+         without projector axes, or use [cmos]"
     )]
     NoTimeBins,
     /// The time bins of the photon counter and the image differ.

@@ -63,7 +63,9 @@ pub enum SchemeError {
     },
     #[error("the scheme has no captures; add at least one setting")]
     Empty,
-    #[error("the setting of `{name}` at capture {capture} is not a finite number; correct the setting")]
+    #[error(
+        "the setting of `{name}` at capture {capture} (counted from 0) is not a finite number; correct the setting"
+    )]
     NotFinite {
         name: String,
         /// The capture, counted from 0.

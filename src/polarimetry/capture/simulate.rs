@@ -255,7 +255,7 @@ impl Job<'_> {
     fn camera(&self, camera: &Cmos, method: Option<Method>) -> Result<Captured, DetectorError> {
         camera.check()?;
         if method.is_some() {
-            let need = "1 where a polarizer mosaic is demosaicked";
+            let need = "1, because `demosaic` is set";
             demand("binning", f64::from(camera.binning), camera.binning == 1, need)?;
         }
         let halved = camera.binning == 2 || method == Some(Method::Superpixel);

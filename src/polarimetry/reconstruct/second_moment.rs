@@ -120,8 +120,10 @@ pub fn fault(s: &Moment) -> Option<&'static str> {
     if (s - s.transpose()).amax() > 1e-9 * most {
         return Some("is not symmetric");
     }
-    (most <= 0.0 || s.symmetric_eigenvalues().min() < -1e-9 * most)
-        .then_some("has negative eigenvalues, or is zero")
+    if most <= 0.0 {
+        return Some("is zero");
+    }
+    (s.symmetric_eigenvalues().min() < -1e-9 * most).then_some("has negative eigenvalues")
 }
 
 /// Writes a second moment.

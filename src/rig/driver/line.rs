@@ -182,7 +182,7 @@ impl MemoryLine {
 
 impl Line for MemoryLine {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
-        let gone = |_| LineError::Gone("the other end of the line was closed".into());
+        let gone = |_| LineError::Gone("the other end closed the connection".into());
         self.to.send(bytes.to_vec()).map_err(gone)
     }
 
@@ -193,7 +193,7 @@ impl Line for MemoryLine {
                 Ok(bytes) => return Ok(bytes),
                 Err(RecvTimeoutError::Timeout) => return Err(LineError::Timeout),
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(LineError::Gone("the other end of the line was closed".into()));
+                    return Err(LineError::Gone("the other end closed the connection".into()));
                 }
             }
         }

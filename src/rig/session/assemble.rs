@@ -66,9 +66,12 @@ pub fn bench(
     let optics = bench.optics.clone().unwrap_or_else(|| plan.scheme.clone());
     if !super::image::same_elements(&optics, &plan.scheme) {
         return Err(AssembleError(format!(
-            "the bench's optics have the elements {:?}, but the scheme has the elements {:?}; use the same elements and sensor",
+            "the bench's optics have the elements {:?} and {} sensor channels, but the scheme has the elements {:?} and {} sensor \
+             channels; use the same elements and the same sensor",
             super::image::elements(&optics),
-            super::image::elements(&plan.scheme)
+            optics.sensor.channels(),
+            super::image::elements(&plan.scheme),
+            plan.scheme.sensor.channels()
         )));
     }
     let seen = scenery.camera();

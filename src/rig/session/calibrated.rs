@@ -192,7 +192,7 @@ mod tests {
                 "0.toml:1:1: [camera] was calibrated with 8 × 6 pixels, but the rig has 8 × 7",
             ),
             (PAIR, [None, Some([5, 4])], "0.toml:5:1: [projector] was calibrated with 4 × 4"),
-            (&torn, [None; 2], "[projector] is not a calibrated device"),
+            (&torn, [None; 2], "the distortion coefficients of [projector] are invalid"),
             (&still, [None; 2], "have the same position"),
         ];
         for (text, sizes, words) in cases {

@@ -14,8 +14,8 @@
 //! card = { channels = 2, volts = [-10, 10], bits = 16, rate_hz = [1, 1_000_000], samples = 65_536 }
 //! ```
 
-use super::Fault;
 use super::rig_syntax::{CardFile, Driver, GalvoFile, PerAxis};
+use super::{Fault, unsupported};
 use crate::driver::galvo::wiring::{Travel, Wiring};
 use crate::instrument::{AnalogLimits, GalvoLimits};
 use std::time::Duration;
@@ -30,11 +30,14 @@ type Behind = (Wiring, AnalogLimits);
 /// Returns the limits of a galvo, and its wiring if a card drives it.
 pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), Fault> {
     let range_deg = file.range_deg.unwrap_or([20.0; 2]);
-    let good = range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
-    let settle = Duration::try_from_secs_f64(file.settle_us.unwrap_or(300.0) / 1e6);
-    let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
-    let help = "set range_deg = [x, y], each above 0 and at most 60, and settle_us from 0 to less than 1e9";
-    let settle = settle.ok_or(("a setting in [galvo] is outside the supported range".to_owned(), help))?;
+    if !range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0) {
+        let help = "set range_deg = [x, y], each above 0 and at most 60";
+        return Err(unsupported("range_deg", range_deg, help));
+    }
+    let settle_us = file.settle_us.unwrap_or(300.0);
+    let settle = Duration::try_from_secs_f64(settle_us / 1e6).ok().filter(|s| s.as_secs() < 1000);
+    let help = "set a number of microseconds from 0 to less than 1e9";
+    let settle = settle.ok_or_else(|| unsupported("settle_us", settle_us, help))?;
     if file.driver != Driver::Analog {
         let others = [
             ("volts_per_degree", file.volts_per_degree.is_some()),
@@ -71,18 +74,21 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), F
 fn card(file: CardFile) -> Result<AnalogLimits, Fault> {
     let [least, most] = file.volts;
     let [slow, fast] = file.rate_hz;
-    let good = (1..=64).contains(&file.channels)
-        && least < most
-        && least.abs().max(most.abs()) <= 1e3
-        && (1..=32).contains(&file.bits)
-        && slow > 0.0
-        && slow <= fast
-        && fast <= 1e9
-        && (1..=1 << 24).contains(&file.samples);
-    if !good {
-        let help = "set channels from 1 to 64, volts = [min, max] within ±1000, bits from 1 to 32, rate_hz = [min, max] above 0 and at most 1e9, \
-             samples from 1 to 16777216";
-        return Err(("a setting in `card` is outside the supported range".into(), help));
+    if !(1..=64).contains(&file.channels) {
+        return Err(unsupported("card.channels", file.channels, "set 1 to 64 channels"));
+    }
+    if !(least < most && least.abs().max(most.abs()) <= 1e3) {
+        return Err(unsupported("card.volts", file.volts, "set volts = [min, max] within ±1000"));
+    }
+    if !(1..=32).contains(&file.bits) {
+        return Err(unsupported("card.bits", file.bits, "set 1 to 32 bits"));
+    }
+    if !(slow > 0.0 && slow <= fast && fast <= 1e9) {
+        let help = "set rate_hz = [min, max], above 0 and at most 1e9";
+        return Err(unsupported("card.rate_hz", file.rate_hz, help));
+    }
+    if !(1..=1 << 24).contains(&file.samples) {
+        return Err(unsupported("card.samples", file.samples, "set 1 to 16777216 samples"));
     }
     Ok(AnalogLimits {
         channels: file.channels,

@@ -82,8 +82,9 @@ impl Lens {
 
     /// Creates a lens from a calibration table.
     fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
-        let device =
-            table.device().ok_or_else(|| format!("the table [{name}] is not a calibrated device"))?;
+        let device = table.device().ok_or_else(|| {
+            format!("the resolution, the matrix or the distortion coefficients of [{name}] are invalid")
+        })?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
             None => Opencv::from_list(&device.coefficients).into(),
@@ -131,7 +132,7 @@ impl Geometry {
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
         let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
         let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
-            return Err("a pose is not a rotation and a translation".into());
+            return Err("the pose of [camera] or [projector] is not a rotation and a translation".into());
         };
         let between = to.after(&from.inverse());
         // A distance below one nanometer is due to rounding errors.
@@ -146,10 +147,11 @@ impl Geometry {
     fn between(camera: Lens, projector: Lens, r: Matrix3<f64>, t: Vector3<f64>) -> Result<Self, String> {
         let orthogonal = (r.transpose() * r - Matrix3::identity()).amax() < 1e-3 && r.determinant() > 0.0;
         let apart = t.norm() > 0.0 && t.norm().is_finite();
-        if !(orthogonal && apart) {
-            return Err(
-                "`rotation` is not a rotation matrix, or `translation` is zero; copy OpenCV's R and t".into(),
-            );
+        if !orthogonal {
+            return Err("`rotation` is not a rotation matrix; copy OpenCV's R".into());
+        }
+        if !apart {
+            return Err("`translation` is zero or not finite; copy OpenCV's t".into());
         }
         // Compute F for pixel centres at integers, then shift by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;

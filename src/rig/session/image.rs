@@ -308,7 +308,9 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
     let frames = store.layout().frames();
     let per = frames / captures.max(1);
     if per * captures != frames {
-        return Err("the number of frames is not a multiple of the number of captures of the scheme".into());
+        return Err(format!(
+            "the run has {frames} frames; expected a multiple of {captures}, the number of captures of the scheme"
+        ));
     }
     let mut out = given.clone();
     for name in elements(given) {

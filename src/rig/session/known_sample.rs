@@ -53,7 +53,7 @@ impl Run {
             .or(self.masks.iter().find(|m| *m != "dark"))
             .ok_or_else(|| {
                 ImageError(format!(
-                    "{path}: the run has no mask that lights the sample; use a plan with the mask \"full\""
+                    "{path}: the run has no mask that illuminates the sample; use a plan with the mask \"full\""
                 ))
             })?;
         let seen = self.intensities(mask, Method::Superpixel)?;

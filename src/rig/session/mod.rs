@@ -31,3 +31,8 @@ mod sealed_log;
 pub mod steps;
 mod time_tags;
 pub mod writer;
+
+/// Returns the fault for a value outside the supported range of a key.
+fn unsupported(key: &str, value: impl std::fmt::Debug, help: &'static str) -> Fault {
+    (format!("`{key}` is {value:?}, outside the supported range"), help)
+}

@@ -142,8 +142,8 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
-        "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \
-         `bin_ps`"
+        "a plan needs `scheme`, and either [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, \
+         `bins` and `bin_ps`"
             .to_owned()
     })?;
     let fault =
@@ -204,7 +204,7 @@ fn check_limits(limits: &Limits) -> Result<(), Fault> {
         if !(value > 0.0 && value <= 1e6) {
             return Err((
                 format!("`{name}` is {value}, outside the supported range"),
-                "set seconds, above 0 and at most 1e6",
+                "set a number of seconds above 0 and at most 1e6",
             ));
         }
     }
@@ -228,7 +228,7 @@ fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     } else {
         Err((
             format!("`{name}` contains {ms}, outside the supported range"),
-            "set milliseconds, above 0 and at most 3.6e6 (one hour)",
+            "set a number of milliseconds above 0 and at most 3.6e6 (one hour)",
         ))
     }
 }
@@ -285,27 +285,29 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
         return Err((format!("`points` is {:?}", file.points), "set columns and rows, each from 1 to 65536"));
     }
     if !(file.fov_x_deg > 0.0 && file.fov_x_deg < 90.0) {
-        return Err((format!("`fov_x_deg` is {}", file.fov_x_deg), "set degrees, above 0 and below 90"));
+        let help = "set an angle above 0 and below 90 degrees";
+        return Err((format!("`fov_x_deg` is {}", file.fov_x_deg), help));
     }
     if !(1..=1 << 20).contains(&file.bins) {
         return Err((format!("`bins` is {}", file.bins), "set 1 to 1048576"));
     }
-    if !(file.bin_ps > 0.0 && file.bin_ps <= 1e9 && file.offset_ps.abs() <= 1e12) {
-        return Err((
-            "`bin_ps` or `offset_ps` is out of range".into(),
-            "set picoseconds: bin_ps above 0 and at most 1e9, offset_ps from -1e12 \
-            to 1e12",
-        ));
+    if !(file.bin_ps > 0.0 && file.bin_ps <= 1e9) {
+        let help = "set a number of picoseconds above 0 and at most 1e9";
+        return Err((format!("`bin_ps` is {}", file.bin_ps), help));
+    }
+    if !(-1e12..=1e12).contains(&file.offset_ps) {
+        let help = "set a number of picoseconds from -1e12 to 1e12";
+        return Err((format!("`offset_ps` is {}", file.offset_ps), help));
     }
     if file.time_tags && file.bins > RECORD.dtimes() {
         return Err((
-            format!("`time_tags` with {} bins: expected at most {}", file.bins, RECORD.dtimes()),
+            format!("`bins` is {}, but `time_tags` supports at most {} bins", file.bins, RECORD.dtimes()),
             "use fewer or wider bins, or remove `time_tags`",
         ));
     }
     let rate_hz = file.rate_hz.unwrap_or(1e7);
     if !(1.0..=1e10).contains(&rate_hz) {
-        return Err((format!("`rate_hz` is {rate_hz}"), "set pulses per second, from 1 to 1e10"));
+        return Err((format!("`rate_hz` is {rate_hz}"), "set 1 to 1e10 pulses per second"));
     }
     Ok(ScanWork {
         points: file.points,

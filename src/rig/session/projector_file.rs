@@ -1,8 +1,8 @@
 //! The `[projector]` table of a rig file, which contains limits, and the flash, LEDs and triggers of a
 //! DLPC350.
 
-use super::Fault;
 use super::rig_syntax::{Driver, Led, ProjectorFile};
+use super::{Fault, unsupported};
 use crate::driver::dlpc350::flash;
 use crate::driver::dlpc350::projector::Flash;
 use crate::driver::dlpc350::trigger::Triggers;
@@ -15,13 +15,16 @@ pub type FlashPlan = (Flash, u8, Triggers);
 
 /// Checks the table of a rig file at `path`. Paths of flash images are relative to that file.
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
-    let help = "set size = [columns, rows], each from 1 to 65536, bits from 1 to 8, and shortest_ms from 0 to less than 1e6";
-    let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));
+    if !p.size.iter().all(|n| (1..=65_536).contains(n)) {
+        return Err(unsupported("size", p.size, "set size = [columns, rows], each from 1 to 65536"));
+    }
     let (bits, shortest_ms) = (p.bits.unwrap_or(1), p.shortest_ms.unwrap_or(0.235));
-    let shortest = Duration::try_from_secs_f64(shortest_ms / 1e3).ok();
-    let shortest = shortest.filter(|_| shortest_ms < 1e6 && pixels && (1..=8).contains(&bits));
-    let shortest = shortest
-        .ok_or_else(|| ("a setting in [projector] is outside the supported range".to_owned(), help))?;
+    if !(1..=8).contains(&bits) {
+        return Err(unsupported("bits", bits, "set 1 to 8 bits"));
+    }
+    let shortest = Duration::try_from_secs_f64(shortest_ms / 1e3).ok().filter(|_| shortest_ms < 1e6);
+    let help = "set a number of milliseconds from 0 to less than 1e6";
+    let shortest = shortest.ok_or_else(|| unsupported("shortest_ms", shortest_ms, help))?;
     let limits = ProjectorLimits { size: p.size, patterns: p.patterns.unwrap_or(4096), bits, shortest };
     if p.driver != Driver::Dlpc350 {
         if p.triggers != Triggers::default() || !p.flash.is_empty() {

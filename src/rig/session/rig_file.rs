@@ -21,7 +21,6 @@
 //! optics = "optics.toml"             # a scheme file with the true elements
 //! ```
 
-use super::Fault;
 use super::calibrated::Believed;
 use super::galvo_file;
 use super::geometry::Geometry;
@@ -29,6 +28,7 @@ use super::projector_file;
 pub use super::projector_file::FlashPlan;
 pub use super::rig_syntax::{APPROACH_DEG, Driver, StageFile};
 use super::rig_syntax::{BenchFile, CameraFile, CounterFile, RigFile, SampleFile};
+use super::{Fault, unsupported};
 use crate::driver::galvo::wiring::Wiring;
 use crate::driver::scpi::table::LaserTable;
 use crate::driver::th260::settings::Th260Settings;
@@ -154,10 +154,9 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     .unzip();
     let laser = checked(&file.laser, &fault, |l| {
         let rate_hz = l.rate_hz.unwrap_or([1e5, 8e7]);
-        let good = is_wavelength(l.nm) && rate_hz[0] > 0.0 && rate_hz[1] >= rate_hz[0];
-        if !good {
-            let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
-            return Err(("a setting in [laser] is outside the supported range".into(), help));
+        check_wavelength("nm", l.nm)?;
+        if !(rate_hz[0] > 0.0 && rate_hz[1] >= rate_hz[0]) {
+            return Err(unsupported("rate_hz", rate_hz, "set rate_hz = [min, max] above 0"));
         }
         Ok((l.driver.clone(), LaserLimits { nm: l.nm, rate_hz }))
     })?;
@@ -175,10 +174,12 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     };
     let counter = checked(&file.counter, &fault, |c| {
         let (bins, finest_ps) = (c.bins.unwrap_or(32_768), c.finest_ps.unwrap_or(25.0));
-        let good = (1..=1 << 20).contains(&bins) && finest_ps > 0.0 && finest_ps < 1e9;
-        if !good {
-            let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
-            return Err(("a setting in [counter] is outside the supported range".into(), help));
+        if !(1..=1 << 20).contains(&bins) {
+            return Err(unsupported("bins", bins, "set 1 to 1048576 bins"));
+        }
+        if !(finest_ps > 0.0 && finest_ps < 1e9) {
+            let help = "set a number of picoseconds above 0 and below 1e9";
+            return Err(unsupported("finest_ps", finest_ps, help));
         }
         let limits = CounterLimits {
             bins,
@@ -223,7 +224,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let Believed { cmos, spad, geometry } = believed.calibrated(path, files, sizes)?;
     let of_parts = bench.as_ref().map(|b| b.nm).or(laser.as_ref().map(|(_, l)| l.nm));
     let wavelength_nm = file.wavelength_nm.or(of_parts).unwrap_or(550.0);
-    check_wavelength(wavelength_nm).map_err(|e| fault(0..0, e))?;
+    check_wavelength("wavelength_nm", wavelength_nm).map_err(|e| fault(0..0, e))?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(RigPlan {
         name: file.name.unwrap_or_else(|| stem.into_owned()),
@@ -261,12 +262,21 @@ fn beside(rig: &Path, file: &Path) -> PathBuf {
 }
 
 fn check_stage(name: &str, stage: &StageFile) -> Result<(), Fault> {
-    let speeds = [stage.velocity, stage.acceleration, stage.resolution_deg];
-    let rest = [stage.approach_deg, stage.backlash_deg];
-    let good = speeds.iter().all(|v| *v > 0.0 && *v < 1e6) && rest.iter().all(|v| (0.0..=90.0).contains(v));
-    if !good {
-        let help = "set velocity, acceleration and resolution_deg in (0, 1e6), and approach_deg and backlash_deg from 0 to 90";
-        return Err((format!("a setting of stage `{name}` is outside the supported range"), help));
+    let speeds = [
+        ("velocity", stage.velocity),
+        ("acceleration", stage.acceleration),
+        ("resolution_deg", stage.resolution_deg),
+    ];
+    for (key, value) in speeds {
+        if !(value > 0.0 && value < 1e6) {
+            let help = "set a number above 0 and below 1e6";
+            return Err(unsupported(&format!("{name}.{key}"), value, help));
+        }
+    }
+    for (key, value) in [("approach_deg", stage.approach_deg), ("backlash_deg", stage.backlash_deg)] {
+        if !(0.0..=90.0).contains(&value) {
+            return Err(unsupported(&format!("{name}.{key}"), value, "set 0 to 90 degrees"));
+        }
     }
     if stage.driver == Driver::Apt && stage.port.is_none() {
         let help = "add port = \"/dev/ttyUSB0\", or \"COM3\" on Windows";
@@ -277,31 +287,29 @@ fn check_stage(name: &str, stage: &StageFile) -> Result<(), Fault> {
 
 fn camera_limits(file: &CameraFile) -> Result<CameraLimits, Fault> {
     let (step, row_time_us) = (file.step.unwrap_or([1, 1]), file.row_time_us.unwrap_or(10.0));
-    let pixels = file.size.iter().chain(&step).all(|n| (1..=65_536).contains(n));
+    for (key, value) in [("size", file.size), ("step", step)] {
+        if !value.iter().all(|n| (1..=65_536).contains(n)) {
+            return Err(unsupported(key, value, "set [columns, rows], each from 1 to 65536"));
+        }
+    }
     let row_time = Duration::try_from_secs_f64(row_time_us / 1e3 / 1e3).ok();
-    let row_time = row_time.filter(|_| row_time_us / 1e3 < 1e6 && pixels);
-    let help =
-        "set size and step = [columns, rows], each from 1 to 65536, and row_time_us from 0 to less than 1e9";
+    let row_time = row_time.filter(|_| row_time_us / 1e3 < 1e6);
+    let help = "set a number of microseconds from 0 to less than 1e9";
     Ok(CameraLimits {
         size: file.size,
         step,
         exposure: [Duration::from_micros(1), Duration::from_secs(3600)],
         gain_db: [0.0, 48.0],
         formats: PixelFormat::ALL.to_vec(),
-        row_time: row_time
-            .ok_or(("a setting in [camera] is outside the supported range".to_owned(), help))?,
+        row_time: row_time.ok_or_else(|| unsupported("row_time_us", row_time_us, help))?,
     })
 }
 
-fn is_wavelength(nm: f64) -> bool {
-    nm > 100.0 && nm < 1e5
-}
-
-fn check_wavelength(nm: f64) -> Result<(), Fault> {
-    if is_wavelength(nm) {
+fn check_wavelength(key: &str, nm: f64) -> Result<(), Fault> {
+    if nm > 100.0 && nm < 1e5 {
         return Ok(());
     }
-    Err(("`wavelength_nm` is out of range".into(), "set a wavelength above 100 and below 1e5 nm"))
+    Err(unsupported(key, nm, "set a wavelength above 100 and below 1e5 nm"))
 }
 
 fn check_detectors(table: &str, cmos: &Cmos, spad: &Spad) -> Result<(), Fault> {
@@ -371,14 +379,14 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
     for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {
         if !(fov > 0.0 && fov < 170.0) {
             let what = format!("field of view {fov}° is out of range");
-            return Err((what, "set degrees, above 0 and below 170"));
+            return Err((what, "set an angle above 0 and below 170 degrees"));
         }
     }
     let brightness = file.brightness.unwrap_or(1.0);
     if !(brightness > 0.0 && brightness < 1e30) {
-        return Err(("`brightness` is out of range".into(), "set a number above 0 and below 1e30"));
+        return Err(unsupported("brightness", brightness, "set a number above 0 and below 1e30"));
     }
-    check_wavelength(file.wavelength_nm)?;
+    check_wavelength("wavelength_nm", file.wavelength_nm)?;
     let cmos = file.cmos.as_ref().unwrap_or(cmos).clone();
     let spad = file.spad.as_ref().unwrap_or(spad).clone();
     check_detectors("bench", &cmos, &spad)?;

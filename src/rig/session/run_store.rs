@@ -21,14 +21,14 @@ pub enum RunStoreError {
     Open(#[from] OpenError),
     /// The store belongs to another run.
     #[error(
-        "{path}: started with another plan, scheme or rig ({what} differs); resume with the same files, or choose another `-o`"
+        "{path}: the run was started with another plan, scheme or rig ({what} differs); resume with the same files, or choose another `-o`"
     )]
     Other {
         path: String,
         /// The attribute that differs.
         what: String,
     },
-    #[error("{path}: already finished; compute Mueller matrices with `sunstone reconstruct`")]
+    #[error("{path}: the run is already finished; compute Mueller matrices with `sunstone reconstruct`")]
     Finished { path: String },
 }
 
@@ -220,7 +220,8 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     })
     .map_err(|e| failed(e.to_string()))?;
     if u64::from(next) != steps.plan.frames() {
-        return Err(failed(format!("only {next} of {} frames are recorded; resume", steps.plan.frames())));
+        let frames = steps.plan.frames();
+        return Err(failed(format!("only {next} of {frames} frames are recorded; resume the run")));
     }
     for (i, (name, units)) in columns.iter().enumerate() {
         let column: Vec<f64> = values.iter().skip(i).step_by(width).copied().collect();

@@ -145,8 +145,9 @@ impl Scenery {
         let bytes = layout.shape().iter().product::<u64>().saturating_mul(4);
         if bytes > MOST_BYTES {
             return Err(format!(
-                "{place}: the slice needs {:.1} GB, which exceeds the memory limit; bin the camera or the projector",
-                bytes as f64 / 1e9
+                "{place}: the slice needs {:.1} GB of memory, but the limit is {:.1} GB; bin the camera or the projector",
+                bytes as f64 / 1e9,
+                MOST_BYTES as f64 / 1e9
             ));
         }
         let mut data = Vec::with_capacity(width * height * projector[0] * projector[1] * ELEMENTS);

@@ -70,7 +70,7 @@ impl RotationStage for Simulated<Stage> {
         if time > within {
             self.world.clock().sleep(within);
             let what = format!(
-                "homing takes {:.1} s, longer than the deadline; allow more time",
+                "homing takes {:.1} s and does not end before the deadline; allow more time",
                 time.as_secs_f64()
             );
             return self.fail(Fault::Timeout, what);

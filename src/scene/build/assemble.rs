@@ -141,7 +141,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     if let (true, Integrator::Caustics | Integrator::Bidirectional) = (camera.parallel, settings.integrator) {
         return Err(ctx.error(
             file.camera.span(),
-            "an orthographic camera has no pinhole, so paths from light sources cannot be connected to it",
+            "an orthographic camera has no pinhole, so paths from light sources cannot be connected to the camera",
             "use integrator = \"path\", or give the camera a field of view",
         ));
     }
@@ -238,7 +238,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
             gap.width, gap.least
         ),
         "increase the distance between the surfaces (or let objects with an interior overlap), or move the scene closer to the \
-         origin; `gaps = \"warn\"` in [render] accepts the loss",
+         origin; to accept the loss of light, set `gaps = \"warn\"` in [render]",
     )
 }
 

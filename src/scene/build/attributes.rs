@@ -79,7 +79,7 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
         return Err(ctx.error(
             asked.name.span(),
             message,
-            "remove either the attribute or the image or checkerboard",
+            "remove the mesh attribute, or remove the image or the checkerboard",
         ));
     }
     ctx.attributes.of_material.insert(material, own);
@@ -139,7 +139,8 @@ pub(super) fn give(
     }
     let first = ctx.textures.corners.len();
     if first + corners.values.len() > MOST_CORNERS {
-        let what = format!("exceeds the limit of {MOST_CORNERS} triangles with attributes");
+        let what =
+            format!("increases the number of triangles with attributes above the limit of {MOST_CORNERS}");
         return fault(ctx, what, "use a coarser mesh, or an image");
     }
     let values = corners.values.as_flattened().as_flattened();

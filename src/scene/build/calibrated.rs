@@ -62,7 +62,7 @@ fn projector(
     if given.coaxial {
         return Err(ctx.error(
             key.span(),
-            "a coaxial projector takes the pose, the pixels and the lens from the camera",
+            "a coaxial projector cannot have `calibration`: the camera defines the pose, the resolution and the lens",
             "remove `calibration` from [projector], and set it in [camera]",
         ));
     }

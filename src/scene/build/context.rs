@@ -187,7 +187,7 @@ impl Context {
                 self.error(
                     span,
                     format!("cannot read {}: {e}", path.display()),
-                    "correct the path, which is relative to the scene file, or put the file there",
+                    "correct the path, or put the file at this path; paths are relative to the scene file",
                 )
             })?,
         };

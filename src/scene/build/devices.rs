@@ -72,8 +72,8 @@ pub(crate) fn projector(
         if *p != (ProjectorFile { irradiance: p.irradiance.clone(), ..ProjectorFile::coaxial() }) {
             return Err(ctx.error(
                 span,
-                "a coaxial projector takes the pose, the pixels and the lens from the camera",
-                "remove `coaxial = true`, or remove all keys except `irradiance`",
+                "a coaxial projector can have only `coaxial` and `irradiance`: the camera defines the pose, the resolution and the lens",
+                "remove the other keys, or remove `coaxial = true`",
             ));
         }
         return Ok(Projector { pinhole: *camera, irradiance, coaxial: true });

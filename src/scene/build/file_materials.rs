@@ -109,7 +109,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
                                 *mesh.file,
                                 why.map_or_else(String::new, |e| e.to_string())
                             ),
-                            "put the material library there, or remove materials = true",
+                            "put the material library at this path, or remove materials = true",
                         ));
                     }
                     _ => {}

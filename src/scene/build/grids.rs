@@ -23,8 +23,8 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
         }
     };
     if ![1, 3].contains(&vol.channels) {
-        let what = format!("the grid has {} values per point, but expected 1 or 3 values", vol.channels);
-        return fault(ctx, what, "write a grid with 1 or 3 channels");
+        let what = format!("the grid has {} values per point, but 1 or 3 values are expected", vol.channels);
+        return fault(ctx, what, "give a grid with 1 or 3 values per point");
     }
     let most = (most as f32).min(1e30);
     if let Some(wrong) = vol.values.iter().find(|v| !(0.0..=most).contains(*v)) {

@@ -35,8 +35,8 @@ pub(crate) fn intrinsics(
         } else {
             Err(ctx.error(
                 span,
-                format!("the focal length is {f} pixels, but must be above 0.001 pixels"),
-                "give a focal length above 0.001 pixels",
+                format!("the focal length is {f} pixels, outside the supported range"),
+                "give a focal length above 0.001 and below 1e9 pixels",
             ))
         }
     };
@@ -72,13 +72,17 @@ pub(crate) fn intrinsics(
             return Err(ctx.error(
                 m.span(),
                 "the principal point is given both by opencv_matrix and by cx or cy",
-                "remove cx and cy (relative to the corner of the first pixel; opencv_matrix is relative to the centre)",
+                "remove cx and cy (relative to the corner of the first pixel; opencv_matrix is relative to the centre of this pixel)",
             ));
         }
         Some(m) => opencv_principal(ctx, m)?,
     };
     if !(principal.x.abs() < 1e9 && principal.y.abs() < 1e9) {
-        return Err(ctx.error(span, "cx or cy is not a finite number", "give the principal point in pixels"));
+        return Err(ctx.error(
+            span,
+            format!("the principal point ({}, {}) is outside the supported range", principal.x, principal.y),
+            "give the principal point in pixels, with magnitudes below 1e9",
+        ));
     }
     Ok((focal, principal))
 }

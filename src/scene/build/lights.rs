@@ -296,7 +296,7 @@ fn sky(
         return Err(ctx.error(
             image.span(),
             format!("{} has texels that are negative, above 1e30 or not finite", ctx.path(image).display()),
-            "correct the image: radiance values must be finite and not negative",
+            "correct the image: radiance values must be from 0 to 1e30",
         ));
     }
     Sky::new([width as usize, height as usize], texels, v.rows, to_world, polarized).ok_or_else(|| {

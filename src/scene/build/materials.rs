@@ -348,7 +348,7 @@ impl<'a> Builder<'_, 'a> {
         self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
                 e.help = Some(
-                    "give a value in 0.001..1; for smooth surfaces use `conductor` or `dielectric`".into(),
+                    "give a value in 0.001..1; for smooth surfaces, use `conductor` or `dielectric`".into(),
                 );
             }
             e

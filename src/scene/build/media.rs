@@ -298,7 +298,7 @@ fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, I
             return Err(ctx.error(
                 file.span(),
                 format!(
-                    "the list of sizes has {} radii and {} weights, but expected one weight per radius",
+                    "the list of sizes has {} radii and {} weights, but one weight per radius is expected",
                     s.radius_nm.len(),
                     s.weight.len()
                 ),

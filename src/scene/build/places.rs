@@ -21,8 +21,8 @@ pub(super) fn read(ctx: &mut Context, file: &Located<String>) -> Result<Vec<DAff
     if places.is_empty() {
         return Err(ctx.error(
             file.span(),
-            format!("the file {} contains no placements", **file),
-            "give one copy per line, or remove the instance",
+            format!("the file {} contains no transforms", **file),
+            "give the matrix of at least one copy, or remove the instance",
         ));
     }
     Ok(places)

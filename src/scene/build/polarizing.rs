@@ -93,7 +93,7 @@ pub(super) fn retarder(
             return Err(ctx.error(
                 place.span(),
                 "expected exactly one of retardance_deg and retardance_nm",
-                "give either retardance_deg = 90 (a quarter wave) or retardance_nm",
+                "give either retardance_deg (90 for a quarter-wave plate) or retardance_nm",
             ));
         }
     };

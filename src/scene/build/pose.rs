@@ -17,7 +17,8 @@ pub(crate) fn vector(
     if v.iter().all(|x| x.abs() <= HUGE) {
         return Ok(DVec3::from_array(v).as_vec3a());
     }
-    Err(ctx.error(span, format!("{what} is not a finite point"), "give three numbers in metres"))
+    let message = format!("{what} has a component outside the supported range");
+    Err(ctx.error(span, message, "give three numbers in -1e12..1e12; positions are in metres"))
 }
 
 /// Returns an affine map as rows of a 4×4 matrix, with -0 replaced by 0 for readability.
@@ -45,7 +46,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
                 return Err(ctx.error(
                     span,
                     "look_at does not define a pose",
-                    "target must differ from origin, and up must not be parallel to the view",
+                    "target must differ from origin, and up must not be parallel to the viewing direction",
                 ));
             };
             vector(ctx, l.origin, span, "look_at.origin")?;

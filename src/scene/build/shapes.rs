@@ -165,7 +165,7 @@ pub(crate) fn place(
                 return Err(ctx.error(
                     name.span(),
                     format!("the file {} has no part with the material `{key}`", *m.file),
-                    "correct the name of the part, or remove the line",
+                    "correct this key of part_materials, or remove the key",
                 ));
             }
             let placed =
@@ -369,8 +369,8 @@ pub(crate) fn transform(
             };
             return Err(ctx.error(
                 t.span(),
-                format!("scale is {found}, but expected one or three factors"),
-                "give one factor, or three (x, y, z)",
+                format!("scale is {found}, but one or three numbers are expected"),
+                "give one factor, or three factors (x, y, z)",
             ));
         }
     };
@@ -378,7 +378,7 @@ pub(crate) fn transform(
     if !turned.iter().all(|deg| deg.abs() <= 36_000.0) {
         return Err(ctx.error(
             t.span(),
-            format!("rotate_deg is {turned:?}, but must be three finite angles"),
+            format!("rotate_deg is {turned:?}, outside the supported range"),
             "give angles in degrees about x, y and z, each in -36000..36000",
         ));
     }

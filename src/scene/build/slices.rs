@@ -43,7 +43,7 @@ pub(crate) fn build(
             return Err(ctx.error(
                 s.name.span(),
                 format!("`{name}` is not a valid name of a slice"),
-                "use letters, digits, _ and -",
+                "use letters, digits, _ and -; the name `samples` is reserved",
             ));
         }
         if slices.iter().any(|o| o.name == *name) {
@@ -70,7 +70,7 @@ pub(crate) fn build(
         let span = if tile.span() == (0..0) { file.slices[0].span() } else { tile.span() };
         return Err(ctx.error(
             span,
-            format!("a tile of {} pixels does not contain a whole number of camera bins", **tile),
+            format!("a tile of {0} × {0} pixels does not contain a whole number of camera bins", **tile),
             format!("set render.tile to a multiple of {multiple}, or choose other bins"),
         ));
     }
@@ -88,7 +88,10 @@ pub(crate) fn build(
         if elements > MAX_ELEMENTS {
             return Err(ctx.error(
                 s.span(),
-                format!("slice `{}` would have {elements} elements, more than the supported maximum", slice.name),
+                format!(
+                    "slice `{}` would have {elements} elements, more than the supported maximum of {MAX_ELEMENTS}",
+                    slice.name
+                ),
                 "keep fewer camera pixels, projector pixels or bins (for example a row, a block or larger bins)",
             ));
         }
@@ -97,7 +100,7 @@ pub(crate) fn build(
             return Err(ctx.error(
                 s.span(),
                 format!(
-                    "slice `{}` would have {chunk} elements in one tile, more than the supported maximum",
+                    "slice `{}` would have {chunk} elements in one tile, more than the supported maximum of {MAX_CHUNK}",
                     slice.name
                 ),
                 "reduce render.tile, or keep fewer entries in the slice",
@@ -134,8 +137,8 @@ fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Re
     if !fits(x, bw, w) || !fits(y, bh, h) {
         return Err(ctx.error(
             span,
-            format!("the block is outside the image of {w} × {h} pixels"),
-            "give [x, y, width, height] with x + width and y + height inside the image",
+            format!("the block {b:?} does not fit into the image of {w} × {h} pixels"),
+            "give [x, y, width, height] inside the image, with a width and height of at least 1",
         ));
     }
     Ok(Block { x, y, w: bw, h: bh })
@@ -150,7 +153,7 @@ fn bin(
     if nx == 0 || ny == 0 || nx > w || ny > h {
         return Err(ctx.error(
             span,
-            format!("bins of {nx} × {ny} pixels do not fit an image of {w} × {h}"),
+            format!("bins of {nx} × {ny} pixels do not fit into an image of {w} × {h} pixels"),
             "give bins of at least 1 pixel and at most the size of the image",
         ));
     }
@@ -254,7 +257,11 @@ fn projector_select(
         ProjectorSelectFile::Coaxial if size != camera.resolution => {
             return Err(ctx.error(
                 span,
-                "a coaxial slice requires camera and projector of equal resolution",
+                format!(
+                    "a coaxial slice requires equal resolutions, but the camera has {} × {} pixels and the projector has \
+                     {} × {} pixels",
+                    camera.resolution[0], camera.resolution[1], size[0], size[1]
+                ),
                 "set equal resolutions, or set coaxial = true in [projector]",
             ));
         }

@@ -37,7 +37,7 @@ fn brightened(ctx: &mut Context, texture: u32, factor: Spectral, name: &str) -> 
         *texel = most.to_array();
     }
     if limited > 0 {
-        ctx.note(format!("{name}: the albedo of {limited} of {} texels is limited to 1", texels.len()));
+        ctx.note(format!("{name}: the albedo is limited to 1 at {limited} of {} texels", texels.len()));
     }
     ctx.textures.images.push(Image { first: ctx.textures.texels.len() as u32, ..image });
     ctx.textures.texels.append(&mut texels);
@@ -153,7 +153,7 @@ pub(super) fn heights(ctx: &mut Context, file: &Located<ImageAlbedo>) -> Result<
         bail!(
             ctx,
             file.span(),
-            "filter = \"nearest\" gives no slopes, which a bump map requires",
+            "a bump map requires slopes, but filter = \"nearest\" gives no slopes",
             "remove filter"
         );
     }

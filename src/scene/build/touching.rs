@@ -59,12 +59,12 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     };
     let [x, y, z] = gap.at.to_array();
     let way = if off < 0.0 {
-        "into the other object, to remove the air between the objects"
+        "into the other object, to remove the air gap between the objects"
     } else {
         "away from the other object"
     };
     let note = format!(
-        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}), so the surface is moved by {:.1e} m {way}",
+        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}), so the surface of the first object is moved by {:.1e} m {way}",
         named(object),
         named(other),
         off.abs()

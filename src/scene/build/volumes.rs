@@ -133,8 +133,8 @@ pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputErr
             return Err(ctx.error(
                 b.object.interior.as_ref().map_or(0..0, Located::span),
                 format!(
-                    "this object and another{other} intersect with equal priorities ({}), so the medium of the intersection is \
-                     ambiguous",
+                    "this object and another object{other} intersect with equal priorities ({}), so the medium of the \
+                     intersection is ambiguous",
                     b.filling.priority
                 ),
                 "give the objects different priorities; the object of higher priority fills the intersection",

@@ -37,7 +37,7 @@ impl Options {
             (Some(view), n) if view < n => Ok(Some(view)),
             (Some(view), n) => {
                 let message = format!("view {view} does not exist: the file has the poses of {n} views");
-                Err(node.error(&message, "give the number of a view, from 0"))
+                Err(node.error(&message, "give the number of a view, starting at 0"))
             }
             (None, n) => {
                 let last = n - 1;

@@ -68,7 +68,7 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
         Some(other) => {
             return Err(camera.error(
                 &format!(
-                    "RadialDistortion has {} coefficients, but expected 2 or 3 coefficients",
+                    "RadialDistortion has {} coefficients, but 2 or 3 coefficients are expected",
                     other.len()
                 ),
                 "copy the coefficients from MATLAB",

@@ -114,7 +114,7 @@ impl<'a> Node<'a> {
         values.try_into().map_err(|_| {
             self.error(
                 &format!("expected {N} numbers, got {found} numbers"),
-                "choose one of several views with --view 0, or correct the file",
+                "choose one of several views, for example with --view 0, or correct the file",
             )
         })
     }

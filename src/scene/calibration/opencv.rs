@@ -243,7 +243,11 @@ fn pose(
         match one {
             Some(one) if all.len() == views.max(1) * size => Ok(one),
             _ => Err(node.error(
-                &format!("expected the poses of {views} views, got {} numbers", all.len()),
+                &format!(
+                    "expected {} numbers for the poses of {views} views, got {} numbers",
+                    views.max(1) * size,
+                    all.len()
+                ),
                 "give a rotation and a translation for each view",
             )),
         }

@@ -404,7 +404,7 @@ fn shape(
         Form::Mesh(m) if m.uvs.is_empty() && needs.tangent => {
             return cannot(
                 "an anisotropic material on a mesh without texture coordinates",
-                "give the mesh texture coordinates, or use a rectangle",
+                "add texture coordinates to the mesh, or use a rectangle",
             );
         }
         Form::Mesh(m) => mesh(index, m, out),

@@ -108,7 +108,7 @@ impl EmitterWriter<'_> {
             }
             Profile::Frustum(frustum) => {
                 let Some(slide) = &point.slide else {
-                    unreachable!("only slides have a frustum, so it has an image")
+                    unreachable!("a frustum belongs to a slide, and each slide has an image")
                 };
                 Element::plugin("emitter", "projector")
                     .float("fov", 2.0 * f64::from(frustum.half.x).atan().to_degrees())

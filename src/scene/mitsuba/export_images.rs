@@ -44,7 +44,7 @@ impl Images<'_> {
         if !texels(self.textures, texture).1.iter().all(fits) {
             return Err(self.ctx.error(
                 self.span.clone(),
-                "the height image has values outside 0..1, which cannot be exported",
+                "an image of heights with values outside 0..1 cannot be exported",
                 "divide the values by their maximum, and multiply `height` by the same maximum",
             ));
         }

@@ -216,7 +216,7 @@ impl<'a> MaterialWriter<'a> {
             | Material::Measured(_) => {
                 if !matches!(self.table.list[id as usize], Material::Diffuse(_)) {
                     self.out.note(
-                        "Mitsuba's twosided flips the signs of the coupling between s0, s1 and s2, s3 on back faces: \
+                        "Mitsuba's twosided flips the signs of the coupling between (s0, s1) and (s2, s3) on back faces; \
                          orient the front faces of polarizing surfaces toward the light",
                     );
                 }
@@ -253,7 +253,7 @@ impl<'a> MaterialWriter<'a> {
                     return self.cannot(
                         id,
                         "the strength of a normal map",
-                        "apply the strength to the image, and remove strength",
+                        "apply the strength to the image, and remove `strength`",
                     );
                 };
                 let inner = match self.ids.get(&n.material) {
@@ -352,7 +352,7 @@ impl<'a> MaterialWriter<'a> {
         if p.interreflection == Interreflection::Lost || p.single_scatter.is_some() {
             return self.cannot(
                 id,
-                "this plastic without interreflection or with single scattering",
+                "this plastic, which has single scattering or no interreflection",
                 "add interreflection = \"linear\" and remove single_scatter",
             );
         }
@@ -400,7 +400,7 @@ impl<'a> MaterialWriter<'a> {
         if r.masking == Masking::Correlated {
             self.out.note(format!(
                 "material `{}`: Mitsuba uses separable masking G1(wi) G1(wo); Sunstone's height-correlated masking is brighter \
-                 at grazing angles. For equal results set masking = \"separable\"",
+                 at grazing angles. For equal results, set masking = \"separable\"",
                 self.names[&id]
             ));
         }

@@ -216,7 +216,7 @@ fn run(
     if volumetric && thin && *file.render.max_depth < 64 {
         importer.note(
             "thindielectric: straight transmission counts towards max_depth in Sunstone, but not in Mitsuba's volumetric \
-             integrators: increase max_depth",
+             integrators; increase max_depth",
         );
     }
     if importer.spectral.get() {

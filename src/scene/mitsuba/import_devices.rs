@@ -152,7 +152,7 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
         return importer.error(
             &node.span,
             "to_world of an orthographic camera has different scales of x and y, or a scale of z",
-            "scale x and y by half of the image width",
+            "scale x and y by half of the image width, and do not scale z",
         );
     }
     let unscaled = DMat3::from_cols(m.x_axis / lengths[0], m.y_axis / lengths[1], m.z_axis / lengths[2]);
@@ -319,12 +319,12 @@ pub(super) fn integrator<'a>(
                     return importer.error(
                         &node.span,
                         format!("the integrator {} contains no integrator, so it renders no light", node.kind),
-                        "nest <integrator type=\"path\">; to write depths, normals and positions use `sunstone layers`",
+                        "nest <integrator type=\"path\">; to write depths, normals and positions, use `sunstone layers`",
                     );
                 }
                 if node.get("aovs").is_some() {
                     importer.note(
-                        "aovs are not rendered; to write depths, normals and positions use `sunstone layers`",
+                        "aovs are not rendered; to write depths, normals and positions, use `sunstone layers`",
                     );
                 }
             }
@@ -349,7 +349,7 @@ pub(super) fn integrator<'a>(
                 if samples != 1 {
                     importer.note(format!(
                         "direct: Mitsuba 3.9 adds the light of point, spot and directional emitters {samples} times \
-                         (emitter_samples), Sunstone once"
+                         (emitter_samples), but Sunstone adds the light once"
                     ));
                 }
             }

@@ -164,7 +164,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
             let turn = directions(map.matrix3).ok_or_else(|| {
                 source.error(
                     &node.span,
-                    "the to_world of the envmap contains scale or shear, with which Mitsuba distorts the image",
+                    "the to_world of the envmap contains scale or shear: Mitsuba then distorts the image",
                     "use only rotations and reflections",
                 )
             })?;
@@ -214,7 +214,10 @@ pub(super) fn area<'a>(
 /// only the noise.
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
-        importer.note(format!("the emitter `{}` has a sampling_weight of 0, which is not used", node.kind));
+        importer.note(format!(
+            "sampling_weight = 0 of the emitter `{}` is not used: Sunstone samples all emitters",
+            node.kind
+        ));
     }
     Ok(())
 }
@@ -267,8 +270,8 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         let (size, white) = decoded(importer, node, "irradiance")?;
         if !white {
             importer.note(
-                "a projector with an image that is not white is imported as an emitter (`slide`), whose pixels T does not resolve; to project \
-                 patterns, use `sunstone probe`",
+                "a projector with an image that is not white is imported as an emitter (`slide`); the tensor T does not resolve the \
+                 pixels of this emitter; to project patterns, use `sunstone probe`",
             );
             let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
             let pose = node.at(pose(importer, node)?);

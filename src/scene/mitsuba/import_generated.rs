@@ -55,7 +55,8 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
         importer.source.error(&node.span, e.to_string(), help)
     })?;
     importer.note(format!(
-        "{}: {name} is converted to a mesh of {} triangles ({} around a tube), with a deviation of at most {:.2e} m from Mitsuba's surface",
+        "{}: {name} is converted to a mesh of {} triangles ({} sides per tube), with a deviation of at most {:.2e} m \
+         from Mitsuba's surface",
         node.kind,
         tubes.mesh.indices.len(),
         tubes.sides,

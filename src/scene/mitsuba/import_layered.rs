@@ -101,12 +101,13 @@ pub(super) fn principled<'a>(
     }
     importer.note(
         "principled is converted to plastic (GGX coat, depolarizing base), blended with metal by `metallic` and with rough glass by \
-         `spec_trans`: equal brightness within 2 % up to 45° from the normal; non-metals are 3 to 5 % darker at 60° and 9 to 17 % at 75°",
+         `spec_trans`; the brightness is equal within 2 % up to 45° from the normal; non-metals are 3 to 5 % darker at 60° and 9 to 17 % \
+         darker at 75°",
     );
     if lost.contains(&"anisotropic") {
         importer.note(
-            "principled: `anisotropic` is not used and highlights are round; metal is up to 4 % brighter for 0.6 and 19 % for 0.9, other \
-             materials up to 5 % and 10 % at 80°",
+            "principled: `anisotropic` is not used and highlights are round; for `anisotropic` = 0.6 and 0.9, metal is up to 4 % and 19 % \
+             brighter, and other materials are up to 5 % and 10 % brighter at 80°",
         );
     }
     if !lost.is_empty() {
@@ -181,7 +182,7 @@ fn body_of(
         }
         AlbedoFile::Checkerboard(board) => {
             importer.note(format!(
-                "principled: the checkerboard of the base colour deviates by up to {:.1} %",
+                "principled: the checkerboard of the base colour deviates from Mitsuba's by up to {:.1} %",
                 (factor - 1.0).abs() * 100.0
             ));
             AlbedoFile::Checkerboard(board.clone())
@@ -189,7 +190,8 @@ fn body_of(
     };
     if brightest > 1.0 {
         importer.note(format!(
-            "{}: Mitsuba's principled reflects more light than it receives; in Sunstone the reflectance is limited to 1, {:.1} % less at normal incidence",
+            "{}: Mitsuba's principled reflects more light than it receives; in Sunstone the reflectance is limited to 1 and is \
+             {:.1} % lower at normal incidence",
             node.id.as_deref().unwrap_or("principled"),
             (1.0 - 1.0 / brightest) * 100.0
         ));

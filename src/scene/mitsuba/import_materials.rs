@@ -112,8 +112,8 @@ impl MaterialReader {
         if self.open.len() > MOST_NESTED {
             return importer.error(
                 &node.span,
-                format!("the bsdf is nested deeper than {MOST_NESTED}"),
-                "nest bsdfs at most about ten deep",
+                format!("the bsdf is nested more than {MOST_NESTED} levels deep"),
+                &format!("nest bsdfs at most {MOST_NESTED} levels deep"),
             );
         }
         self.open.push(start);
@@ -441,7 +441,7 @@ fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError
     {
         return importer.error(
             &node.span,
-            format!("the table is evaluated at {nm} nm for all wavelengths"),
+            format!("the bsdf evaluates the table only at {nm} nm, but the scene has other wavelengths"),
             "remove `wavelength`, or set the scene's wavelength: -D wavelengths_nm=…",
         );
     }

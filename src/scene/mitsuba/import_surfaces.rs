@@ -87,7 +87,7 @@ pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), In
         Some(_) => importer.error(
             &node.span,
             format!("{name} of {} is not supported", node.kind),
-            "remove the parameter; to darken a material, use a blendbsdf with black",
+            "remove the parameter; to darken a material, use a blendbsdf with a black bsdf",
         ),
     }
 }
@@ -339,7 +339,7 @@ pub(super) fn scalar<'a>(
         None => importer.error(
             &node.span,
             format!("{} has no `{name}`", node.kind),
-            "add the parameter as <float> or a bitmap",
+            "add the parameter as a <float> or a bitmap",
         ),
     }
 }

@@ -225,7 +225,7 @@ impl<'a> Importer<'a> {
         if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
             return self.error(
                 span,
-                format!("the spectrum does not cover {nm} nm, where Mitsuba assumes zero"),
+                format!("the spectrum does not cover {nm} nm; Mitsuba assumes zero at this wavelength"),
                 "extend the spectrum, or set the wavelengths, such as -D wavelengths_nm=550",
             );
         }
@@ -298,7 +298,7 @@ impl<'a> Importer<'a> {
                     return self.error(&node.span, message, "give at least two values");
                 }
                 if first >= last {
-                    let message = format!("wavelength_min is {first} and wavelength_max is {last}");
+                    let message = format!("wavelength_min ({first}) is not below wavelength_max ({last})");
                     return self.error(&node.span, message, "give wavelength_min below wavelength_max");
                 }
                 let nm = |i: usize| first + (last - first) * i as f64 / steps;
@@ -323,7 +323,7 @@ impl<'a> Importer<'a> {
                 if kelvin <= 0.0 {
                     return self.error(
                         &node.span,
-                        "the temperature is not above 0 K",
+                        format!("the temperature is {kelvin} K, but must be above 0 K"),
                         "give a temperature in kelvins",
                     );
                 }

@@ -236,8 +236,8 @@ impl<'s> Reader<'s> {
         if self.depth >= MOST_INCLUDES {
             return Err(self.source.error(
                 &span,
-                format!("includes are nested deeper than {MOST_INCLUDES}"),
-                "remove the <include> of a file that includes this one, or nest fewer files",
+                format!("includes are nested more than {MOST_INCLUDES} levels deep"),
+                "remove circular includes, or nest fewer files",
             ));
         }
         // As in Mitsuba, search folders set in an included file apply only to the included file.
@@ -248,7 +248,7 @@ impl<'s> Reader<'s> {
             self.source.error(
                 &span,
                 format!("cannot read {}: {e}", path.display()),
-                "correct the file name; files are searched next to the scene and in the folders of <path>",
+                "correct the file name; Sunstone searches next to the scene and in the folders of <path>",
             )
         })?;
         let start = self.source.add(&path, &text);
@@ -338,7 +338,7 @@ impl<'s> Reader<'s> {
                     self.source,
                     &span,
                     "unsupported element <{tag}>",
-                    "replace this element by the elements that it contains"
+                    "replace this element with the elements that it contains"
                 );
             }
         }
@@ -473,7 +473,11 @@ impl<'s> Reader<'s> {
                 let angle = self.needed(op, "angle")?;
                 let axis = self.xyz(op, Some(0.0))?;
                 let Some(angle) = number(&angle).filter(|_| axis != DVec3::ZERO) else {
-                    return wrong(self, "the rotation has no axis or no angle", "give x, y, z and angle");
+                    return wrong(
+                        self,
+                        "the rotation has no axis or an invalid angle",
+                        "give x, y, z and angle",
+                    );
                 };
                 if (axis.length() - 1.0).abs() > 1e-4 {
                     self.note(

@@ -21,7 +21,7 @@ pub enum MergeError {
     /// The stores were rendered with different integrators, so some stores may lack light that others
     /// contain.
     #[error(
-        "{first} and {second} were rendered with different `integrator`s: merge renders with one (`sunstone render --integrator`)"
+        "{first} and {second} were rendered with different integrators: merge renders with the same integrator (`sunstone render --integrator`)"
     )]
     Integrators { first: PathBuf, second: PathBuf },
     /// The coordinates of a camera axis do not identify the pixels of its entries.

@@ -128,7 +128,7 @@ impl ObjectLock {
         if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
             let _ = objects.delete(vec![FILE.into()]);
             return Err(NoLock::Refused(Refusal::new(
-                "the server ignores the condition of a put (If-None-Match), so two processes could write one store",
+                "the server ignores the condition If-None-Match of put requests, so two processes could write the same store",
                 "write to a local folder and copy the store, or use a server that supports conditional puts",
             )));
         }

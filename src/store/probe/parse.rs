@@ -44,6 +44,7 @@ fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError>
     }
     match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
+        _ if axis.units() == "1" => fault(text, format!("`{word}`: expected a number")),
         _ => fault(text, format!("`{word}`: expected a number in {}", axis.units())),
     }
 }

@@ -54,7 +54,11 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
         }
         None => false,
     };
-    let centre = |c: f64| format!("projector coordinate {c} is not the centre of a block of whole pixels");
+    let centre = |c: f64| {
+        format!(
+            "projector coordinate {c} is not the centre of a block of whole pixels; render the slice again"
+        )
+    };
     let all = if single {
         if let Some(&bad) = coords.iter().find(|c| !(**c >= 0.0 && c.fract() == 0.0)) {
             return Err(centre(bad));

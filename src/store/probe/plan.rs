@@ -175,7 +175,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     if weights.len() as f64 > most || !(sum.is_finite() && sum > 0.0) {
         let found = weights.len();
         return fault(&format!(
-            "the pulse has {found} samples with the sum {sum}; expected at most {most} with a positive, finite sum"
+            "the pulse has {found} samples with the sum {sum}; expected at most {most} samples with a positive, finite sum"
         ));
     }
     Ok(weights.into_iter().map(|(k, w)| (k, w / sum)).filter(|(_, w)| *w != 0.0).collect())
@@ -189,9 +189,12 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
         }
         let by_pattern = matches!(axis, AxisKind::V | AxisKind::U) && probe.pattern.is_some();
         let by_stokes = *axis == AxisKind::StokesIn && probe.stokes.is_some();
-        if by_pattern || by_stokes {
+        if by_pattern {
+            return Err(fault("a pattern already contracts the axis: remove the selection or the pattern"));
+        }
+        if by_stokes {
             return Err(fault(
-                "the axis is already contracted by a pattern or Stokes state: remove the selection, or the pattern or Stokes state",
+                "a Stokes state already contracts the axis: remove the selection or the Stokes state",
             ));
         }
         // Intensity slices contain M00 only, so selecting element 0 has no effect.
@@ -242,7 +245,9 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             "not a number".to_owned()
         } else {
             let (a, b) = (axis.coords[0], axis.coords[n - 1]);
-            format!("the value is outside the range {a} to {b} {}", axis.kind.units())
+            let units = Some(axis.kind.units()).filter(|units| *units != "1");
+            let units = units.map_or(String::new(), |units| format!(" {units}"));
+            format!("the value is outside the range {a} to {b}{units}")
         };
         ProbeError::Selection { axis: axis.kind.name(), reason }
     };

@@ -114,7 +114,7 @@ impl Array {
             Some("/") => '/',
             Some(".") => '.',
             Some(other) => {
-                return Err(format!("unknown separator of chunk keys, {other:?}: expected \"/\" or \".\""));
+                return Err(format!("the separator of chunk keys is {other:?}, expected \"/\" or \".\""));
             }
         };
         let node = node.trim_start_matches('/');

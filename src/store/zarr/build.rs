@@ -39,10 +39,13 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
         if slices[..i].iter().any(|(other, _)| other.name == layout.name) {
             return Err(fault("two slices have this name: rename one of the slices"));
         }
-        if layout.axes.iter().any(|a| a.is_empty() || a.chunk == 0) {
-            return Err(fault("an axis has no entries: keep at least one entry"));
-        }
         for axis in &layout.axes {
+            if axis.is_empty() {
+                return Err(fault("an axis has no entries: keep at least one entry"));
+            }
+            if axis.chunk == 0 {
+                return Err(fault("the chunk length of an axis is 0: use at least 1"));
+            }
             if let Some(reason) = check::coordinates_fault(axis) {
                 return Err(fault(&format!("axis `{}`: {reason}", axis.kind.name())));
             }

@@ -45,7 +45,11 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let (axis, (start, bin)) = match (axis, layout.time) {
         (None, None) => return None,
         (Some(axis), Some(time)) => (axis, time),
-        _ => return Some("attributes `time_start_ps` and `time_bin_ps` do not match the axis `t`".into()),
+        _ => {
+            return Some(
+                "axis `t` and attributes `time_start_ps` and `time_bin_ps` must occur together".into(),
+            );
+        }
     };
     if !(start.is_finite() && bin.is_finite() && bin > 0.0) {
         return Some(format!(
@@ -67,7 +71,8 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
         return Some(format!(
-            "the shape {shape:?} in chunks of {chunk:?} is not valid for the sample counts of a camera"
+            "the sample counts have shape {shape:?} in chunks of {chunk:?}; expected 1 to {MAX_CAMERA} rows and columns, and at most \
+             {MAX_SAMPLE_CHUNKS} chunks"
         ));
     }
     None

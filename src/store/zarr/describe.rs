@@ -38,7 +38,9 @@ const MAX_AXIS: u64 = 1 << 24;
 /// Returns the fault in a slice's name, if any.
 pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
-    if name.is_empty() || !name.chars().all(plain) {
+    if name.is_empty() {
+        Some("a name must not be empty")
+    } else if !name.chars().all(plain) {
         Some("a name may contain only letters, digits, `_`, `-` and `.`")
     } else if name.starts_with('.') || name.starts_with("__") {
         Some("a name must not begin with `.` or `__`")

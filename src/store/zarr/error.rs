@@ -180,7 +180,7 @@ pub enum AccessError {
     },
     /// The number of values does not match the region.
     #[error(
-        "expected {expected} values for the region of {path}, got {found}: pass one value per element, row-major"
+        "expected {expected} values for the region of {path}, got {found}: pass one value per element, in row-major order"
     )]
     Length { path: PathBuf, expected: usize, found: usize },
     /// A chunk is truncated, corrupt or unreadable.

@@ -245,7 +245,7 @@ impl FrameStore {
         let mut axes = vec![];
         for (name, n) in names.iter().zip(shape) {
             if describe::name_fault(name).is_some() {
-                return Err(damaged("an axis of the frames has no name"));
+                return Err(damaged("an axis of the frames has no valid name"));
             }
             let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
             if array.shape() != [*n] {
@@ -265,7 +265,7 @@ impl FrameStore {
             layout.gathered = true;
         }
         if layout.chunk() != chunk || layout.axes.len() != shape.len() {
-            return Err(damaged("the chunks of the frames are not whole frames"));
+            return Err(damaged("the chunks of the frames do not contain whole frames"));
         }
         drop(group);
         Ok(Self { layout, attributes, raw, _lock: lock, storage })
@@ -387,7 +387,7 @@ impl FrameStore {
         let shape = array.shape().to_vec();
         let damaged = |reason: String| OpenError::Damaged { path: array.path.clone(), reason };
         if region::volume(&shape) != Some(expected) {
-            return Err(damaged(format!("the array does not have the shape of {expected} numbers")));
+            return Err(damaged(format!("the array has shape {shape:?}, expected {expected} numbers")));
         }
         let read = array.read(&vec![0; shape.len()], &shape);
         read.map(Some).map_err(|e| damaged(e.to_string()))

@@ -64,7 +64,7 @@ impl StoredSlice {
             let names: Vec<&str> = expected.axes.iter().map(|a| a.kind.name()).collect();
             if array.shape() != expected.shape() || array.names() != names {
                 let reason = format!(
-                    "the array has dimensions {:?} of shape {:?}, expected {names:?} of {:?}",
+                    "the array has dimensions {:?} with shape {:?}, expected {names:?} with shape {:?}",
                     array.names(),
                     array.shape(),
                     expected.shape()

@@ -351,7 +351,8 @@ fn few(
 ) -> Result<Vec<Running>, LinksError> {
     let task = application.task.ok_or_else(|| {
         ApplyError::Empty(format!(
-            "the result of `{}` is not linear in the Mueller matrices, so captures cannot be optimized for this application; use metamerism or scattering",
+            "the result of `{}` is not linear in the Mueller matrices, so captures cannot be optimized for this application; \
+             use the application metamerism or scattering",
             application.name
         ))
     })?;

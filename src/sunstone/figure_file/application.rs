@@ -102,7 +102,7 @@ impl<'a> Applications<'a> {
             view.limits.filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
         {
             let message = format!(
-                "limits = [{low}, {high}] is not a valid range, because the first limit is not smaller"
+                "limits = [{low}, {high}] is not a valid range, because the first limit is not smaller than the second"
             );
             return Err(source.error(at, message, "write the smaller limit first").into());
         }

@@ -40,8 +40,9 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &Application) -> Resu
     if let Some([low, high]) = view.limits
         && !(low < high && (high - low).is_finite())
     {
-        let message =
-            format!("limits = [{low}, {high}] is not a valid range, because the first limit is not smaller");
+        let message = format!(
+            "limits = [{low}, {high}] is not a valid range, because the first limit is not smaller than the second"
+        );
         return fault(message, "write the smaller limit first");
     }
     let chain = file::load(chain)

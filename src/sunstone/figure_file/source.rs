@@ -90,12 +90,13 @@ impl Source {
             return Err(self.error(
                 &file.width,
                 format!("`{}` is not a valid figure width", *file.width),
-                "set \"single\" (84 mm), \"double\" (178 mm), or 30 to 400 mm such as \"120 mm\"",
+                "set \"single\" (84 mm), \"double\" (178 mm), or a width from 30 to 400 mm, such as \"120 mm\"",
             ));
         }
         let columns = *file.columns;
         if !(1..=MOST_COLUMNS).contains(&columns) {
-            return Err(self.error(&file.columns, format!("{columns} columns"), "set 1 to 16"));
+            let message = format!("`columns` is {columns}, outside the supported range");
+            return Err(self.error(&file.columns, message, "set a value from 1 to 16"));
         }
         if file.column_headings.len() > columns {
             return Err(self.error(
@@ -156,7 +157,7 @@ impl Source {
             return Err(self.error(
                 aspect,
                 format!("the aspect ratio is {}, outside the supported range", **aspect),
-                "set 0.05 to 20",
+                "set a value from 0.05 to 20",
             ));
         }
         for inset in &panel.insets {
@@ -167,13 +168,14 @@ impl Source {
         }
         let Some(view) = &panel.view else { return Ok(()) };
         if let Some(bar) = &panel.scale_bar {
-            let inside = bar.of.iter().all(|v| (0.0..=1.0).contains(v));
-            if !(bar.length_mm > 0.0 && bar.length_mm.is_finite() && inside) {
-                return Err(self.error(
-                    bar,
-                    "the scale bar has an invalid length or position",
-                    "set length_mm to a value above 0, and of = [x, y] to fractions from 0 to 1",
-                ));
+            if !(bar.length_mm > 0.0 && bar.length_mm.is_finite()) {
+                let message = format!("the length of the scale bar is {} mm", bar.length_mm);
+                return Err(self.error(bar, message, "set length_mm to a finite value above 0"));
+            }
+            if !bar.of.iter().all(|v| (0.0..=1.0).contains(v)) {
+                let message =
+                    format!("the point of the scale bar is {:?}, which is outside the image", bar.of);
+                return Err(self.error(bar, message, "set of = [x, y] to fractions from 0 to 1"));
             }
             if view.application().is_some() {
                 let help = "remove the scale bar: only views of a scene have a scale bar";
@@ -235,9 +237,15 @@ impl Source {
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
         let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
-        if !near(arrow.from) || !near(arrow.to) || arrow.from == arrow.to {
-            let help = "set different points from and to, as [x, y] fractions of the image, 0 to 1";
-            return Err(self.error(at, "the arrow has no length, or an end far outside the image", help));
+        let refuse = |message: &str| {
+            let help = "set `from` and `to` to different points [x, y], in fractions of the image, 0 to 1";
+            Err(self.error(at, message, help))
+        };
+        if !near(arrow.from) || !near(arrow.to) {
+            return refuse("an end of the arrow is far outside the image");
+        }
+        if arrow.from == arrow.to {
+            return refuse("the arrow has no length, because both ends are equal");
         }
         Ok(arrow)
     }

@@ -116,8 +116,9 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
     let (quantity, name, scale) = scale(view)?;
     let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
     let lane = match (nm, view.wavelength_nm) {
-        (Some(all), Some(nm)) => base::spectral_table::nearest_within(all, nm)
-            .ok_or_else(|| format!("wavelength_nm = {nm} is outside the slice's wavelengths"))?,
+        (Some(all), Some(nm)) => base::spectral_table::nearest_within(all, nm).ok_or_else(|| {
+            format!("wavelength_nm = {nm} is outside the range of the slice's wavelengths, {all:?} nm")
+        })?,
         (Some(all), None) => all.len() / 2,
         (None, _) => 0,
     };
@@ -178,7 +179,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
         }
         _ => {
             return Err(format!(
-                "layer `{}` has several values per pixel that are not a colour; choose another layer",
+                "layer `{}` has several values per pixel, and these values are not a colour; choose another layer",
                 view.layer
             ));
         }

@@ -38,7 +38,8 @@ pub enum MieError {
     Size(f64),
     /// The index is not that of a passive material, or is outside the supported range.
     #[error(
-        "the relative refractive index {0} + {1} i is outside the supported range (n > 0.001, k ≥ 0, |m| x ≤ 1e5)"
+        "the relative refractive index m = n + k i is {0} + {1} i; expected n > 0.001, k ≥ 0 and |m| x ≤ 1e5, where x is the size \
+         parameter"
     )]
     Index(f64, f64),
 }

@@ -39,11 +39,13 @@ pub enum SizeDistribution {
 pub enum SizeError {
     #[error("the particle radius is {0} m; expected a radius from 1e-12 m to 0.01 m")]
     Radius(f64),
-    #[error("sigma is {0}; expected 0.001 to 2 (standard deviation of ln r)")]
+    #[error("sigma is {0}; expected a standard deviation of ln r from 0.001 to 2")]
     Sigma(f64),
     #[error("the effective variance is {0}; expected 0.001 to 0.45")]
     Variance(f64),
-    #[error("the list of sizes is empty, or a weight is negative or not finite")]
+    #[error("a weight in the list of sizes is {0}; expected a finite number of at least 0")]
+    Weight(f64),
+    #[error("the list of sizes has no entry with a positive weight; add an entry with a positive weight")]
     List,
 }
 
@@ -81,9 +83,9 @@ impl SizeDistribution {
             }
             Self::List(list) => {
                 list.iter().try_for_each(|[r, _]| radius(*r))?;
-                let sound = list.iter().all(|[_, w]| w.is_finite() && *w >= 0.0);
-                let some = list.iter().map(|[_, w]| w).sum::<f64>() > 0.0;
-                refuse_unless(sound && some, SizeError::List)
+                let weight = |w: f64| refuse_unless(w.is_finite() && w >= 0.0, SizeError::Weight(w));
+                list.iter().try_for_each(|[_, w]| weight(*w))?;
+                refuse_unless(list.iter().map(|[_, w]| w).sum::<f64>() > 0.0, SizeError::List)
             }
         }
     }

@@ -13,8 +13,8 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];
     if !scene.lights.distant.is_empty() && scene.materials.any_redirecting() {
         out.push(
-            "light of beam and directional emitters is found only on directly illuminated surfaces, not after reflection or \
-             refraction by mirrors, smooth glass or crystals; to include it, use a spot or an area light"
+            "light of beam and directional emitters is found only on directly illuminated surfaces; after reflection or refraction \
+             by mirrors, smooth glass or crystals, this light is missing; to include the light, use a spot or an area light"
                 .to_owned(),
         );
     }

@@ -246,7 +246,7 @@ fn placements_are_lists_or_arrays() {
     }
     for (bytes, message) in [
         (b"1 2 3\n".to_vec(), "line 1: expected 12 or 16 numbers, got 3"),
-        (b"# nothing\n".to_vec(), "trees.txt contains no placements"),
+        (b"# nothing\n".to_vec(), "trees.txt contains no transforms"),
         (TREES.replace("-2", "x").into_bytes(), "line 2: `x` is not a number"),
         (TREES.replace("-2", "inf").into_bytes(), "line 2: inf is not a finite number"),
         (TREES.replace("0,0,0,1 #", "0,0,1,1 #").into_bytes(), "line 4: the last row"),

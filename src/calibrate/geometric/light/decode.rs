@@ -55,7 +55,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let (width, height) = (images[0].width, images[0].height);
     if let Some(i) = images.iter().position(|i| i.width != width || i.height != height) {
         return Err(format!(
-            "image {} has {} × {} pixels, but the first image has {width} × {height} pixels; use images of one size",
+            "image {} has {} × {} pixels, but the first image has {width} × {height} pixels; use images of equal size",
             i + 1,
             images[i].width,
             images[i].height

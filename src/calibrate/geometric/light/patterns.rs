@@ -51,13 +51,13 @@ impl Sequence {
     pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
         if !size.iter().all(|n| (1..=32768).contains(n)) {
             return Err(format!(
-                "invalid projector size, {} × {} pixels; expected 1 to 32768 in each direction",
+                "invalid projector size {} × {} pixels; expected 1 to 32768 pixels in each direction",
                 size[0], size[1]
             ));
         }
         if shifts != 0 && !(3..=64).contains(&shifts) {
             return Err(format!(
-                "{shifts} shifts do not determine a phase: use 3 to 64 shifts, or 0 for Gray codes only"
+                "the number of shifts is {shifts}: expected 3 to 64, or 0 for Gray codes only"
             ));
         }
         if !(4..=1024).contains(&period) {

@@ -120,7 +120,7 @@ impl Cmos {
         number("gain_e_per_dn", self.gain(), "a positive number of electrons")?;
         let black = self.black_level_dn;
         let holds = non_negative(black) && black < self.top();
-        demand("black_level_dn", black, holds, "zero or more, below the output's maximum")?;
+        demand("black_level_dn", black, holds, "zero or more, and below the maximum of `bit_depth` bits")?;
         let holds = matches!(self.binning, 1 | 2);
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }

@@ -40,7 +40,7 @@ pub enum DetectorError {
 
 /// Checks an efficiency, the value of configuration field `field`.
 pub(super) fn efficiency(field: &'static str, value: &SpectralValue) -> Result<(), DetectorError> {
-    let need = "0 to 1: a number, or rows [nm, value] with increasing nm";
+    let need = "a number from 0 to 1, or rows [nm, value] with increasing nm and values from 0 to 1";
     demand(field, value.at(550.0), value.check(0.0, 1.0).is_ok(), need)
 }
 

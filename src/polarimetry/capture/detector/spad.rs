@@ -119,7 +119,7 @@ impl Spad {
             (bins - bins.round()).abs() < 1e-6 * bins.max(1.0) && (1.0..=MAX_BINS).contains(&bins.round());
         demand("period_ps", self.period_ps, whole, "a multiple of `bin_ps`, at most 1048576 bins")?;
         let inside = (1..=self.period_bins()).contains(&self.bins);
-        demand("bins", self.bins as f64, inside, "1 to the bins of `period_ps`")?;
+        demand("bins", self.bins as f64, inside, "1 to the number of bins in `period_ps`")?;
         let holds = (1..=MAX_PULSES).contains(&self.pulses);
         demand("pulses", self.pulses as f64, holds, "1 to 1e12 pulses")?;
         number("photons_per_unit", self.photons_per_unit, "a positive number of photons")?;

@@ -165,8 +165,8 @@ impl Text<'_> {
         match all.iter().find(|v| v.abs() > LARGEST) {
             Some(v) => Err(self.error(
                 Some(value.span()),
-                format!("`{name}` has {v}"),
-                "set degrees from -1e6 to 1e6",
+                format!("`{name}` contains {v}"),
+                "use angles from -1e6 to 1e6 degrees",
             )),
             None => Ok(()),
         }
@@ -263,7 +263,7 @@ impl Text<'_> {
                     return Err(self.error(
                         Some(v.span()),
                         "an offset is not a number from -1e6 to 1e6".to_owned(),
-                        "set four offsets, for 0°, 45°, 90° and 135°",
+                        "set four offsets in degrees, for the polarizers at 0°, 45°, 90° and 135°",
                     ));
                 }
                 Ok(Sensor::PolarizerArray {

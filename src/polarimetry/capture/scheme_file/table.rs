@@ -15,7 +15,8 @@ const COLUMNS: [&str; 6] =
 /// The same errors as [`load`](super::load).
 pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text { path, text: text.into() };
-    let help = "use the columns polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees (and retardance_2, retardance_3 where not 90)";
+    let help = "use the columns polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees; for retardances other than 90 degrees, add \
+                retardance_2 and retardance_3";
     let wrong = |e: csv::Error| {
         let at = e.position().map(|p| p.byte() as usize);
         place.error(at.map(|b| b..b), e.to_string(), help)

@@ -79,7 +79,9 @@ impl Weight {
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A material has no valid bin.
-    #[error("{name}: no bin is valid (finite, M00 > 0, no element larger than M00); exclude this material")]
+    #[error(
+        "{name}: no bin is valid; a valid bin has finite elements, M00 > 0 and no element larger than M00; exclude this material"
+    )]
     NoBins { name: String },
     /// The factor c of arctan(c T) is invalid.
     #[error("the factor c of arctan(c T) is {0}; expected a positive number, such as 8")]
@@ -141,7 +143,7 @@ pub fn gather(
     }
     let tally = all.tally;
     tracing::info!(
-        "{name}: {} bins are valid; {} are without values, {} are dark, {} have elements larger than M00",
+        "{name}: {} bins are valid; {} have no values, {} are dark, {} have elements larger than M00",
         tally.valid,
         tally.holes,
         tally.dark,

@@ -160,7 +160,7 @@ impl Dlpc350 {
         let answer = self.exchange(true, question as u16, &[], until)?;
         if answer.len() < least {
             let what =
-                format!("the reply to {question:?} has {} bytes, but expected {least} bytes", answer.len());
+                format!("the reply to {question:?} has {} bytes; expected at least {least}", answer.len());
             return self.fail(Fault::Disconnected, what);
         }
         Ok(answer)

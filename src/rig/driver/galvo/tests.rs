@@ -189,8 +189,8 @@ fn invalid_wiring_is_refused() {
     for (wiring, words) in [
         (Wiring { volts_per_degree: [1.2, 0.5], ..WIRING }, "reduce the range"),
         (Wiring { volts_per_degree: [0.0, 0.5], ..WIRING }, "invalid volts_per_degree"),
-        (Wiring { channels: [3, 0], ..WIRING }, "must be different numbers"),
-        (Wiring { channels: [1, 1], ..WIRING }, "must be different numbers"),
+        (Wiring { channels: [3, 0], ..WIRING }, "more different numbers"),
+        (Wiring { channels: [1, 1], ..WIRING }, "more different numbers"),
         (Wiring { rate_hz: 2e6, ..WIRING }, "samples per second"),
         (Wiring { travel: Travel::Smooth(-1.0), ..WIRING }, "invalid speed"),
         (Wiring { travel: Travel::Smooth(10.0), ..WIRING }, "the longest move"),

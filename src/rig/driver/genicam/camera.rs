@@ -94,7 +94,8 @@ impl GenICamCamera {
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
-                "unsupported sensor of size {:?} with formats {}; use a camera with at least one pixel and format Mono8, Mono10p, Mono12p or Mono16",
+                "unsupported sensor with size {:?} and pixel formats {}; expected at least one pixel, and one of the formats Mono8, \
+                 Mono10p, Mono12p and Mono16",
                 self.limits.size,
                 entries.join(", ")
             );
@@ -186,9 +187,9 @@ impl GenICamCamera {
     fn raw(&self, block: Block, settings: &CameraSettings) -> Result<RawFrame, Failure> {
         if block.region != settings.region || block.format != Some(settings.format) {
             let what = format!(
-                "got a frame with region {:?} and format {:?}, but the camera is configured for region {:?} and format {}",
+                "got a frame with region {:?} and format {}, but the camera is configured for region {:?} and format {}",
                 block.region,
-                block.format,
+                block.format.map_or("unknown", PixelFormat::name),
                 settings.region,
                 settings.format.name()
             );

@@ -122,14 +122,20 @@ impl LaserTable {
             return Err("`set_rate` is set, but `ask_rate` is missing; set both keys".into());
         }
         if self.on_answers.is_empty() {
-            return Err("`on_answers` is empty; list the replies to `ask_on` when light is on".into());
+            return Err(
+                "`on_answers` is empty; list the replies to `ask_on` that mean that the laser emits light"
+                    .into(),
+            );
         }
         match (&self.ask_power, self.nominal_power) {
             (None, None) => {}
             (Some(_), Some(p)) if p > 0.0 && p.is_finite() => {}
+            (Some(_), Some(p)) => {
+                return Err(format!("`nominal_power` is {p}; expected a finite number above 0"));
+            }
             _ => {
                 return Err(
-                    "only one of `ask_power` and `nominal_power` (above 0) is set; set both keys, or remove both".into()
+                    "only one of `ask_power` and `nominal_power` is set; set both, or remove both".into()
                 );
             }
         }
@@ -137,7 +143,7 @@ impl LaserTable {
         let commands = [&self.on, &self.off, &self.ask_on, &self.errors].into_iter();
         for command in commands.chain(optional.into_iter().flatten()) {
             if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-                return Err(format!("{command:?} is not a command; write a command of a single line"));
+                return Err(format!("{command:?} is not a valid command; write a command on a single line"));
             }
         }
         Ok(())

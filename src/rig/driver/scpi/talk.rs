@@ -58,7 +58,7 @@ impl Talk {
     /// - disconnected or timeout
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-            let what = format!("{command:?} is not a command: a command must be a single line");
+            let what = format!("{command:?} is not a valid command: a command must be a single line");
             return self.fail(Fault::Refused, what);
         }
         if self.out_of_step {
@@ -152,7 +152,7 @@ impl Talk {
         }
         self.fail(
             Fault::Disconnected,
-            format!("`{question}` reports more errors than expected; check the instrument"),
+            format!("`{question}` reports {ERRORS} errors or more; check the instrument"),
         )
     }
 
@@ -168,7 +168,7 @@ impl Talk {
                 firmware: firmware.into(),
             }),
             _ => {
-                let what = format!("`*IDN?` returned `{answer}`, which is not an identity");
+                let what = format!("`*IDN?` returned `{answer}`; expected maker, model, serial, firmware");
                 self.fail(Fault::Disconnected, what)
             }
         }

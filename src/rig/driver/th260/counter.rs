@@ -149,7 +149,10 @@ impl Th260Counter {
         self.hardware = self.call("hardware", |l, device| l.hardware(device))?;
         let (finest_ps, binnings) = self.call("base resolution", |l, device| l.base_resolution(device))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
-            let what = format!("the base resolution of {finest_ps} ps with {binnings} binnings is invalid");
+            let what = format!(
+                "the board reports a base resolution of {finest_ps} ps and {binnings} binnings; expected a resolution above 0 and below \
+                 1e6 ps, and 1 to 63 binnings"
+            );
             return self.fail(Fault::Disconnected, what);
         }
         (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);

@@ -183,7 +183,7 @@ pub(super) fn load(given: Option<&Path>) -> Result<Loaded, String> {
     }
     Err(format!(
         "cannot load PicoQuant's library for the TimeHarp 260 ({}); the library is part of PicoQuant's TH260Lib package (a free download from \
-         their site, not shipped with Sunstone); install it, or set library = \"…\"",
+         PicoQuant's website, not shipped with Sunstone); install it, or set library = \"…\"",
         message.join("; ")
     ))
 }

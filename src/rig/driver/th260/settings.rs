@@ -56,14 +56,15 @@ impl Th260Settings {
     /// # Errors
     /// Returns a message that names the setting and its range, if a setting is invalid.
     pub fn check(&self) -> Result<(), String> {
-        let levels = [self.sync_mv, self.input_mv];
-        if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
-            return Err(
-                "`sync_mv` or `input_mv` is out of range; set -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into()
-            );
+        for (name, level) in [("sync_mv", self.sync_mv), ("input_mv", self.input_mv)] {
+            if !(-1200..=1200).contains(&level) {
+                return Err(format!(
+                    "`{name}` is {level}; expected -1200 to 1200 mV (at most 0 mV on a TimeHarp 260 P)"
+                ));
+            }
         }
         if !(-40..=0).contains(&self.zero_cross_mv) {
-            return Err("`zero_cross_mv` must be -40 to 0".into());
+            return Err("`zero_cross_mv` must be from -40 to 0".into());
         }
         if ![1, 2, 4, 8].contains(&self.sync_divider) {
             return Err("`sync_divider` must be 1, 2, 4 or 8".into());
@@ -129,7 +130,8 @@ impl Measurement {
         let rest = ps - offset_ns * 1e3;
         if !(rest.abs() <= f64::from(GREATEST_CHANNEL_OFFSET_PS) && (rest - rest.round()).abs() < 1e-6) {
             return Err(format!(
-                "the offset is {ps} ps; expected a whole number of picoseconds from -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
+                "the offset is {ps} ps; expected a whole number of picoseconds from -{GREATEST_CHANNEL_OFFSET_PS} to {:e}",
+                f64::from(GREATEST_OFFSET_NS) * 1e3
             ));
         }
         Ok(Self {

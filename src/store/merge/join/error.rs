@@ -62,7 +62,8 @@ pub enum JoinError {
     },
     /// An element has values in two different parts.
     #[error(
-        "{second} has values in `{field}` that another part also has ({}): one of the two parts is damaged; render both again",
+        "{second} has values in `{field}` for elements that also have values in another part ({}): one of these parts is damaged; render \
+         these parts again",
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {

@@ -6,7 +6,7 @@ pub enum PbsdfError {
     #[error("cannot read the file: {0}; check that the path is correct and the file is readable")]
     Read(std::io::Error),
     #[error(
-        "the file is not a tensor file, which begins with `tensor_file`; provide a .pbsdf file in the KAIST format"
+        "the file is not a tensor file, because it does not begin with `tensor_file`; provide a .pbsdf file in the KAIST format"
     )]
     Magic,
     #[error("the tensor file has version {0}.{1}, expected 1.0; convert the file to version 1.0")]
@@ -30,7 +30,7 @@ pub enum PbsdfError {
     EmptyAxis(&'static str),
     #[error("axis `{0}` has {1} entries; provide at least two for interpolation")]
     ShortAxis(&'static str, usize),
-    #[error("found {sources} sources for {bands} bands; provide one source per four bands")]
+    #[error("found {sources} sources for {bands} wavelengths; provide one source for every four wavelengths")]
     Sources { bands: usize, sources: usize },
     #[error("field `wvls` has no entries; add at least one wavelength")]
     NoWavelengths,

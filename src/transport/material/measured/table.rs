@@ -127,7 +127,7 @@ impl Table {
             return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4)"));
         };
         if shape.len() != 6 || m.range.is_empty() {
-            return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros"));
+            return Err(shape_error("M", &m, "(phi_d, theta_d, theta_h, wvls, 4, 4) with positive lengths"));
         }
         // M is inside the file, so the product of the dimensions of M does not overflow.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
@@ -136,7 +136,7 @@ impl Table {
         let mut angles = [const { Vec::new() }; 3];
         for (k, (name, ..)) in ANGLES.into_iter().enumerate() {
             let field = file.field(name, Dtype::F32)?;
-            let want = format!("(1, {}), the length in M", extent[k]);
+            let want = format!("(1, {}), as in the shape of M", extent[k]);
             if field.shape().len() != 2 || field.shape().nth(1) != Some(extent[k] as u64) {
                 return Err(shape_error(name, &field, want));
             }
@@ -150,7 +150,7 @@ impl Table {
         }
         let wvls = file.field("wvls", Dtype::U16)?;
         if !wvls.shape().eq([extent[3] as u64]) {
-            return Err(shape_error("wvls", &wvls, format!("({}), the length in M", extent[3])));
+            return Err(shape_error("wvls", &wvls, format!("({}), as in the shape of M", extent[3])));
         }
         let (pairs, _) = bytes[wvls.range.clone()].as_chunks::<2>();
         let wavelengths_nm: Vec<u16> = pairs.iter().map(|b| u16::from_le_bytes(*b)).collect();
