@@ -201,7 +201,7 @@ fn wrong_requests_are_refused() {
         ("pbrdf eval m.toml --name silver --in 0,0 --mirror", "available: glass"),
         ("pbrdf eval none.toml --in 0,0 --mirror", "none.toml"),
         ("pbrdf eval m.toml --name gold --in 0 --mirror", "two numbers"),
-        ("pbrdf eval m.toml --name gold --in 0,x --mirror", "`x`: expected a number"),
+        ("pbrdf eval m.toml --name gold --in 0,x --mirror", "`x`: expected an angle"),
         ("pbrdf eval m.toml --name gold --in 0,0", "--refract"),
         ("pbrdf eval m.toml --name white --in 0,0 --mirror", "no specular reflection"),
         ("pbrdf eval m.toml --name gold --in 0,0 --refract", "no specular transmission"),
