@@ -109,7 +109,7 @@ fn errors_follow_the_metric() {
 /// and one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²).
 /// Behind polarizers, every row has |a|² = 4 a₀₀². Three quarters of the variance therefore remain for any
 /// angles, and K captures with the same settings do not reduce this remainder. With the prior that light is
-/// never polarized, K captures leave σ²/(K a₀₀² + σ²).
+/// never polarized, the relative variance of M00 after K captures is σ²/(K a₀₀² + σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
