@@ -58,12 +58,20 @@ albedo = { image = "images/paint.png" }
 """
 
 
+# The other slices would only add objects: their kinds are tested in folders.
+SLICES = {"full", "timed", "steady"}
+
+
 def scene_in(folder: Path) -> Path:
-    """Write the scene of the other tests without a name. One of its files is in a folder above that of the scene."""
+    """Write the scene of the other tests with three slices and without a name. One of its files is in a folder above that of the scene."""
     from pysunstone import _native
 
     file = folder / "ball" / "scene.toml"
-    text = SCENE.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8") + MORE
+    head, *slices = SCENE.split("[[slices]]\n")
+    kept = ["[[slices]]\n" + text for text in slices if text.split('"')[1] in SLICES]
+    assert len(kept) == len(SLICES)
+    head = head.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8")
+    text = "".join([head, *kept, MORE])
     for path, made in (
         (folder / "shapes" / "tile.ply", TILE),
         (file.parent / "images" / "paint.png", _native.encode_image(np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5)),
