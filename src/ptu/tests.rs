@@ -260,7 +260,11 @@ fn damaged_files_are_refused_with_a_message() {
     // Declare a text of 2^60 bytes.
     let mut wrong = whole.clone();
     wrong[16 + 47] = 16;
-    assert!(refusal(&wrong).contains("has a value of 1152921504606846992 bytes; expected at most 592 bytes"), "{}", refusal(&wrong));
+    assert!(
+        refusal(&wrong).contains("has a value of 1152921504606846992 bytes; expected at most 592 bytes"),
+        "{}",
+        refusal(&wrong)
+    );
     let header = Header { version: "1.0.00".into(), tags: vec![] };
     assert!(refusal(&header.write().expect("writes")).contains("TTResultFormat_TTTRRecType"));
     let int = |v| vec![Tag::new("TTResultFormat_TTTRRecType", Value::Int(v))];

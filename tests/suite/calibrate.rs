@@ -159,7 +159,11 @@ fn images_without_a_board_are_refused() {
     board("grey.png", &[], "none of the 1 images");
     board("bad.png", &[], "as PNG");
     board("none.png", &[], "none.png");
-    board("grey.png", &["--columns", "2", "--rows", "6", "--square", "25mm"], "expected 3 to 1000 columns and rows");
+    board(
+        "grey.png",
+        &["--columns", "2", "--rows", "6", "--square", "25mm"],
+        "expected 3 to 1000 columns and rows",
+    );
     board("grey.png", &["--columns", "7", "--rows", "6", "--square", "25inch"], "25mm");
     let mut arguments = vec!["calibrate", "projector", "empty", "--projector", "64x48", "-o", "c.toml"];
     arguments.extend(TARGET);
