@@ -52,8 +52,8 @@ fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Largest allowed allocation in bytes. The limit allows an epipolar table of 2^24 pixels, whose capacity
-/// doubles as it grows.
+/// Largest allowed allocation in bytes. The limit allows an epipolar table of 2^24 pixels. The capacity of
+/// the table doubles as the table grows.
 const MEMORY: usize = 1 << 30;
 
 /// Time limit for all mutations together. A slow machine tests fewer mutations.
@@ -122,13 +122,13 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     made
 });
 
-/// Builds a scene from text and asserts the limits of time and memory.
+/// Builds a scene from text, and asserts that time and memory stay within the limits.
 fn build(text: &str) -> Option<Scene> {
     within_bounds(text, sunstone::scene::from_text)
 }
 
-/// Parses a text with a reader and asserts the limits of time and memory. The result is a scene, or a message
-/// with a fix and a location in the text.
+/// Parses a text with a reader, and asserts that time and memory stay within the limits. The result is a
+/// scene, or a message with a fix and a location in the text.
 fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, InputError>) -> Option<Scene> {
     let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
@@ -351,7 +351,7 @@ range = { min = 0.9, max = 1.1 }
 "#;
 
 /// Tests that, after any mutation of `[vary]`, every variant is a scene or gives one message with a location.
-/// Tests that equal numbers give equal scenes.
+/// Tests that the same variant number gives the same variant every time.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn mutated_templates_vary_or_give_an_error() {
@@ -393,8 +393,8 @@ fn mutated_figure_files_are_read_or_give_an_error() {
     });
 }
 
-/// Tests combinations of sizes. Each size is valid without the others. The program must not request more
-/// memory than the machine has.
+/// Tests combinations of sizes. Each size is valid on its own. The program must not request more memory than
+/// the machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();

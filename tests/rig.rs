@@ -224,8 +224,8 @@ fn killed_runs_lose_no_frames() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// For each fault, the plan, the name, the instrument, the time of the fault, and a part of the message if
-/// the fault must end the session.
+/// Faults of instruments. Each entry has the plan, the name of the fault, the instrument, and the time of the
+/// fault. If the fault must end the session, the last field is a part of the message.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -457,8 +457,8 @@ fn an_analog_galvo_takes_the_same_frames() {
     }
 }
 
-/// Tests that the program reports a missing counter library and settings that no board supports before the
-/// first capture.
+/// Tests that, before the first capture, the program reports a missing counter library, and settings that no
+/// board supports.
 #[test]
 fn a_counter_without_its_library_is_refused() {
     let bench = Bench::new("");
@@ -504,7 +504,7 @@ fn stated(message: &str, name: &str) -> [f64; 2] {
 }
 
 /// Scans a plane with a simulated counter. Tests that the scan gives the counter's response and time zero
-/// within 5 sigma. Tests that rig files accept the result.
+/// within 5 sigma. Tests that the result is valid in rig files.
 #[test]
 fn a_scanned_plane_calibrates_the_counter() {
     let bench = Bench::new("");

@@ -24,7 +24,7 @@ use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Scheme(pub sunstone::Scheme);
 
-/// Maximum number of captures in a scheme, as in the command line.
+/// Maximum number of captures in a scheme. The command line has the same limit.
 const MOST: usize = 100_000;
 
 #[pymethods]
@@ -126,7 +126,7 @@ pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
     Ok(nm.iter().copied().map(Ray::axial).collect())
 }
 
-/// Checks that there is at least one wavelength and that all are valid.
+/// Checks that there is at least one wavelength, and that all wavelengths are valid.
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
         bail!("wavelengths_nm: expected positive numbers, in nm, got {bad}");
@@ -137,8 +137,8 @@ pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     Ok(())
 }
 
-/// Simulate intensities (measurements, pixels) of matrices (pixels, 16). Consecutive pixels have
-/// consecutive wavelengths, cyclically.
+/// Simulate intensities (measurements, pixels) of matrices (pixels, 16). The wavelengths repeat cyclically
+/// from pixel to pixel.
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,

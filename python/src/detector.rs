@@ -26,7 +26,7 @@ pub struct Instrument {
     relative_noise: Option<f64>,
     /// Horizontal field of view, in degrees. None means that all rays are axial.
     fov_x_deg: Option<f64>,
-    /// Width of the time bins in picoseconds. The time axis follows rows and columns.
+    /// Width of the time bins in picoseconds. The time axis comes after the axes of rows and columns.
     bin_ps: Option<f64>,
     seed: u64,
 }
@@ -35,8 +35,8 @@ pub struct Instrument {
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
 /// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), their
-/// variances (only for a camera), and the shape of the pixels. With binning or superpixels, rows and
-/// columns are halved. `lanes` states that the last axis before the matrices is the wavelength.
+/// variances (only for a camera), and the shape of the pixel axes. Binning and superpixels halve the numbers
+/// of rows and columns. `lanes` states whether the last axis before the matrices is the wavelength.
 #[pyfunction]
 pub fn capture<'py>(
     py: Python<'py>,

@@ -107,9 +107,9 @@ pub struct Asked {
     seed: u64,
 }
 
-/// A learned scheme with its errors and descents. Errors are the loss on validation materials, the
-/// standard error of this loss, and the loss on training materials. A descent has a name, the lowest
-/// loss, and the loss at every evaluation.
+/// A learned scheme with its errors and descents. Errors are the loss on validation materials, the standard
+/// error of this loss, and the loss on training materials. A descent, which is one run of the optimizer, has
+/// a name, the lowest loss, and the loss at every evaluation.
 type Found<'py> = (Scheme, (f64, f64, f64), Vec<(String, f64, Bound<'py, PyArray1<f64>>)>);
 
 /// Learn the settings of a template that vary between captures.

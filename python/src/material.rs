@@ -59,7 +59,8 @@ impl Material {
         })
     }
 
-    /// Calls `then` with the specimens of the material. The list is empty if the material does not exist.
+    /// Calls `then` with a list of the material's specimens. The list is empty if the material does not
+    /// exist.
     fn with<T>(&self, uv: [f32; 2], then: impl FnOnce(&[Specimen]) -> T) -> T {
         match &self.of {
             Of::Sets(sets) => {
@@ -87,7 +88,7 @@ impl Material {
         Self::of_text(py, &path, &text, name, &wavelengths_nm)
     }
 
-    /// Create a material from a file's content as JSON, with paths relative to a folder.
+    /// Create a material from a file's content as JSON. Paths in the content are relative to `folder`.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -100,7 +101,7 @@ impl Material {
         Self::of_text(py, &folder.join("materials in a dict"), &text, name, &wavelengths_nm)
     }
 
-    /// Create a material of a scene, at some of its wavelengths.
+    /// Create a material of a scene, for some of the scene's wavelengths.
     #[staticmethod]
     fn of_scene(
         py: Python<'_>,
@@ -126,7 +127,7 @@ impl Material {
         })
     }
 
-    /// Return BRDFs (n, wavelengths, 4, 4) in 1/sr for directions (n, 3).
+    /// Return BRDFs (n, wavelengths, 4, 4) in 1/sr for incoming and outgoing directions, each (n, 3).
     fn brdf<'py>(
         &self,
         py: Python<'py>,
@@ -161,9 +162,9 @@ impl Material {
         PyArray1::from_vec(py, out).reshape(vec![incoming.len(), lanes, 4, 4])
     }
 
-    /// Return the matrices (n, wavelengths, 4, 4) of the power that a smooth surface reflects or transmits
-    /// for light from directions (n, 3), and the outgoing directions (n, wavelengths, 3), NaN under total
-    /// reflection.
+    /// Return matrices (n, wavelengths, 4, 4) and outgoing directions (n, wavelengths, 3). The matrices
+    /// describe the power that a smooth surface reflects or transmits for light from directions (n, 3).
+    /// Outgoing directions are NaN under total reflection.
     fn specular<'py>(
         &self,
         py: Python<'py>,

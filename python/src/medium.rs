@@ -1,4 +1,4 @@
-//! Evaluates the scattering of single participating media.
+//! Evaluates the scattering of a single participating medium.
 
 use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
@@ -46,7 +46,7 @@ impl Medium {
         Self::of_text(py, &path, &text, name, &wavelengths_nm)
     }
 
-    /// Create a medium from a file's content as JSON, with paths relative to a folder.
+    /// Create a medium from a file's content as JSON. Paths in the content are relative to `folder`.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -59,7 +59,7 @@ impl Medium {
         Self::of_text(py, &folder.join("media in a dict"), &text, name, &wavelengths_nm)
     }
 
-    /// Create a medium of a scene, whose file defines its media.
+    /// Create a medium of a scene from the media in the scene's file.
     #[staticmethod]
     fn of_scene(
         py: Python<'_>,
@@ -97,7 +97,7 @@ impl Medium {
         Ok(out)
     }
 
-    /// Return scattering matrices (n, wavelengths, 4, 4) in 1/sr at angles (n) in degrees.
+    /// Return scattering matrices (n, wavelengths, 4, 4) in 1/sr at scattering angles (n) in degrees.
     fn evaluate<'py>(
         &self,
         py: Python<'py>,

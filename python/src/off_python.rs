@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
 use std::sync::OnceLock;
 
-/// ID of the process that imported the module. Only in this process does rayon's global pool have workers.
+/// ID of the process that imported the module. Rayon's global pool has worker threads only in this process.
 static IMPORTER: OnceLock<u32> = OnceLock::new();
 
 /// Records which process imports the module.
@@ -28,7 +28,7 @@ pub fn fork_safe<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     if IMPORTER.get() == Some(&std::process::id()) { Ok(work()) } else { on_own_threads(0, work) }
 }
 
-/// Runs work while other Python threads run, with the pool of [`fork_safe`].
+/// Runs work by [`fork_safe`] while other Python threads run.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| fork_safe(work))
 }

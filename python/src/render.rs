@@ -14,7 +14,7 @@ use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
 use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord};
 
-/// The settings of a scene that a render changes. The settings are restored when the render ends.
+/// The scene settings that a render changes. The settings are restored when the render ends.
 struct Changed<'a> {
     scene: &'a mut sunstone::Scene,
     settings: Settings,

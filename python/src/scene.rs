@@ -138,7 +138,7 @@ impl Scene {
         detached(py, || from_text(&path, text, variant))?.map_err(located)
     }
 
-    /// Create a scene from a document as JSON, whose meshes and files are in memory.
+    /// Create a scene from a JSON document. The scene's meshes and files are in memory.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -177,7 +177,8 @@ impl Scene {
         self.look(py, |s| s.variant.as_ref().map(|v| v.number))
     }
 
-    /// Return the files of the scene by the names in its text, which are paths relative to its folder.
+    /// Return the names and the bytes of the scene's files. As in the scene's text, the names are paths
+    /// relative to the scene's folder.
     fn files(&self, py: Python<'_>) -> PyResult<Vec<(String, Cow<'_, [u8]>)>> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let names = self.look(py, |s| s.files.clone());

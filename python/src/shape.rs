@@ -15,12 +15,12 @@ use sunstone::apply::shape::polarization::{self, Cues, Reflection};
 use sunstone::apply::shape::surface_normals::{self, Window};
 use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_shift, triangulation};
 
-/// A calibrated camera and projector. Without a projector, the camera takes its place.
+/// A calibrated camera and projector. Without a projector, the camera's values are used for the projector.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Devices(Rig);
 
-/// Resolution, focal lengths, principal point and origin of a device. The three axes are image right, image
-/// down and forward, in world coordinates.
+/// Resolution, focal lengths and principal point of a device in pixels, its origin in metres, and its three
+/// axes. The axes are image right, image down and forward, in world coordinates.
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
@@ -69,7 +69,7 @@ type Image<'py> = PyReadonlyArrayDyn<'py, f64>;
 
 type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// Converts a C-contiguous array (rows, columns, channels).
+/// Converts a C-contiguous array (rows, columns, channels) to a map.
 fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     let [height, width, channels] = *image.shape() else {
         bail!("{what}: the shape is {:?}; expected (rows, columns, channels)", image.shape());
@@ -148,7 +148,7 @@ impl Code {
     }
 }
 
-/// Return the patterns of a code as drives (captures, columns).
+/// Return the patterns of a code as drives in 0..1, of shape (captures, columns).
 #[pyfunction]
 pub fn code_patterns<'py>(
     py: Python<'py>,
@@ -161,7 +161,7 @@ pub fn code_patterns<'py>(
     PyArray1::from_vec(py, patterns.drives.concat()).reshape(vec![captures, columns])
 }
 
-/// Decode captures (rows, columns, captures) to projector columns and confidences (rows, columns, 1).
+/// Decode captures (rows, columns, captures) to projector columns and confidences, each (rows, columns, 1).
 #[pyfunction]
 pub fn decode_columns<'py>(
     py: Python<'py>,
@@ -178,7 +178,7 @@ pub fn decode_columns<'py>(
     Ok((array(py, column)?, array(py, confidence)?))
 }
 
-/// Triangulate projector columns to depths (rows, columns, 1).
+/// Triangulate projector columns to depths (rows, columns, 1) in metres.
 #[pyfunction]
 pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>) -> PyResult<Found<'py>> {
     let columns = map("columns", &columns)?;
@@ -201,8 +201,8 @@ pub fn normals_of_depth<'py>(
     array(py, detached(py, || surface_normals::normals(camera, &depth, Window { radius, robust }))?)
 }
 
-/// Compute the degree of polarization, and zenith angle and azimuth of the normal (rows, columns, 3),
-/// from matrices (rows, columns, 16).
+/// Compute an array (rows, columns, 3) from matrices (rows, columns, 16). The three values of a pixel are the
+/// degree of polarization, and the zenith angle and azimuth of the normal.
 #[pyfunction]
 pub fn polarization_cues<'py>(
     py: Python<'py>,
@@ -221,8 +221,8 @@ pub fn polarization_cues<'py>(
     array(py, cues.angles)
 }
 
-/// Compute normals (rows, columns, 3): of the two candidates that the cues allow, the one that is closer
-/// to `guess`.
+/// Compute normals (rows, columns, 3) from polarization cues. Of the two normals that the cues allow, the
+/// normal closer to `guess` is returned.
 #[pyfunction]
 pub fn normals_of_cues<'py>(
     py: Python<'py>,

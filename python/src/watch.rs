@@ -18,7 +18,7 @@ pub struct Shared {
     stop: AtomicBool,
     /// Number of finished tiles and total number of tiles.
     tiles: Mutex<Option<(u32, u32)>>,
-    /// Total number of descents in learning.
+    /// Total number of descents (runs of the optimizer) when a scheme is learned.
     descents: AtomicU32,
     done: AtomicU32,
     ended: Mutex<bool>,
@@ -73,8 +73,8 @@ impl Drop for Ring<'_> {
 }
 
 /// Runs work on another thread. The calling thread checks signals, and calls `progress(done, tiles)` after
-/// each change. An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the work at the next
-/// tile and is returned.
+/// each change. An exception from a signal (`KeyboardInterrupt`) or from `progress` stops the work at the
+/// next tile. The function returns this exception.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -138,7 +138,7 @@ impl Shared {
     }
 
     /// Records that the current thread does the work and calls Python. A second Ctrl-C then interrupts the
-    /// call of Python.
+    /// running Python code.
     pub fn calls_python(&self) -> PyResult<()> {
         let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
         *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);

@@ -2,14 +2,14 @@
 //! compares, and its metrics.
 //!
 //! The caller renders the variants of the [`Plan`], once per seed, and passes the results. An application
-//! uses tensors and maps. An application neither reads scenes or files nor renders.
+//! uses tensors and maps. An application does not read scenes or files, and does not render.
 
 use crate::chain::few::Task;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
 
-/// An application of the tensor, with the published methods for the same task.
+/// An application of the transport tensor, with published methods for the same task as baselines.
 #[derive(Clone, Debug)]
 pub struct Application {
     /// Name of the application on the command line, a single word.
@@ -19,7 +19,8 @@ pub struct Application {
     pub plan: Plan,
     /// All methods. The first method is compared with all other methods.
     pub methods: Vec<Method>,
-    /// Names of images that belong to no method and no truth map, such as elements that are drawn directly.
+    /// Names of images that belong neither to a method nor to a truth map, such as elements that are drawn
+    /// directly.
     pub drawn: Vec<&'static str>,
     /// All metrics. The first metric is the main metric.
     pub metrics: Vec<Metric>,
@@ -45,9 +46,8 @@ pub struct Plan {
     pub train: Vec<u64>,
     /// Variants for testing, none of which is in `train`.
     pub test: Vec<u64>,
-    /// Names of the slices of every variant. The list is empty if the seeds apply to detector noise, for
-    /// example, instead of renders. With an empty list, the ground truth is rendered and no slice is
-    /// rendered.
+    /// Names of the slices of every variant. If the list is empty, only the ground truth is rendered. An
+    /// example is an application whose seeds select detector noise instead of renders.
     pub slices: Vec<&'static str>,
     pub truth: Vec<Truth>,
     pub preview: Size,
@@ -55,7 +55,7 @@ pub struct Plan {
     pub full: Size,
 }
 
-/// The source of a ground-truth map, and its name.
+/// The source and the name of a ground-truth map.
 #[derive(Clone, Copy, Debug)]
 pub enum Truth {
     /// Fraction of each pixel's area in which the first visible surface has one of these materials.
@@ -86,7 +86,7 @@ pub enum Truth {
         /// Returns the variant to render for a given variant. The function [`itself`] returns the given
         /// variant.
         of: fn(u64) -> u64,
-        /// Factor by which the number of samples exceeds the number of samples of other renders.
+        /// Number of samples, as a multiple of the number of samples of other renders.
         samples: u32,
     },
 }

@@ -16,8 +16,8 @@ pub struct Row {
     pub ours_less_this: Option<Estimate>,
 }
 
-/// Returns the scores of a method by a metric, from scores with their seeds. The table has one row per
-/// variant and one column per seed. Missing scores are NaN.
+/// Returns a table of the scores of one method for one metric. `scores` contains pairs of seed and score. The
+/// table has one row per variant and one column per seed. Missing scores are NaN.
 pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
     let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
     let mut seeds: Vec<u64> = scores.iter().map(|(seed, _)| *seed).collect();
@@ -34,8 +34,8 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
     variants.iter().map(|v| seeds.iter().map(|s| value(*v, *s)).collect()).collect()
 }
 
-/// Returns the rows of all methods and metrics, from scores with their seeds. The rows are sorted by metric,
-/// then by method, in the order of the application.
+/// Returns the rows of all methods and metrics. `scores` contains pairs of seed and score. The rows are
+/// sorted by metric, then by method, in the order of the application.
 pub fn compare(application: &Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = &application.methods;
     let mut rows = vec![];

@@ -1,5 +1,5 @@
-//! Applications of the tensor. The applications are those of Baek & Heide (2021, sections 6 and 8), and
-//! published baselines on the same data. All applications are evaluated against exact ground truth.
+//! Applications of the tensor. The crate contains the applications of Baek & Heide (2021, sections 6 and 8),
+//! and published baselines on the same data. All applications are evaluated against exact ground truth.
 //!
 //! Methods are functions of images ([`map::Map`]) and tensors, and do not use scenes, renderers or files. An
 //! [`application::Application`] defines its methods, its metrics and the renders that it needs.

@@ -5,16 +5,16 @@
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     pub width: usize,
-    /// Number of rows, from the top.
+    /// Number of rows. The first row is the top row.
     pub height: usize,
-    /// Values per pixel.
+    /// Number of values per pixel.
     pub channels: usize,
     /// Values of all pixels. The channel index varies fastest.
     pub data: Vec<f64>,
 }
 
 impl Map {
-    /// Returns the map of a function that fills the channels of the pixel at a column and row.
+    /// Creates a map with a function that fills the channels of the pixel at a column and row.
     pub fn from_fn(
         width: usize,
         height: usize,

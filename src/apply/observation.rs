@@ -23,8 +23,8 @@ pub struct Observation {
     pub truth: BTreeMap<String, Map>,
 }
 
-/// A slice of the tensor in W/(m² sr nm) per unit drive. Outgoing Stokes vectors are in the camera's
-/// frame, incoming ones in the projector's frame.
+/// A slice of the tensor in W/(m² sr nm) per unit drive. Outgoing Stokes vectors are in the camera's frame,
+/// and incoming Stokes vectors are in the projector's frame.
 #[derive(Clone, Debug)]
 pub struct Slice {
     pub mean: Tensor,
@@ -136,7 +136,7 @@ impl Observation {
         ApplyError::Sizes { variant: self.variant, what: what.into() }
     }
 
-    /// Returns the error for a variant in which no pixel shows the material or object `what` alone.
+    /// Returns the error for a variant in which no pixel shows only the material or object `what`.
     pub(crate) fn no_pixel(&self, what: &str) -> ApplyError {
         let variant = self.variant;
         let cause = format!("variant {variant} has no pixel that shows {what}");

@@ -1,5 +1,5 @@
-//! Computes light by path type. The light is a sum over a slice that has axes for labels ([`tensor::label`])
-//! and for numbers of surface interactions.
+//! Computes light by path type, from a slice that has axes for labels ([`tensor::label`]) and for numbers of
+//! surface interactions.
 //!
 //! Light components are sets of pairs (label, bounces). A label does not contain the order of interactions.
 //! Light from a mirror to a wall and light from a wall to a mirror therefore have the same path type.
@@ -59,7 +59,7 @@ impl Path {
     }
 }
 
-/// A slice that keeps labels and numbers of bounces.
+/// A slice with axes for labels and for numbers of bounces.
 pub struct Labelled<'a> {
     pub tensor: &'a Tensor,
     /// All path types of the slice.
@@ -136,7 +136,7 @@ impl Paths {
         Ok(Self { width, height, kinds: slice.kinds, light })
     }
 
-    /// Returns the light of all paths that satisfy `is`.
+    /// Returns an image of the light, summed over all paths that satisfy `is`.
     pub fn of(&self, is: impl Fn(Path) -> bool) -> Map {
         let chosen: Vec<usize> = (0..self.kinds.len()).filter(|k| is(self.kinds[*k])).collect();
         Map::from_fn(self.width, self.height, 1, |x, y, out| {

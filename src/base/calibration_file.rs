@@ -31,7 +31,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// All parts, in the order of the file, in which keys without a table header come first.
+    /// All parts, in the order of the file. In a TOML file, keys without a table header come first.
     pub const ALL: [Self; 4] = [Self::Elements, Self::Devices, Self::Sensor, Self::Counter];
 
     /// Returns the keys of the part. In a pair, the first key names a table, and the second is a key in
@@ -81,7 +81,7 @@ impl Part {
 pub enum PutError {
     /// The existing file is not a calibration.
     Input(InputError),
-    /// Another calibration is writing to the file. Contains the holder of the lock.
+    /// Another calibration is writing to the file. Contains the name of the process that holds the lock.
     Held(String),
     Io(io::Error),
 }
@@ -145,7 +145,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
 }
 
 /// Returns the text of a calibration file in which `text` replaces one part. `text` is TOML with the keys of
-/// the replaced part only. All other parts are those of `old`, the current text of the file at `path`.
+/// the replaced part only. All other parts are copied from `old`, the current text of the file at `path`.
 ///
 /// # Errors
 /// If `old` is not a calibration, returns [`InputError`] at the unknown key or at the invalid TOML.
@@ -170,7 +170,7 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
     Ok(out)
 }
 
-/// Writes a part to the calibration file at `path`, which is created if it does not exist. `text` is TOML
+/// Writes a part to the calibration file at `path`. If the file does not exist, it is created. `text` is TOML
 /// with the keys of the written part only. All other parts are kept, without comments. Readers see either the
 /// old or the new file.
 ///
@@ -246,7 +246,7 @@ mod tests {
         }
     }
 
-    /// Verifies that a new result replaces all keys of the same part.
+    /// Verifies that a new result for a part replaces all keys of this part.
     #[test]
     fn a_new_part_replaces_all_keys_of_the_old_one() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! Parses TOML documents. Errors contain file, line, column and fix. Lists in place of tables are refused.
+//! Parses TOML documents. Errors state the file, the line, the column and the fix. Lists in place of tables
+//! are refused.
 
 use crate::input;
 use crate::locate::InputError;
@@ -29,8 +30,8 @@ pub fn parse<T: DeserializeOwned>(
     fault(path, text, fix, toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))))
 }
 
-/// Parses a table as [`parse`] parses a document. The values of the table come from `text`, even if the
-/// table was assembled from several places. Errors contain the location in `text`.
+/// Parses a table as [`parse`] parses a document. The values of the table come from `text`, even if the table
+/// was assembled from several places. Errors state the location in `text`.
 ///
 /// # Errors
 /// Returns [`InputError`] at the location that does not match the type.

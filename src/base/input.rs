@@ -1,8 +1,8 @@
 //! Reads input files, which must be regular files.
 //!
-//! Reads of a pipe without a writer or of `/dev/zero` never end. Anything other than a regular file is
-//! therefore refused without being opened. Text has a maximum size, because a sparse file can report any
-//! size.
+//! A read from a pipe without a writer, or from `/dev/zero`, never ends. Anything other than a regular file
+//! is therefore refused without being opened. The size of text files is limited, because a sparse file can
+//! report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};
@@ -11,7 +11,8 @@ use std::path::Path;
 /// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Returns whether a path exists and is neither a regular file nor a folder, such as a pipe or a device.
+/// Returns whether a path refers to an existing item other than a regular file or a folder (for example, a
+/// pipe or a device).
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -50,7 +51,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads a regular file that contains at most [`MOST_TEXT`] bytes of text.
 ///
 /// # Errors
-/// Returns the same errors as [`open`], and an error if the file is larger or not UTF-8.
+/// Returns the same errors as [`open`], and an error if the file is larger than the limit or not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let file = open(path)?;
     let mut text = String::new();

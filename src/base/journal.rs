@@ -1,8 +1,8 @@
 //! Journal of the completed parts of a long task, so that a killed task can resume.
 //!
 //! The journal is an append-only file of JSON lines in the output folder. The line of a part is appended
-//! after all files of the part are in place. If a crash truncates a line, the line is ignored, and the part
-//! is repeated with identical bytes.
+//! after all files of the part are written. If a crash truncates a line, the line is ignored, and the part is
+//! computed again with an identical result.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

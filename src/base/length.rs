@@ -2,7 +2,8 @@
 
 use std::str::FromStr;
 
-/// Names of units with their lengths in metres. A name that ends with another name precedes the other name.
+/// Names of units with their lengths in metres. A name that ends with another name (`mm` ends with `m`) comes
+/// before the shorter name.
 const UNITS: [(&str, f64); 7] =
     [("nm", 1e-9), ("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
 
@@ -34,8 +35,8 @@ impl Length {
     /// Returns the length in metres if it has a unit or is at most `limit` metres.
     ///
     /// # Errors
-    /// Returns a message about the length `what`, if the length has no unit and exceeds `limit`, because the
-    /// length may be in millimetres.
+    /// Returns a message about the length `what` if the length has no unit and exceeds `limit`. Such a length
+    /// may be in millimetres.
     pub fn within(self, limit: f64, what: &str) -> Result<f64, String> {
         if self.has_unit || self.metres <= limit {
             return Ok(self.metres);

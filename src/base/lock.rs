@@ -157,7 +157,7 @@ mod tests {
         Lock::take(&output).expect("nobody holds it");
     }
 
-    /// Verifies that a link and its target have the same lock.
+    /// Verifies that a symbolic link and its target have the same lock.
     #[cfg(unix)]
     #[test]
     fn a_link_and_its_target_share_a_lock() {

@@ -24,7 +24,7 @@ impl Element {
         }
     }
 
-    /// Converts the bytes of one number. Integers above 2⁵³ are rounded.
+    /// Converts the bytes of one number to `f64`. Integers above 2⁵³ are rounded.
     pub fn number(self, bytes: &[u8], big_endian: bool) -> f64 {
         let size = self.size();
         let mut word = [0_u8; 8];
@@ -129,8 +129,8 @@ impl Header {
         }
     }
 
-    /// Converts the elements after the header, in the order of the file. Returns `None` if the elements are
-    /// not numbers, or if there are fewer elements than the shape requires.
+    /// Converts the elements after the header to `f64`, in the order of the file. Returns `None` if the
+    /// elements are not numbers, or if there are fewer elements than the shape requires.
     pub fn numbers(&self, elements: &[u8]) -> Option<Vec<f64>> {
         let (element, big_endian) = self.element()?;
         let count = self.shape.iter().try_fold(1_usize, |n, len| n.checked_mul(*len))?;
@@ -201,7 +201,7 @@ fn header(text: &str) -> Option<Header> {
     Some(Header { shape: shape?, column_major: column_major?, kind: kind? })
 }
 
-/// Removes a literal from the start of `rest`.
+/// Removes a literal from the start of `rest` and returns the literal.
 fn literal<'a>(rest: &mut &'a str, depth: usize) -> Option<Literal<'a>> {
     *rest = rest.trim_start();
     let first = rest.chars().next().filter(|_| depth < 16)?;
@@ -234,8 +234,8 @@ fn literal<'a>(rest: &mut &'a str, depth: usize) -> Option<Literal<'a>> {
     }
 }
 
-/// Removes a list of entries, which are separated by commas, with the bracket before the list and the bracket
-/// `last` after the list.
+/// Removes a bracketed list of entries, separated by commas, from the start of `rest` and returns the
+/// entries. `last` is the closing bracket.
 fn list<'a, T>(
     rest: &mut &'a str,
     last: char,
@@ -273,7 +273,7 @@ mod tests {
         Header::read(&mut &file(1, text)[..]).ok()
     }
 
-    /// Texts that numpy.save (NumPy 2.2, and 1.6 with Python 2) writes.
+    /// Verifies that headers are read as numpy.save writes them (NumPy 2.2, and NumPy 1.6 with Python 2).
     #[test]
     fn headers_of_numpy_are_read() {
         let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }      \n";

@@ -44,7 +44,7 @@ pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
 /// Maximum distance of an accepted wavelength beyond the range of a table, in nanometres.
 pub const BEYOND_NM: f64 = 5.0;
 
-/// Returns the index as [`nearest`] does, but `None` for a wavelength more than [`BEYOND_NM`] beyond the
+/// Returns the same index as [`nearest`], but `None` if the wavelength is more than [`BEYOND_NM`] beyond the
 /// entries.
 pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     let low = nm.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,8 +1,8 @@
 //! Atomic creation of folders, which are built next to the destination under a hidden name and then renamed.
 //!
-//! A killed process may leave `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a
-//! replaced folder, to be deleted). The next holder of the destination's [`super::lock::Lock`] finds both
-//! folders.
+//! A killed process may leave two folders: `.NAME.part` (unfinished work, to be resumed or restarted) and
+//! `.NAME.old` (a replaced folder, to be deleted). The next process that holds the destination's
+//! [`super::lock::Lock`] handles both folders.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -29,9 +29,9 @@ pub fn remove(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Recovers after a process was killed while it replaced the folder at `path`. Deletes the old folder if the
-/// new folder is in place, and otherwise moves the old folder back. Only the holder of the lock may call this
-/// function.
+/// Completes or reverts the replacement of the folder at `path`, if the process that replaced it was killed.
+/// Deletes the old folder if the new folder is at `path`, and otherwise moves the old folder back to `path`.
+/// Only the holder of the lock may call this function.
 ///
 /// # Errors
 /// Returns the error of the file system.
@@ -50,7 +50,7 @@ pub fn recover(path: &Path) -> io::Result<()> {
 /// system supports it.
 ///
 /// # Errors
-/// Returns the error of the file system. The old folder stays in place.
+/// Returns the error of the file system. If the replacement itself fails, the old folder remains at `path`.
 pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(path).is_err() {
         return fs::rename(part, path);

@@ -1,9 +1,9 @@
 //! Writes files atomically: a file is written completely or not at all.
 //!
-//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, and the temporary file
-//! is renamed to the destination. If the process is killed, the destination is either the old or the new
-//! file, never a partial file. The temporary file may remain. Files are not synchronized to disk, so a power
-//! failure may damage them.
+//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination. The temporary file is
+//! then renamed to the destination. If the process is killed, the destination is either the old file or the
+//! complete new file. The temporary file may remain. Files are not synchronized to disk, so a power failure
+//! may damage them.
 
 use crate::input;
 use std::fs::{self, File};
@@ -26,7 +26,7 @@ pub fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
 
-/// Returns whether two paths refer to the same existing file or folder, through any links.
+/// Returns whether two paths refer to the same existing file or folder, even if the paths contain links.
 pub fn is_same(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
         (Ok(a_path), Ok(b_path)) => a_path == b_path || is_same_node(a, b),
@@ -50,7 +50,7 @@ pub fn real(path: &Path) -> PathBuf {
     found
 }
 
-/// Returns whether two paths are the same inode, which may have several names because of hard links.
+/// Returns whether two paths refer to the same inode. An inode can have several paths because of hard links.
 #[cfg(unix)]
 fn is_same_node(a: &Path, b: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

@@ -2,14 +2,14 @@
 //!
 //! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
 //! deviations. Along a direction in parameter space that affects no residual, the parameters keep their
-//! initial values, and the fit reports the direction. The singular values of the Jacobian with normalized
-//! columns determine the undetermined directions.
+//! initial values. The fit reports each of these directions. The singular values of the Jacobian with
+//! normalized columns determine the undetermined directions.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Singular value, relative to the largest one, below which a direction in parameter space is undetermined.
 const NOTHING: f64 = 1e-6;
-/// Smallest component of an undetermined direction along a parameter for which the report names the
+/// The report names a parameter if the undetermined direction has at least this component along the
 /// parameter.
 const NAMED: f64 = 0.1;
 const STEPS: usize = 100;

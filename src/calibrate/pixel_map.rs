@@ -8,7 +8,7 @@ use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// A map with one number per pixel, rows from the top.
+/// A map with one number per pixel, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap(pub Vec<f32>);
 

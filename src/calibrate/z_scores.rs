@@ -1,15 +1,16 @@
 //! Compares the actual errors of many repetitions with the stated standard errors, to test covariances.
 //!
 //! The mean square of n independent standard normals is χ²/n with n degrees of freedom. This mean has a
-//! standard deviation of √(2/n) around 1. The mean square of 64 values is outside 0.8 to 1.25 in one of six
-//! tests. For 1024 values, the mean square is outside this interval in one of 100,000 tests. The bounds are
-//! therefore those of χ² for the number of independent values (Wilson and Hilferty 1931). With these bounds,
-//! correct covariances pass for practically all seeds.
+//! standard deviation of √(2/n) around 1. The mean square of 64 values is outside the interval from 0.8 to
+//! 1.25 in one of six tests. For 1024 values, the mean square is outside this interval in one of 100,000
+//! tests. The bounds are therefore those of χ² for the number of independent values (Wilson and Hilferty
+//! 1931). With these bounds, correct covariances pass for practically all seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// Accepted variance of z-scores for a correct covariance, according to the project's acceptance criterion.
+/// Accepted range of the variance of z-scores for a correct covariance, according to the project's acceptance
+/// criterion.
 const BAR: std::ops::Range<f64> = 0.8..1.25;
 /// Number of independent values above which random fluctuations (4.4 standard deviations of χ²) are
 /// within [`BAR`].
@@ -18,13 +19,13 @@ const ENOUGH: f64 = 1000.0;
 /// fluctuation.
 const CHANCE: f64 = 4.4;
 
-/// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …). The number is the environment
-/// variable `SUNSTONE_REPEATS`, or `default` if the variable is not set.
+/// Returns the number of repetitions of a statistical test (seeds 0, 1, 2, …). The number is the value of the
+/// environment variable `SUNSTONE_REPEATS`, or `default` if the variable is not set.
 pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
 
-/// Sums of squared z-scores, by parameter class.
+/// Sums of squared z-scores, for each parameter class.
 #[derive(Default)]
 pub struct ZScores(BTreeMap<String, Class>);
 
@@ -67,8 +68,8 @@ impl ZScores {
         z.iter().for_each(|z| self.add(class, *z, 1.0));
     }
 
-    /// Prints all classes, then asserts that the mean square of each class is consistent with 1. A
-    /// class with at least a thousand independent values must be within 0.8 to 1.25.
+    /// Prints all classes, then asserts that the mean square of each class is consistent with 1. The mean
+    /// square of a class with at least a thousand independent values must be between 0.8 and 1.25.
     pub fn hold(&self, what: &str) {
         for (name, c) in &self.0 {
             let v = c.squares / c.values;

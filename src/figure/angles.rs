@@ -20,9 +20,9 @@ const BEYOND: f64 = 0.08;
 /// Maximum number of panels on a page.
 const MOST: usize = 8;
 
-/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and the
-/// period of its angle. `values[capture][element]` is the angle in the units of the label. Non-finite angles
-/// leave gaps.
+/// Draws the angles of a scheme. `elements` contains the name, the axis label with unit (`"angle / °"`) and
+/// the period of the angle of every element. `values[capture][element]` is the angle in the units of the
+/// label. Non-finite angles leave gaps.
 ///
 /// # Errors
 /// [`FigureError::Option`] in the following cases:

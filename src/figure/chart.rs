@@ -1,9 +1,9 @@
 //! Draws an x–y chart of named series, with lines, markers and error bars on linear or logarithmic axes.
 //!
 //! Series differ in colour and marker, so that the chart is also readable in grayscale. Non-finite points
-//! leave gaps. Points at or below zero on a logarithmic axis also leave gaps. A note under the chart states
-//! the number of these points. A reference line is a series of two points. A bound is a dashed series in
-//! [`BLACK`].
+//! leave gaps. On a logarithmic axis, points at or below zero also leave gaps, and a note under the chart
+//! states the number of these points. A reference line is a series of two points. A bound is a dashed series
+//! in [`BLACK`].
 
 use image::Rgb;
 
@@ -228,7 +228,7 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
 }
 
 /// Returns the page coordinates and standard errors of a series' points. A point without a standard error has
-/// the error 0. The result is `None` for a gap.
+/// the error 0. An item is `None` for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
     let all = series.points.iter().enumerate();
     all.map(move |(i, &p)| scales.point(p).map(|at| (at, [p.0, p.1], series.error(i))))

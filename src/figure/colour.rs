@@ -1,4 +1,4 @@
-//! Maps values to colours by wavelength, exposure and colour maps.
+//! Maps values to colours, based on their wavelengths, an exposure and colour maps.
 //!
 //! The wavelength rule assigns wavelengths to primaries (660 nm red, 550 nm green, 450 nm blue). Each primary
 //! shows the mean of the wavelengths for which the primary is the nearest. A primary that is nearest to no

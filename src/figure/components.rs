@@ -25,8 +25,8 @@ pub struct Map {
 /// Size of a cell in pixels. The last pixel separates the cell from the next cell.
 const CELL: (f64, f64) = (62.0, 46.0);
 
-/// Draws maps, `columns` per row. The common scale is ± the largest magnitude, and `quantity` labels the
-/// colour bar. Non-finite values are grey.
+/// Draws maps, `columns` per row. The ends of the common scale are ± the largest magnitude of all values.
+/// `quantity` is the label of the colour bar. Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Empty`] if there is no map.

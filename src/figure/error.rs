@@ -65,7 +65,8 @@ impl FigureError {
         Self::Option { option, value, must }
     }
 
-    /// Returns the error for an empty list of items with a title.
+    /// Returns the error for an empty `axis` of a slice, or for an empty list of a figure's items. `title` is
+    /// the name of the slice or the title of the figure.
     pub(crate) fn nothing(title: &str, axis: &'static str) -> Self {
         let slice = title.to_owned();
         Self::Empty { slice, axis }

@@ -1,8 +1,9 @@
-//! Draws light in flight. Time bins are colour images of M00, on a contact sheet or as an animation.
+//! Draws light in flight: colour images of M00, one image per time bin, on a contact sheet or as an
+//! animation.
 //!
-//! The frames are distributed evenly over the time bins between 0.1 % and 99.9 % of the cumulative light.
-//! Light is the positive M00, summed over pixels and wavelengths. All frames have the same exposure. White is
-//! the 99.5th percentile of the positive channel values.
+//! The frames are distributed evenly over the time bins between 0.1 % and 99.9 % of the cumulative light. The
+//! light in a time bin is the sum of the positive M00 values over pixels and wavelengths. All frames have the
+//! same exposure. White is the 99.5th percentile of the positive channel values.
 
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
@@ -18,7 +19,8 @@ use super::white::White;
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
-/// Fraction of the light that is before the first frame. The same fraction is after the last frame.
+/// Maximum fraction of the total light in the time bins before the first frame, and in the time bins after
+/// the last frame.
 const TAIL: f64 = 0.001;
 /// Maximum number of frames on a sheet.
 pub(crate) const MOST: usize = 400;
@@ -49,8 +51,8 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Returns a number of columns for a sheet of `n` frames with `w` × `h` pixels. The aspect ratio of the sheet
-/// is as close as possible to 4:3. Full rows are preferred.
+/// Returns the number of columns for a sheet of `n` frames of `w` × `h` pixels. The aspect ratio (width to
+/// height) of the sheet is close to 1.4, and full rows are preferred.
 fn columns(n: usize, w: usize, h: usize) -> usize {
     let cost = |c: usize| {
         let rows = n.div_ceil(c);

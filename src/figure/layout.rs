@@ -199,7 +199,8 @@ impl Page<'_> {
 }
 
 impl Bar {
-    /// Creates a colour bar for signed values between ± `limit`. The label can depend on the ticks.
+    /// Creates a colour bar for signed values between ± `limit`. `label` returns the label for the given
+    /// ticks.
     pub fn signed(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
         let ticks = Ticks::linear(-limit, limit, 8);
         Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }

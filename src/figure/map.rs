@@ -1,9 +1,10 @@
 //! Draws two-dimensional maps of one camera scanline. The second dimension is projector pixels (s–s') or
 //! travel time (x–t).
 //!
-//! Camera columns run to the right. Projector pixels and time run upward. M00 has a square-root scale, or a
-//! logarithmic scale if the ratio of its positive values exceeds [`LOG_FROM`]. The colour bar states the kind
-//! of scale. Other elements are signed and divided by M00 (the quotient of sums).
+//! Camera columns increase to the right. Projector pixels and time increase upward. M00 has a square-root
+//! scale, or a logarithmic scale if the ratio of two percentiles of its positive values exceeds [`LOG_FROM`].
+//! The colour bar states the kind of scale. Other elements are signed and divided by M00 (the quotient of
+//! sums).
 
 use image::{Rgb, RgbImage};
 
@@ -157,8 +158,8 @@ impl Content<'_> {
     }
 }
 
-/// Reads a camera scanline against the projector column. If the slice resolves rows but no columns, reads the
-/// scanline against the projector row.
+/// Returns a map of camera columns and projector columns for one camera scanline. If the slice resolves
+/// projector rows but no projector columns, the map has projector rows instead.
 pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
@@ -171,7 +172,7 @@ pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Co
     content(view, source, kind, label)
 }
 
-/// Reads a camera scanline against travel time.
+/// Returns a map of camera columns and travel times for one camera scanline.
 pub(super) fn space_time<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     content(view, source, AxisKind::T, "travel time [ps]")

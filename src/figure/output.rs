@@ -191,7 +191,7 @@ impl Drawing {
     }
 }
 
-/// Sorts the entries of a PDF's resources by name. The program svg2pdf writes the entries in the random order
+/// Sorts the entries of a PDF's resources by name. The crate svg2pdf writes the entries in the random order
 /// of a hash map.
 fn in_order(pdf: &[u8]) -> Vec<u8> {
     // Entries are lines such as `/xo12 34 0 R`. Sorting does not move any other bytes of the file.

@@ -75,8 +75,8 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
 }
 
 /// Returns whether a pixel is within the range of the kept pixels. The tolerance is half of the spacing, and
-/// at least one pixel. A single kept pixel accepts any position, because such a pixel may represent adjacent
-/// pixels.
+/// at least one pixel. If a single pixel is kept, any position is accepted, because this pixel may represent
+/// adjacent pixels.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;

@@ -1,5 +1,5 @@
-//! Defines views. A view states which image to draw of which slice. Scene files, stores and the command line
-//! use these types.
+//! Defines views. A view specifies a slice and the image to draw from it. Scene files, stores and the command
+//! line use these types.
 
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};

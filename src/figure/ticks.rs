@@ -14,7 +14,7 @@ pub struct Ticks {
 }
 
 impl Ticks {
-    /// Returns at most approximately `most` ticks between `low` and `high`. The ticks are at 1, 2 or 5 times
+    /// Returns approximately `most` ticks or fewer between `low` and `high`. The ticks are at 1, 2 or 5 times
     /// powers of ten.
     pub fn linear(low: f64, high: f64, most: usize) -> Self {
         let span = high - low;

@@ -5,8 +5,8 @@
 pub enum White {
     /// A positive, finite value.
     Value(f32),
-    /// No value, because the image has no positive values. All pixels are black, or at the middle of a signed
-    /// scale.
+    /// No value, because the image has no positive values. All pixels are black, or have the middle colour of
+    /// a signed scale.
     Nothing,
 }
 

@@ -16,7 +16,7 @@ pub struct Appearance {
     pub metallic: f64,
     /// GGX roughness α of coat, metal and glass. The roughness α is the square of glTF's roughness.
     pub alpha: f64,
-    /// An image whose green channel multiplies the roughness (the square root of α) and whose blue channel
+    /// An image. The green channel multiplies the roughness (the square root of α), and the blue channel
     /// multiplies the share of metal.
     pub metallic_roughness: Option<Picture>,
     /// Reflectance of a mirror blended with the base: red, green, blue.
@@ -53,7 +53,7 @@ pub struct Coat {
     pub colour: [f64; 3],
 }
 
-/// Source of opacity in an image.
+/// Image channel from which the opacity is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Opacity {
     First,

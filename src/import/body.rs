@@ -63,8 +63,8 @@ pub fn principled(eta: f64, roughness: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares base colours 0.2, 0.5 and 0.8 at roughness 1 with values of glTF's specification
-    /// and of Mitsuba, which separate scripts computed.
+    /// Compares directional albedos for base colours 0.2, 0.5 and 0.8 at roughness 1 with values from glTF's
+    /// specification and from Mitsuba. Separate scripts computed these values.
     #[test]
     fn base_colours_keep_their_directional_albedo() {
         let specified = [0.204, 0.492, 0.780];

@@ -1,6 +1,6 @@
 //! Reads glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`,
-//! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` only determines
-//! whether a surface refracts. All other keys of a material are listed as unused.
+//! `_volume`, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). `_volume` determines whether a
+//! surface refracts light, and has no other effect. All other keys of a material are listed as unused.
 //!
 //! glTF's texture coordinates start at the image's upper left corner, with v downward. Sunstone's texture
 //! coordinates start at the lower left corner. Colour factors are linear, and colours of images are

@@ -77,7 +77,7 @@ const TOP: [&str; 13] = [
     "samplers",
 ];
 
-/// Attributes of morph targets. Tangents follow from the other attributes.
+/// Attributes of morph targets. Tangents are not read, because the other attributes determine them.
 const TARGET: [&str; 3] = ["POSITION", "NORMAL", "TANGENT"];
 
 const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];

@@ -1,5 +1,6 @@
 //! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`.
-//! The crate also checks closed surfaces, reads images and reads the transforms of many copies.
+//! The crate also checks closed surfaces, reads images, and reads files with the transforms of many copies of
+//! an object.
 //!
 //! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
 //! [`ImportError`] with its location, never a panic. The file's length bounds all allocations. All parsers

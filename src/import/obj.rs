@@ -326,7 +326,7 @@ impl Reader<'_> {
         Ok(id)
     }
 
-    /// Ends the current object. The next object has the same name and material.
+    /// Ends the current object. The next object keeps the name and material of the ended object.
     fn flush(&mut self) -> Result<(), ImportError> {
         let next = Object {
             name: self.object.name.clone(),

@@ -50,7 +50,7 @@ impl Parts {
         self.add_with(name, material, mesh, Corners::default())
     }
 
-    /// Does the same as [`Self::add`] for a mesh with an attribute.
+    /// Cleans, checks and adds a mesh with an attribute, with the same steps as [`Self::add`].
     pub fn add_with(
         &mut self,
         name: String,

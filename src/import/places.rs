@@ -1,4 +1,4 @@
-//! Parses files with the transforms of many copies: text, or NumPy's `.npy`.
+//! Parses files with the transforms of many copies of an object: text, or NumPy's `.npy`.
 
 use base::npy::{Element, Header, SIGNATURE};
 use glam::{DAffine3, DMat3, DVec3};
@@ -13,7 +13,7 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     if is_array(bytes) { array(bytes) } else { text(bytes) }
 }
 
-/// Returns whether bytes begin like a `.npy` file.
+/// Returns whether bytes begin with the signature of a `.npy` file.
 pub fn is_array(bytes: &[u8]) -> bool {
     bytes.starts_with(SIGNATURE)
 }

@@ -38,8 +38,8 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     read(bytes, None)
 }
 
-/// Does the same as [`parse_ply`], and also reads an attribute ([`super::attribute`]). Texture coordinates of
-/// faces are not read.
+/// Parses a PLY file as [`parse_ply`] does, and also reads an attribute ([`super::attribute`]). Texture
+/// coordinates of faces are not read.
 ///
 /// # Errors
 /// Returns the same errors as [`parse_ply`], or an error if the file does not have the attribute.

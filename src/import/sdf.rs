@@ -13,7 +13,7 @@ use transport::geometry::mesh::Mesh;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Normals {
-    /// Normals are the gradient within each cell, which is discontinuous between cells.
+    /// Normals are gradients of each cell. The gradients are discontinuous between cells.
     Analytic,
     /// Normals are weighted gradients of eight cells (Hansson-Söderlund, Evans, Akenine-Möller, JCGT 11(3),
     /// 2022).
@@ -29,8 +29,8 @@ pub struct Surface {
     pub deviation: f64,
 }
 
-/// Constant texture coordinate, inside of the square of a checkerboard that Mitsuba uses. Mitsuba's value is
-/// 0, at which squares of a checkerboard touch.
+/// Constant texture coordinate. The coordinate lies inside the checkerboard square that Mitsuba evaluates.
+/// Mitsuba's value is 0, which is a corner of several squares of a checkerboard.
 const UV: Vec2 = Vec2::splat(1e-6);
 const MOST: usize = 4_000_000;
 /// Deviation from the surface, in cell sizes, at which subdivision stops.

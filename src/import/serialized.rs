@@ -14,7 +14,7 @@ const FIX: &str = "export the mesh again, or convert it to PLY";
 /// First two bytes of every mesh in a file.
 const MAGIC: u16 = 0x041c;
 
-/// Flag bits in the header of a mesh, of versions 3 and 4 and of version 5.
+/// Flag bits in the header of a mesh. Flags whose names end in `_5` are specific to version 5.
 const NORMALS: u32 = 0x1;
 const UVS: u32 = 0x2;
 const COLOURS: u32 = 0x8;
@@ -64,7 +64,7 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
     parts.end(FIX)
 }
 
-/// Returns the byte offset of a mesh, which the dictionary at the end of the file contains.
+/// Returns the byte offset of a mesh from the dictionary at the end of the file.
 fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> {
     let cut = || ImportError::new("the list of meshes at the end of the file is truncated", FIX);
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
@@ -229,7 +229,7 @@ mod tests {
         out
     }
 
-    /// Returns a `serialized` file of version 3 or 4 with one triangle at a height.
+    /// Returns a `serialized` file of version 3 or 4 with one triangle at z = `height`.
     fn triangle(version: u16, flags: u32, height: f64) -> Vec<u8> {
         let mut b = flags.to_le_bytes().to_vec();
         if version == 4 {

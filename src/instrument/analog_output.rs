@@ -103,9 +103,9 @@ pub trait AnalogOutput: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: settings are invalid
-    /// - refused: a buffer is playing
-    /// - timeout or disconnected
+    /// - `limit`: settings are invalid
+    /// - `refused`: a buffer is playing
+    /// - `timeout` or `disconnected`
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
     /// Loads a buffer into the card's memory. A buffer has one list of voltages (volts) per driven channel,
@@ -113,25 +113,25 @@ pub trait AnalogOutput: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: the card cannot output the buffer ([`AnalogLimits::check_buffer`])
-    /// - refused: the card is not configured, or a buffer is playing
-    /// - disconnected
+    /// - `limit`: the card cannot output the buffer ([`AnalogLimits::check_buffer`])
+    /// - `refused`: the card is not configured, or a buffer is playing
+    /// - `disconnected`
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
     /// Starts to output the buffer and returns immediately.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind refused (no buffer, or a buffer is playing) or disconnected.
+    /// Returns a [`Failure`] of kind `refused` (no buffer, or a buffer is playing) or `disconnected`.
     fn start(&mut self) -> Result<(), Failure>;
 
     /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - timeout: the buffer is still playing
-    /// - stalled: the output stopped early
-    /// - refused: the output was not started
-    /// - disconnected
+    /// - `timeout`: the buffer is still playing
+    /// - `stalled`: the output stopped early
+    /// - `refused`: the output was not started
+    /// - `disconnected`
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Stops the output immediately at the current voltage. Has no effect if no buffer was started.

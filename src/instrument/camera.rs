@@ -140,11 +140,12 @@ pub struct RawFrame {
     pub region: Region,
     /// Encoding of `bytes`.
     pub format: PixelFormat,
-    /// Pixel data, rows from the top without padding. The length is [`PixelFormat::bytes`] of all pixels.
+    /// Pixel data, row by row from the top, without padding. The length is [`PixelFormat::bytes`] of all
+    /// pixels.
     pub bytes: Vec<u8>,
     /// Number of the frame. The camera counts frames since power-on. A gap indicates a lost frame.
     pub number: u64,
-    /// Camera clock at the start of the exposure, in nanoseconds.
+    /// Time of the camera's clock at the start of the exposure, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
@@ -155,23 +156,23 @@ pub trait AreaCamera: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: a setting is out of range, and the message names the setting
-    /// - timeout or disconnected
+    /// - `limit`: a setting is out of range, and the message names the setting
+    /// - `timeout` or `disconnected`
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts one exposure and returns immediately.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - refused: the camera is not configured, or an exposure is in progress
-    /// - disconnected
+    /// - `refused`: the camera is not configured, or an exposure is in progress
+    /// - `disconnected`
     fn expose(&mut self) -> Result<(), Failure>;
 
     /// Waits for the frame of the exposure in progress.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - timeout: the frame was lost, and another exposure can be started
-    /// - disconnected
+    /// - `timeout`: the frame was lost, and another exposure can be started
+    /// - `disconnected`
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure>;
 }

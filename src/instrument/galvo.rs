@@ -35,7 +35,7 @@ pub trait GalvoScanner: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: an angle is out of range
-    /// - timeout, stalled or disconnected
+    /// - `limit`: an angle is out of range
+    /// - `timeout`, `stalled` or `disconnected`
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure>;
 }

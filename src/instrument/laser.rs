@@ -43,9 +43,9 @@ pub trait PulsedLaser: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: the rate is out of range
-    /// - refused: an interlock prevents the emission
-    /// - timeout or disconnected
+    /// - `limit`: the rate is out of range
+    /// - `refused`: an interlock prevents the emission
+    /// - `timeout` or `disconnected`
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
     /// Queries the emission state, pulse rate and power.

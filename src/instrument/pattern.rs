@@ -5,8 +5,8 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// A pattern of `width` × `height` pixels. Each pixel is one byte, rows from the top, and 255 is full
-/// intensity.
+/// A pattern of `width` × `height` pixels. Each pixel is one byte, and 255 is full intensity. The pixels are
+/// stored row by row from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     pub width: u32,
@@ -40,7 +40,7 @@ impl ProjectorLimits {
     }
 }
 
-/// Returns entry number `pattern`, from 0, of a projector's list of loaded patterns.
+/// Returns the entry with index `pattern`, counted from 0, of a projector's list of loaded patterns.
 ///
 /// # Errors
 /// Returns a message if the list has no entry with this number.
@@ -58,17 +58,17 @@ pub trait PatternProjector: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: the number or the size of the patterns is out of range, or a pattern for a binary projector
+    /// - `limit`: the number or the size of the patterns is out of range, or a pattern for a binary projector
     ///   has grey levels
-    /// - timeout or disconnected
+    /// - `timeout` or `disconnected`
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
     /// Displays a loaded pattern until the next call, and returns when the light is stable.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: no pattern with this number is loaded
-    /// - timeout, disconnected or refused
+    /// - `limit`: no pattern with this number is loaded
+    /// - `timeout`, `disconnected` or `refused`
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
     /// Turns off the light of the projector.

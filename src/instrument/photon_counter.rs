@@ -29,8 +29,8 @@ pub struct CounterSettings {
     pub dwell: Duration,
     /// Offset added to the sync time, in picoseconds.
     pub offset_ps: f64,
-    /// Whether the counter returns time tags instead of a histogram. A time tag holds the pulse and the bin
-    /// of a photon.
+    /// Whether the counter returns time tags instead of a histogram. A time tag holds the pulse number and
+    /// the bin of a photon.
     pub tags: bool,
 }
 
@@ -46,7 +46,7 @@ pub struct Histogram {
     pub pulses: u64,
     /// Number of the acquisition. The photon counter counts its acquisitions.
     pub number: u64,
-    /// Clock of the counter at the start of the acquisition, in nanoseconds.
+    /// Time of the counter's clock at the start of the acquisition, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
@@ -57,23 +57,23 @@ pub trait PhotonCounter: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: a setting is not supported
-    /// - timeout or disconnected
+    /// - `limit`: a setting is not supported
+    /// - `timeout` or `disconnected`
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
     /// Starts an acquisition and returns immediately.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - refused: the counter is not configured, or an acquisition is in progress
-    /// - disconnected
+    /// - `refused`: the counter is not configured, or an acquisition is in progress
+    /// - `disconnected`
     fn begin(&mut self) -> Result<(), Failure>;
 
     /// Waits for the end of the acquisition and returns its result.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - saturated: a bin is full
-    /// - timeout or disconnected
+    /// - `saturated`: a bin is full
+    /// - `timeout` or `disconnected`
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure>;
 }

@@ -23,8 +23,8 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     bytes
 }
 
-/// Unpacks a frame's numbers, rows from the top. Returns `None` if the length does not match region and
-/// format.
+/// Unpacks a frame's numbers, row by row from the top. Returns `None` if the length does not match the region
+/// and the format.
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
     let bits = frame.format.bits();
     let pixels = u128::from(frame.region.width) * u128::from(frame.region.height);
@@ -65,8 +65,8 @@ mod tests {
     }
 
     /// Tests that Mono12p is packed as in PFNC. The first byte contains the low eight bits of the first
-    /// pixel. The second byte contains the first pixel's high four bits below the second pixel's low four
-    /// bits.
+    /// pixel. The low half of the second byte contains the first pixel's high four bits, and its high half
+    /// contains the second pixel's low four bits.
     #[test]
     fn packed_bytes_match_the_standard() {
         assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);

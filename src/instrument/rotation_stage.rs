@@ -58,7 +58,7 @@ pub trait RotationStage: Instrument {
     /// Homes the stage, and waits until homing has ended.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind timeout, stalled or disconnected.
+    /// Returns a [`Failure`] of kind `timeout`, `stalled` or `disconnected`.
     fn home(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Starts a move to an angle of the stage's scale, in degrees, and returns immediately. The new move
@@ -66,18 +66,18 @@ pub trait RotationStage: Instrument {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: the angle is outside [`StageLimits::range_deg`]
-    /// - refused: the stage is not homed
-    /// - disconnected
+    /// - `limit`: the angle is outside [`StageLimits::range_deg`]
+    /// - `refused`: the stage is not homed
+    /// - `disconnected`
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
     /// Waits for the end of the move and returns the encoder's reading.
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - timeout: the stage is still moving
-    /// - stalled: the stage stopped short of the goal
-    /// - disconnected
+    /// - `timeout`: the stage is still moving
+    /// - `stalled`: the stage stopped short of the goal
+    /// - `disconnected`
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
     /// Reads the position and the state of the stage.

@@ -1,5 +1,5 @@
-//! Requests to object stores: reads whole objects or byte ranges, and lists, writes and removes objects.
-//! Each object is written atomically.
+//! A client of object stores, which reads whole objects or byte ranges, and lists, writes and removes
+//! objects. Each object is written atomically.
 
 use super::{AT_ONCE, Key, Objects, again, chain, wait};
 use bytes::Bytes;
@@ -13,7 +13,8 @@ use store::refusal::Refusal;
 /// Maximum size, in bytes, of an object that is read. No file of a Sunstone store is larger.
 const LARGEST: u64 = 4 << 30;
 
-/// Converts a request to a byte range that the servers of a scheme support.
+/// Converts a request to a form of byte range that the servers of a URL scheme support. Returns `None` for a
+/// whole object.
 fn range(ask: &Ask, scheme: &str) -> Option<GetRange> {
     match ask {
         Ask::Whole => None,

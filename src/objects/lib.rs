@@ -170,7 +170,7 @@ async fn again<T, F: Future<Output = Result<T, Error>>>(mut ask: impl FnMut() ->
     ask().await
 }
 
-/// Formats an error with all its causes.
+/// Formats an error together with all its causes.
 fn chain(error: &Error) -> String {
     let mut text = error.to_string();
     let mut next = std::error::Error::source(error);
@@ -198,7 +198,7 @@ fn variables(scheme: &str) -> [&'static str; 3] {
     }
 }
 
-/// Converts an error of the client library to a refusal.
+/// Converts an error of the client library to a [`Refusal`], which states the fault and the fix.
 fn refusal(scheme: &str, error: &Error) -> Refusal {
     let text = chain(error);
     let says = |words: &[&str]| words.iter().any(|word| text.contains(word));

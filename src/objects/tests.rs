@@ -1,4 +1,4 @@
-//! Tests with object stores in memory: reads, repeated requests and refusals.
+//! Tests with object stores in memory: reads, repeated requests and refused requests.
 
 pub(crate) mod faulty;
 

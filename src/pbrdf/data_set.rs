@@ -48,7 +48,8 @@ pub type Analytic<'a> = (String, Vec<(&'a Materials, u32)>);
 /// logged.
 ///
 /// # Errors
-/// [`DataError`] if the folder or a table cannot be read, if there is no table, or if there is no band.
+/// Returns [`DataError`] if the folder or a table cannot be read, if there is no table, or if there is no
+/// band.
 pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<DataSet, DataError> {
     let mut files = vec![];
     let failed = |cause| DataError::Folder { path: folder.to_owned(), cause };
@@ -71,7 +72,7 @@ pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Data
 /// Creates a data set from analytic materials, evaluated at the entries of a table. No table is written.
 ///
 /// # Errors
-/// [`DataError`] if the axes are invalid or the matrices do not form a valid data set.
+/// Returns [`DataError`] if the axes are invalid or the matrices do not form a valid data set.
 pub fn evaluate(axes: &Axes, materials: &[Analytic], settings: &Settings) -> Result<DataSet, DataError> {
     axes.check().map_err(DataError::Axes)?;
     let len = axes.slab_len().map_err(DataError::Axes)?;
@@ -157,8 +158,8 @@ mod tests {
         .unwrap();
     }
 
-    /// Verifies that files are read in the order of their names. Moments must be those of the entries, and
-    /// samples must be entries.
+    /// Verifies that files are read in the order of their names. The moments must equal those of the table's
+    /// entries, and each sample must be an entry of the table.
     #[test]
     fn folders_are_read() {
         let folder = tempfile::tempdir().unwrap();

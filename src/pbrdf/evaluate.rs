@@ -156,7 +156,7 @@ impl<'a> Specimen<'a> {
     /// Light paths are reversible, so the outgoing direction is computed by tracing light backwards.
     ///
     /// # Errors
-    /// [`NotSpecular`] if the material has no such lobe at the specimen's texture coordinates.
+    /// Returns [`NotSpecular`] if the material does not have this lobe at the specimen's texture coordinates.
     pub fn specular(&self, incoming: Direction, lobe: Lobe) -> Result<Vec<SpecularValue>, NotSpecular> {
         (0..self.lanes).map(|lane| self.specular_lane(incoming, lobe, lane)).collect()
     }

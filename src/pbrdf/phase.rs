@@ -37,7 +37,7 @@ pub struct PhaseTable {
 /// wavelengths of the file are used.
 ///
 /// # Errors
-/// [`InputError`], which states the file, the location and the fix.
+/// Returns [`InputError`] with the file, the location and the fix.
 pub fn tables(
     file: &Path,
     name: &str,

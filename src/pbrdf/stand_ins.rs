@@ -38,8 +38,8 @@ impl BandedMaterials {
     /// Builds the materials of a file, or the built-in substitutes, at the given bands in nanometres.
     ///
     /// # Errors
-    /// [`BandedError`] if the file cannot be read or is invalid, if a band is invalid, or if there are no
-    /// bands.
+    /// Returns [`BandedError`] if the file cannot be read or is invalid, if a band is invalid, or if there
+    /// are no bands.
     pub fn load(file: Option<&Path>, bands: &[u16]) -> Result<Self, BandedError> {
         let (path, text) = match file {
             Some(path) => (path.to_owned(), base::input::read_text(path).map_err(BandedError::Read)?),
@@ -68,8 +68,8 @@ impl BandedMaterials {
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Returns the names of the materials that a table can represent. Materials without lobes other than
-    /// specular lobes are omitted.
+    /// Returns the names of the materials that a table can represent. The list omits materials that have only
+    /// specular lobes.
     pub fn tabulable(&self) -> Vec<String> {
         self.names().filter(|name| self.has_extended_lobe(name) == Some(true)).cloned().collect()
     }

@@ -13,7 +13,7 @@ const SHOWN_NM: [u16; 3] = [450, 550, 650];
 /// Reason why a material cannot be tabulated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SynthError {
-    /// The material has no lobes other than specular lobes.
+    /// The material has only specular lobes.
     #[error(
         "material `{0}` is purely specular and cannot be tabulated; choose a material with a rough or diffuse lobe"
     )]
@@ -30,7 +30,7 @@ pub enum SynthError {
 /// Checks that materials can be tabulated.
 ///
 /// # Errors
-/// [`SynthError`] for the first material that cannot be tabulated.
+/// Returns [`SynthError`] for the first material that cannot be tabulated.
 pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthError> {
     for name in names {
         match materials.has_extended_lobe(name) {
@@ -52,7 +52,7 @@ pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthE
 /// file.
 ///
 /// # Errors
-/// The error of the file system if the file cannot be written.
+/// Returns the file system's error if the file cannot be written.
 pub fn list(folder: &Path, bands: &[u16]) -> std::io::Result<PathBuf> {
     let mut tables: Vec<String> = std::fs::read_dir(folder)?
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())

@@ -24,7 +24,7 @@ pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
 pub struct BandStatistics {
     /// Vacuum wavelength of the band, in nanometres.
     pub nm: u16,
-    /// Fraction 0..1 of the entries that are known.
+    /// Fraction of the entries that are known, from 0 to 1.
     pub known: f64,
     /// Smallest M00 (BRDF in 1/sr), or infinity if all entries are unknown.
     pub low: f32,

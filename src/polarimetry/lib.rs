@@ -5,7 +5,7 @@
 //! - learned schemes,
 //! - decompositions.
 //!
-//! The crate depends on tensors, but not on scenes.
+//! The crate depends on the tensor crate, but not on the scene crate.
 
 pub mod capture;
 pub mod decompose;

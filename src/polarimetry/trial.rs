@@ -96,7 +96,7 @@ pub struct SchemeResult {
     pub rmse: f64,
     /// Standard error of `rmse`, or NaN for a single trial.
     pub rmse_error: f64,
-    /// Mean absolute error of the 15 elements T_ij/T00 except T00, over bright pixels.
+    /// Mean absolute error of the 15 normalized elements T_ij/T00 (all but T00), over bright pixels.
     pub normalized: f64,
     /// Fraction of pixels that are not determined.
     pub lost: f64,
@@ -109,7 +109,7 @@ pub struct SchemeResult {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorImage {
     pub width: usize,
-    /// Values from the top row, `width` columns each. Values are NaN where a matrix is not determined.
+    /// Rows of `width` values, from the top. Values are NaN where a matrix is not determined.
     pub values: Vec<f32>,
 }
 
@@ -120,8 +120,8 @@ pub struct Errors {
     pub mean: f64,
     /// Root mean square error of all 16 elements, divided by `mean`, over pixels with finite results.
     pub rmse: f64,
-    /// Mean absolute error of the 15 elements T_ij/T00 except T00, over pixels brighter than a tenth of
-    /// `mean`.
+    /// Mean absolute error of the 15 normalized elements T_ij/T00 (all but T00), over pixels brighter than a
+    /// tenth of `mean`.
     pub normalized: f64,
     /// Fraction of known pixels whose result is not finite.
     pub lost: f64,
@@ -130,7 +130,7 @@ pub struct Errors {
 /// Returns the mean T00 of an image. Errors are relative to this mean.
 ///
 /// # Errors
-/// [`TrialError::Dark`] if the mean T00 is not positive.
+/// Returns [`TrialError::Dark`] if the mean T00 is not positive.
 pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
     let mean = image.mean();
     if mean > 0.0 && mean.is_finite() { Ok(mean) } else { Err(TrialError::Dark) }
@@ -140,7 +140,7 @@ impl Trial<'_> {
     /// Runs the trial for a scheme.
     ///
     /// # Errors
-    /// [`TrialError`] if `repeat` is 0, if the image is dark, or if captures cannot be simulated or
+    /// Returns [`TrialError`] if `repeat` is 0, if the image is dark, or if captures cannot be simulated or
     /// reconstructed.
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
@@ -306,9 +306,9 @@ mod tests {
         MuellerImage::of_array((0..16 * pixels).map(of).collect(), vec![1, pixels], &[]).expect("an image")
     }
 
-    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the closed
-    /// form within 5 standard errors. For 400 pixels with 16 correlated errors each, the relative standard
-    /// error is at most 1/√400.
+    /// Verifies that, without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees
+    /// with the closed form within 5 standard errors. For 400 pixels with 16 correlated errors each, the
+    /// relative standard error is at most 1/√400.
     #[test]
     fn errors_are_as_predicted() {
         let image = image(400);
@@ -328,7 +328,7 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Errors are correct for three pixels. The first has an error of 0.1 in one of 16 elements, the second
+    /// Verifies the errors of three pixels. The first has an error of 0.1 in one of 16 elements, the second
     /// is not determined, and the third has an unknown truth.
     #[test]
     fn errors_of_three_known_pixels() {

@@ -48,7 +48,7 @@ impl<R: Read> Bytes<'_, R> {
 /// Reads a header from the start of a file of `length` bytes. Returns the header and the offset of
 /// the first record in bytes.
 ///
-/// Sizes that the file cannot contain do not cause memory allocations.
+/// A size in the header that exceeds the length of the file does not cause a memory allocation.
 ///
 /// # Errors
 /// Returns [`PtuError`] with the offset of the invalid tag.

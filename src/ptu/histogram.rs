@@ -1,8 +1,9 @@
-//! Time histograms of a file, by channel and by pixel of a scan, in one pass over its records.
+//! Computes a time histogram for each channel, and for each pixel of a scan, in one pass over a file's
+//! records.
 //!
 //! Each photon requires two table look-ups (the channel's first bin and the bin of the photon's time), one
-//! comparison and one addition. Photons outside the histogram are counted by the reason for their exclusion
-//! ([`LeftOut`]).
+//! comparison and one addition. Photons outside the histogram are counted separately for each reason for
+//! exclusion ([`LeftOut`]).
 
 use super::error::PtuError;
 use super::reader::Reader;
@@ -13,7 +14,7 @@ use std::io::Read;
 /// Maximum number of elements of a histogram, equal to 2 GiB.
 pub const MOST: usize = 1 << 29;
 
-/// A bin index beyond every histogram.
+/// A bin index that is greater than the last bin of any histogram.
 const NOWHERE: u32 = 1 << 30;
 
 /// Binning, channels and pixels of a histogram.
@@ -73,21 +74,21 @@ impl Plan {
     }
 }
 
-/// Numbers of photons outside the histogram, by the first reason that applies.
+/// Numbers of photons outside the histogram. Each photon is counted once, for the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Photons of channels that the plan does not include.
+    /// Number of photons of channels that the plan does not include.
     pub channels: u64,
-    /// Photons before the first pixel, between pixels, and after the last pixel.
+    /// Number of photons before the first pixel, between pixels, and after the last pixel.
     pub pixels: u64,
-    /// Photons before the first sync pulse (T2).
+    /// Number of photons before the first sync pulse (T2).
     pub before_sync: u64,
-    /// Photons after the last bin.
+    /// Number of photons after the last bin.
     pub later: u64,
     /// The latest time of the photons counted in [`Self::later`], in time counts since the sync pulse.
     pub latest: u64,
-    /// Photons of a first frame whose first lines or pixels are missing. The pixels of these photons are
-    /// unknown.
+    /// Number of photons of a first frame whose first lines or pixels are missing. The pixels of these
+    /// photons are unknown.
     pub torn_frame: u64,
 }
 
@@ -97,8 +98,8 @@ impl LeftOut {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }
 
-    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a time count in
-    /// seconds.
+    /// Returns a text that lists the nonzero counts of excluded photons, each with its reason. `resolution_s`
+    /// is the duration of a time count in seconds.
     pub fn describe(&self, resolution_s: Option<f64>) -> String {
         let latest = match resolution_s {
             Some(s) => format!("{:.3} ns", self.latest as f64 * s * 1e9),
@@ -126,10 +127,10 @@ pub struct Histograms {
     pub counts: Vec<u32>,
     pub photons: u64,
     pub left_out: LeftOut,
-    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last pixel or line of
+    /// Number of pixels (scan by pixels) or lines (scan by lines) that begin after the last pixel or line of
     /// their frame.
     pub beyond: u64,
-    /// Pixels or lines that are missing in the last frame.
+    /// Number of pixels or lines that are missing in the last frame.
     pub missing: usize,
     pub unknown: u64,
 }
@@ -145,7 +146,7 @@ impl Histograms {
 struct State {
     /// Index of each channel's first bin within a pixel.
     first: [u32; 64],
-    /// Bin of a T3 record's `dtime`.
+    /// For each value of a T3 record's `dtime`, the index of its bin.
     bin_of: Vec<u32>,
     bin: u64,
     bins: u64,

@@ -102,8 +102,8 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
     Plan { bin: 1, bins, channels: vec![0], scan }
 }
 
-/// Tests that backward rows are reversed in scans by line markers and by pixel markers. The value of the tag
-/// can be a boolean or a number.
+/// Tests that backward rows are reversed in scans with line markers and in scans with pixel markers. The
+/// value of the tag can be a boolean or a number.
 #[test]
 fn backward_rows_are_reversed() {
     for (tag, back) in [
@@ -165,7 +165,7 @@ fn inconsistent_headers_are_refused() {
     }
 }
 
-/// Tests that every photon is either in the histogram or counted by the reason for its exclusion.
+/// Tests that every photon is either in the histogram or counted under the reason for its exclusion.
 #[test]
 fn photons_in_no_bin_are_counted_by_reason() {
     let other = Event::Photon { time: 5000, dtime: 0, channel: 3 };

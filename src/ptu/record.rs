@@ -95,8 +95,8 @@ impl RecordType {
         }
     }
 
-    /// Returns the number of the last channel plus 1. Channels are numbered from 0, except those of the
-    /// PicoHarp in T2, which are numbered from 1.
+    /// Returns the highest channel number plus 1. Channels are numbered from 0, except those of the PicoHarp
+    /// in T2, which are numbered from 1.
     pub fn channels(self) -> u8 {
         match self.family() {
             Family::PicoT2 => 5,

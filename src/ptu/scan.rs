@@ -17,7 +17,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Returns the first time count since the start of the line in column `x` of `width`.
+    /// Returns the time count, from the start of the line, at which column `x` of `width` begins.
     fn edge(&self, x: u64, width: u64) -> u64 {
         let line = self.pixel_time.saturating_mul(width);
         let Some(sine) = self.sine.filter(|_| x > 0 && x < width) else {
@@ -162,7 +162,7 @@ impl Scan {
         self.bidirectional && row % 2 == 1
     }
 
-    /// Returns the pixel at step `n` of a frame, for scans by pixel markers.
+    /// Returns the pixel at step `n` of a frame, for scans with pixel markers.
     fn pixel(&self, n: usize) -> usize {
         let (x, y) = (n % self.width, n / self.width);
         y * self.width + if self.is_backwards(y) { self.width - 1 - x } else { x }

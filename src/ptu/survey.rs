@@ -5,17 +5,17 @@ use super::reader::Reader;
 use super::record::Event;
 use std::io::Read;
 
-/// Counts of a file's records by kind.
+/// Number of a file's records of each kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Survey {
     pub photons: [u64; 64],
-    /// Number of markers by input. A record with two markers counts for both inputs.
+    /// Number of markers at each input. A record with two markers counts for both inputs.
     pub markers: [u64; 4],
     /// Number of sync pulses (T2).
     pub syncs: u64,
     pub overflows: u64,
     pub unknown: u64,
-    /// Largest time since a sync pulse by channel (T3).
+    /// For each channel, the largest time since a sync pulse (T3).
     pub last_dtime: [u32; 64],
     /// Time of the last record, in counts of the time tag.
     pub duration: u64,

@@ -28,8 +28,8 @@ fn draw(stream: &mut Stream, below: u64) -> u64 {
     (((word >> 8) * u128::from(below)) >> 64) as u64
 }
 
-/// Assigns the counts of bins to pulses at random and returns the time stamps in order of time. With
-/// `alone`, each pulse has at most one detection, and excess detections are dropped.
+/// Assigns the counts of bins to pulses at random and returns the time stamps in order of time. If `alone` is
+/// true, each pulse has at most one detection, and excess detections are dropped.
 pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Vec<Stamp> {
     if pulses == 0 {
         return vec![];

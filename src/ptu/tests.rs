@@ -48,7 +48,7 @@ pub(super) fn even(pixel_time: u64) -> Option<Sweep> {
     Some(Sweep { pixel_time, sine: None })
 }
 
-/// Returns a scan by pixel markers, whose pixels begin at the first marker.
+/// Returns a scan with pixel markers, in which the first marker input begins each pixel.
 fn by_pixels(width: usize, height: usize) -> Scan {
     let clock = Clock { begin: 1, end: 0, frame: 0, sweep: None };
     Scan { width, height, bidirectional: false, clock }
@@ -375,8 +375,8 @@ fn damaged_files_are_read_or_refused() {
     assert!(read > 2000 && refused > 2000, "{read} read, {refused} refused");
 }
 
-/// Returns chi-squared of counts against expected counts, in standard deviations above the mean of its
-/// distribution.
+/// Compares counts with expected counts. Returns the number of standard deviations by which chi-squared
+/// exceeds its mean.
 fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     let used: Vec<_> = counts.iter().zip(expected).filter(|(_, e)| **e >= 10.0).collect();
     let sum: f64 = used.iter().map(|(c, e)| (*c - *e).powi(2) / *e).sum();

@@ -1,4 +1,4 @@
-//! Scenes built in code, with the same values and the same construction as scene files.
+//! Builds scenes in code, with the same values and the same build steps as for scene files.
 
 use crate::build::assemble;
 use crate::build::context::Context;
@@ -22,8 +22,8 @@ const IN_CODE: &str = "scene in code";
 
 /// Builds a [`Scene`] in code.
 ///
-/// Each call sets a value of a [`SceneFile`], which is then built like a scene file. Checks,
-/// defaults and the built scene are therefore the same as for a file.
+/// Each call sets a value of a [`SceneFile`], and [`Self::build`] builds it as if it were read from a file.
+/// Checks, defaults and the built scene are therefore the same as for a file.
 ///
 /// ```
 /// use sunstone_scene::{Camera, Material, Object, Projector, SceneBuilder, Slice};
@@ -62,7 +62,7 @@ pub struct SceneBuilder {
     /// Files that exist in memory only, by the names that the scene uses.
     memory: BTreeMap<String, Vec<u8>>,
     folder: PathBuf,
-    /// The first error of a builder call, which [`Self::build`] returns.
+    /// The first error of the builder calls. [`Self::build`] returns this error.
     fault: Option<InputError>,
 }
 
@@ -91,7 +91,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets one to four vacuum wavelengths in nanometres, increasing.
+    /// Sets one to four vacuum wavelengths in nanometres, in increasing order.
     pub fn wavelengths_nm(mut self, nm: impl Into<Vec<f64>>) -> Self {
         self.file.wavelengths_nm = nm.into().into();
         self
@@ -153,7 +153,7 @@ impl SceneBuilder {
         self.file_in_memory(name, write_ply::write(mesh))
     }
 
-    /// Adds a file (an image, a mesh) that exists in memory only. Materials, objects and slices
+    /// Adds a file, such as an image or a mesh, that exists in memory only. Materials, objects and slices
     /// refer to the file by `name`. Tables of measured materials must be on disk.
     pub fn file_in_memory(mut self, name: impl Into<String>, bytes: Vec<u8>) -> Self {
         let name = name.into();
@@ -210,8 +210,8 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the maximum path length. A length of n allows n - 1 surface interactions, so 2 renders only
-    /// direct light.
+    /// Sets the maximum path length in segments. A length of n allows n - 1 surface interactions, so a length
+    /// of 2 renders only direct light.
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.file.render.max_depth = max_depth.into();
         self
@@ -236,8 +236,8 @@ impl SceneBuilder {
     /// Builds the scene from all values that were set.
     ///
     /// # Errors
-    /// Returns [`InputError`] as for a scene file. The field `file` of the error names the argument instead
-    /// of line and column: `scene in code: objects[0].material`.
+    /// Returns [`InputError`] as for a scene file. The field `file` of the error contains the argument
+    /// instead of line and column, such as `scene in code: objects[0].material`.
     pub fn build(self) -> Result<Scene, InputError> {
         if let Some(fault) = self.fault {
             return Err(fault);

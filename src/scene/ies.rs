@@ -1,4 +1,4 @@
-//! Parser for IES LM-63 files of photometric type C: measured intensity profiles of luminaires.
+//! Parses IES LM-63 files of photometric type C. They contain measured intensity profiles of luminaires.
 //!
 //! Vertical angle 0 is the luminaire's downward axis. Horizontal angles rotate about the downward axis. The
 //! vertical angles cover the lower hemisphere, the upper hemisphere or both. The range of the horizontal
@@ -9,13 +9,13 @@
 pub struct Ies {
     /// Vertical angles in degrees, increasing within 0..180.
     pub vertical: Vec<f32>,
-    /// Horizontal angles in degrees, increasing from 0 to 0, 90, 180 or 360.
+    /// Horizontal angles in degrees, increasing from 0. The last angle is 0, 90, 180 or 360.
     pub horizontal: Vec<f32>,
     /// Relative intensities, 0..1: one row per horizontal angle, and one column per vertical angle.
     pub values: Vec<f32>,
 }
 
-/// Maximum number of angles per axis. Photometric files have fewer angles.
+/// Maximum number of angles per axis. Real photometric files have fewer angles.
 const MOST: usize = 4096;
 
 /// Parses an IES file.
@@ -91,7 +91,8 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     whole(Ies { vertical, horizontal, values })
 }
 
-/// Converts a profile with horizontal angles 90°..270° to 0°..360°. All other valid ranges start at 0°.
+/// Extends a profile with horizontal angles 90°..270° to 0°..360°. Profiles with other valid ranges, which
+/// start at 0°, are unchanged.
 fn whole(ies: Ies) -> Result<Ies, String> {
     let (first, last) = (ies.horizontal[0], ies.horizontal[ies.horizontal.len() - 1]);
     if first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) {

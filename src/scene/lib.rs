@@ -37,7 +37,7 @@ pub type Material = syntax::material::MaterialFile;
 pub type Medium = syntax::medium::MediumFile;
 /// An object of a [`SceneBuilder`].
 pub type Object = syntax::shape::ObjectFile;
-/// A group of objects of a [`SceneBuilder`]. The geometry is stored once for all instances.
+/// A group of objects of a [`SceneBuilder`]. The geometry of a group is stored once for all its instances.
 pub type Group = syntax::instance::GroupFile;
 /// One or more copies of a group of a [`SceneBuilder`].
 pub type Instance = syntax::instance::InstanceFile;

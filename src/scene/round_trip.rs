@@ -1,4 +1,4 @@
-//! Round-trip tests. Shipped scenes and random scenes of the JSON schema are equal after writing and reading.
+//! Tests that shipped scenes and random scenes of the JSON schema are equal after writing and reading.
 
 use proptest::prelude::*;
 use serde_json::{Map, Value};
@@ -63,8 +63,8 @@ fn defaults_are_not_written() {
     assert_eq!(scene.to_toml().expect("a text"), text);
 }
 
-/// A source of random choices, which are determined by numbers that proptest can shrink. After the last
-/// number, the simplest choice is made.
+/// A source of random choices. The choices are determined by numbers that proptest can shrink. When no
+/// numbers remain, each choice is the simplest.
 struct Choices<'a> {
     words: std::slice::Iter<'a, u64>,
     /// Schemas to which `$ref` refers, by name.

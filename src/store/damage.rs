@@ -39,9 +39,9 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Maximum size of one allocation, in bytes. The coordinates of the longest valid axis have the maximum size.
+/// Maximum size of one allocation, in bytes: the size of the coordinates of the longest valid axis.
 const MEMORY: usize = 1 << 27;
-/// Maximum time for the readers of one damaged store.
+/// Maximum time in which all readers must finish on one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn folder() -> tempfile::TempDir {
@@ -113,14 +113,14 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// A change to a store. Numbers in 0..1 select a file, or a position in the file, as a fraction.
+/// A change that damages a store. Numbers in 0..1 select a file, or a position in the file, as a fraction.
 #[derive(Clone, Debug)]
 enum Damage {
     /// Replaces a value in a metadata file.
     Value(f64, f64, usize),
     /// Removes a value from a metadata file.
     Drop(f64, f64),
-    /// Replaces coordinates, in a correctly encoded file.
+    /// Replaces coordinates, and encodes the file correctly.
     Coordinates(f64, Vec<(f64, f64)>),
     /// Truncates or deletes a file, or replaces a byte of the file.
     Cut(f64, f64),
@@ -160,7 +160,7 @@ fn values() -> [Value; 24] {
     ]
 }
 
-/// Returns a coordinate: the original value, or an invalid value.
+/// Returns the coordinate `own`, or an invalid value that `kind` (0..1) selects.
 fn coordinate(kind: f64, own: f64) -> f64 {
     match (kind * 16.0) as u32 {
         0 => f64::NAN,
@@ -188,7 +188,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Lists all JSON pointers in a metadata file, except those in consolidated copies.
+/// Lists the JSON pointers to all values of a metadata file, except the values in consolidated metadata.
 fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
     let mut child = |key: &str, v: &Value| {
         let path = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
@@ -279,7 +279,7 @@ impl Damage {
     }
 }
 
-/// Runs all readers on a store and returns the number of successes and the number of errors.
+/// Runs all readers on a damaged store, and returns the number of successes and the number of errors.
 fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let mut counts = [0, 0];
     let mut note = |fault: Option<String>| {

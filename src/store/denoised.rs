@@ -1,5 +1,5 @@
-//! The root attribute that marks denoised stores. The values of denoised stores are images for figures, not
-//! unbiased estimates of radiance.
+//! Defines the root attribute that marks denoised stores. The values of denoised stores are images for
+//! figures, not unbiased estimates of radiance.
 //!
 //! Every function that uses a store as ground truth, or adds samples to a store, refuses denoised stores.
 
@@ -9,12 +9,12 @@ use std::path::PathBuf;
 /// Name of the root attribute with the method and the sources of a denoised store.
 pub const ATTRIBUTE: &str = "denoised";
 
-/// Error: a denoised store was given where a render is required.
+/// The error of a command that requires a render but was given a denoised store.
 #[derive(Debug, thiserror::Error)]
 #[error("{path} is denoised, and denoised values are only for figures; use the original render{of}")]
 pub struct Denoised {
     pub path: PathBuf,
-    /// The sources from which the denoised store was computed, as text.
+    /// Text that lists the paths of the original renders.
     of: String,
 }
 

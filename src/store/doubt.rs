@@ -8,8 +8,8 @@ use tensor::axes::Axis;
 use tensor::doubt::{Doubt, doubtful};
 use tensor::field::Field;
 
-/// Returns the number of pixels with unreliable error estimates. Returns `None` if the slice has no errors
-/// of totals, or no errors per pixel.
+/// Returns the number of pixels with unreliable error estimates. Returns `None` if the slice has no errors of
+/// totals, or if they do not have exactly the axes y and x.
 ///
 /// # Errors
 /// Returns an error if the errors of totals cannot be read.
@@ -17,8 +17,9 @@ pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
-/// Returns the region (first index and shape) of the errors of totals that is needed for a box of pixels. The
-/// region contains the pixels of the box and their neighbours. Returns `None` in the same cases as [`of`].
+/// Returns the region (first index and shape) of the errors of totals from which [`within`] computes its
+/// result. The region contains the pixels of the box `pixels` and their neighbours. Returns `None` in the
+/// same cases as [`of`].
 ///
 /// # Errors
 /// Returns the same errors as [`of`].
@@ -40,7 +41,7 @@ pub fn around(
     Ok(Some([start, read.iter().map(|r| r.end - r.start).collect()]))
 }
 
-/// Returns the same number as [`of`] for the pixels in a box of rows and columns.
+/// Returns the same numbers as [`of`], but only for the pixels in a box of rows and columns.
 ///
 /// # Errors
 /// Returns the same errors as [`of`].

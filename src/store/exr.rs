@@ -39,8 +39,8 @@ pub enum ExrError {
 /// The part of a slice to export.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExrOptions {
-    /// Parts of axes to export. All other axes are summed, except the image axes, the Stokes axes and the
-    /// wavelength axis.
+    /// Parts of axes to export. After the selection, all axes are summed, except the image axes, the Stokes
+    /// axes, the wavelength axis and the axes in `expand`.
     pub select: Vec<Selection>,
     /// Axes to expand into separate channels instead of summing them.
     pub expand: Vec<AxisKind>,
@@ -60,8 +60,9 @@ pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<
     write_exr(&probe.run(slice)?.mean, options.mueller, path)
 }
 
-/// Writes a tensor over y, x and any of stokes_out, stokes_in and wavelength. Any other axis is expanded into
-/// channels. The names of the channels of an entry have a prefix such as `t1250ps.` or `component1.`.
+/// Writes a tensor with the axes y and x, and optionally stokes_out, stokes_in and wavelength. Each entry of
+/// any other axis has its own channels. The names of these channels have a prefix such as `t1250ps.` or
+/// `component1.`.
 ///
 /// # Errors
 /// Returns an error if the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot
@@ -92,7 +93,7 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
 
 type Indices = Vec<(AxisKind, usize)>;
 
-/// Returns the names of all channels, and the tensor indices of each channel's image.
+/// Returns the name of each channel and the tensor indices of its image.
 fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
     let known = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn, AxisKind::Wavelength];
     let extra: Vec<_> = tensor.axes.iter().filter(|a| !known.contains(&a.kind)).collect();

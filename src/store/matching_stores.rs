@@ -12,7 +12,7 @@ pub struct MatchingStores {
 }
 
 impl MatchingStores {
-    /// Opens the stores. A single store needs slices, but not the attributes that merging requires.
+    /// Opens the stores. A single store does not need the attributes that merging requires.
     ///
     /// # Errors
     /// Returns the errors of [`merge::merge`] for invalid inputs, and [`MergeError::Denoised`] if a store is
@@ -34,7 +34,7 @@ impl MatchingStores {
         self.inputs.iter().map(|input| &input.store)
     }
 
-    /// Returns the weights of the stores in the mean of all samples. The sum of the weights is 1.
+    /// Returns the weight of each store in the mean of all samples. The sum of the weights is 1.
     pub fn shares(&self) -> Vec<f32> {
         let samples = |input: &Input| input.samples_per_pixel.filter(|n| *n > 0.0);
         let all: Option<Vec<f64>> = self.inputs.iter().map(samples).collect();

@@ -9,13 +9,13 @@
 //! A group of samples that are stratified together counts as one sample, so N is the number of groups
 //! (`replicates_per_pixel`).
 //!
-//! Errors of totals (`total_std_error`) are pooled in the same way, with the totals of the means as m. The
-//! merged store has no errors of totals if an input from an earlier version has no errors of totals.
+//! Errors of totals (`total_std_error`) are pooled in the same way, where m is the total of the means. The
+//! merged store has no errors of totals if an input has none, as in stores of earlier versions.
 //!
 //! Sums are computed in f64. The remaining error is the rounding of the stored f32 values.
 //!
-//! If an element averages several pixels, the samples are not identically distributed and only their means
-//! are known. The pooled values of several pixels are m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+//! If an element averages several pixels, its samples are not identically distributed, and only the mean of
+//! each store is known. The pooled values of such an element are m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
 //! Parts of one render ([`tensor::part`]) share no samples, so they are joined and not pooled. The result
 //! equals the whole render byte for byte.
@@ -45,7 +45,7 @@ use tensor::field::Field;
 use tensor::region;
 use tensor::target::ATTRIBUTE;
 
-/// A store to merge, and the number of samples in the store.
+/// A store to merge, with its number of samples.
 pub(crate) struct Input {
     pub(crate) store: TensorStore,
     attributes: Map<String, Value>,
@@ -88,16 +88,16 @@ pub(crate) struct Parts<'a> {
     equal: bool,
 }
 
-/// Merges the stores `inputs` into a new store `out`. An existing store is replaced only if `replace` is
-/// true.
+/// Merges the stores `inputs` into a new store `out`. An existing store is replaced only if `options.replace`
+/// is true.
 ///
 /// Sample counts come from the array `samples` of a store. If the array does not exist, sample counts come
-/// from the root attribute `samples_per_pixel`. The root attributes `seeds` are concatenated.
-/// `samples_per_pixel`, `discarded_samples` and `wall_time_s` are summed. `merged_from` lists the inputs. All
-/// other root attributes have the values of the first input.
+/// from the root attribute `samples_per_pixel`. The root attributes of `out` are computed from the inputs.
+/// `seeds` are concatenated. `samples_per_pixel`, `discarded_samples` and `wall_time_s` are summed.
+/// `merged_from` lists the inputs. All other root attributes have the values of the first input.
 ///
-/// If the inputs are the parts of one render, `out` equals the whole render byte for byte. The only
-/// difference is `wall_time_s`, which is the sum over the parts.
+/// If the inputs are the parts of one render, `out` equals the whole render byte for byte, except for
+/// `wall_time_s`, which is the sum over the parts.
 ///
 /// # Errors
 /// Returns an error if reading or writing fails, or if the inputs cannot be merged. Valid inputs are renders
@@ -114,8 +114,8 @@ pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
 /// most about 100 MB.
 const THREADS: usize = 8;
 
-/// Runs `work`, which is a merge. If an input or the output is at a URL, uses more threads to saturate the
-/// bandwidth.
+/// Runs the merge `work`. If an input or the output is at a URL, `work` runs on at least [`THREADS`] threads
+/// to saturate the bandwidth.
 pub(crate) fn at_once<T: Send>(inputs: &[PathBuf], out: &Path, work: impl FnOnce() -> T + Send) -> T {
     let far = is_address(out) || inputs.iter().any(|input| is_address(input));
     let more = rayon::current_num_threads() < THREADS;
@@ -191,7 +191,7 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     pub replace: bool,
-    /// Whether to accept unfinished renders. Values that all inputs lack are NaN.
+    /// Whether to accept unfinished renders. Values that are missing in all inputs are NaN.
     pub partial: bool,
 }
 
@@ -215,7 +215,7 @@ pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     same.then_some(SampleGrid::new(shape, chunk))
 }
 
-/// Writes the sample counts per pixel, summed over the inputs, if the merged store has sample counts.
+/// If the merged store has sample counts, writes the sample counts per pixel, summed over the inputs.
 pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), AccessError> {
     let Some((shape, chunk)) = merged.samples_shape() else {
         return Ok(());
@@ -411,7 +411,7 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
     Ok(())
 }
 
-/// Writes the pooled standard errors of totals, if the merged slice has errors of totals.
+/// If the merged slice has errors of totals, writes their pooled values.
 fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let field = Field::TotalStdError;
     if !merged.has(field) {

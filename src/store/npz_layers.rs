@@ -1,5 +1,5 @@
-//! Writes ground-truth layers as one `.npz`: one array per layer, the names of objects and materials, and the
-//! wavelengths.
+//! Writes ground-truth layers as one `.npz` file with one array per layer, the names of objects and
+//! materials, and the wavelengths.
 //!
 //! NumPy reads the file without pickle, because names are arrays of Unicode text
 //! (`numpy.load(f)["object_names"][3]`).
@@ -13,7 +13,7 @@ use tensor::layers::{LayerSet, LayerValues};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Writes texts as a `.npy` array of little-endian UCS-4 texts of equal width.
+/// Writes texts as a `.npy` array of little-endian UCS-4 texts that are padded to equal width.
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
     write_header(out, &format!("<U{width}"), &[texts.len()])?;

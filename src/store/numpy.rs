@@ -13,7 +13,7 @@ use thiserror::Error;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Values of an array, row-major (the last axis is fastest).
+/// Values of an array in row-major order (the index of the last axis varies fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
     Single(Vec<f32>),
@@ -31,7 +31,7 @@ pub enum NumpyError {
     /// The file cannot be read, or is not a NumPy array.
     #[error("{}: cannot read the array: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read { path: PathBuf, cause: io::Error },
-    /// The elements are not real numbers.
+    /// The elements are not real numbers, or are 8-byte integers.
     #[error("{}: the elements are {found}; save the array as real numbers: numpy.save(file, array.astype('float32'))", path.display())]
     Elements { path: PathBuf, found: String },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
@@ -44,13 +44,14 @@ pub enum NumpyError {
 
 /// An open `.npy` file of real numbers that is read in parts.
 ///
-/// 8-byte floats and integers of at least 4 bytes are read as `f64`, all other numbers as `f32`. Arrays in
-/// column-major order, such as a saved transpose, are kept in memory.
+/// 8-byte floats and 4-byte integers are read as `f64`, and all other numbers as `f32`. 8-byte integers are
+/// refused, because `f64` cannot represent them exactly. Arrays in column-major order, such as a saved
+/// transpose, are kept in memory.
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
     bytes: Bytes,
-    /// Length of every axis, of which the last axis is the fastest.
+    /// Length of every axis. The index of the last axis varies fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
@@ -118,7 +119,8 @@ impl NumpyReader {
         matches!(self.element, Element::Float8 | Element::Unsigned(4) | Element::Signed(4))
     }
 
-    /// Reads `out.len()` elements from element `first`. Several threads may call this function concurrently.
+    /// Reads `out.len()` elements, beginning with element `first`. Several threads may call this function
+    /// concurrently.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or is too short.
@@ -158,7 +160,7 @@ impl NumpyReader {
 
 impl NumpyArray {
     /// Reads a `.npy` file of real numbers. Floats of 4 or 8 bytes are unchanged. Integers of up to 2 bytes
-    /// become `f32`, and larger integers become `f64`.
+    /// become `f32`, and 4-byte integers become `f64`.
     ///
     /// # Errors
     /// Returns an error if the file is not a `.npy` file of real numbers, or is truncated.
@@ -212,7 +214,7 @@ pub fn write<T: NumpyNumber + bytemuck::Pod>(
     buffered.flush()
 }
 
-/// Writes the header of an array, after which [`append`] writes the elements in row-major order.
+/// Writes the header of an array. After the header, [`append`] writes the elements in row-major order.
 ///
 /// # Errors
 /// Returns an error if the writer fails.
@@ -228,8 +230,8 @@ pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Re
     writer.write_all(bytemuck::cast_slice(values))
 }
 
-/// Writes elements from element `first` into an array whose elements begin at byte `start` of the file.
-/// Several threads may call this function concurrently.
+/// Writes elements, beginning with element `first`, into an array whose elements begin at byte `start` of the
+/// file. Several threads may call this function concurrently.
 ///
 /// # Errors
 /// Returns an error if the file cannot be written.

@@ -1,4 +1,4 @@
-//! The interface to object stores. Clients implement [`ObjectClient`], and [`install`] registers the
+//! Defines the interface to object stores. Clients implement [`ObjectClient`], and [`install`] registers the
 //! function that opens a client.
 //!
 //! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`. The
@@ -25,12 +25,12 @@ pub enum Ask {
     Whole,
     /// The bytes in a range of byte offsets.
     Bytes(Range<u64>),
-    /// The given number of bytes at the end, and the size of the object if known.
+    /// The given number of bytes at the end of the object. The second value is the object's size, if known.
     End(u64, Option<u64>),
 }
 
 impl Ask {
-    /// Returns the requested bytes of a whole object.
+    /// Returns the requested part of an object, given all bytes of the object.
     pub fn of(&self, whole: &Bytes) -> Bytes {
         let size = whole.len();
         let at = |offset: u64| usize::try_from(offset).map_or(size, |o| o.min(size));
@@ -46,7 +46,7 @@ impl Ask {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
     pub e_tag: Option<String>,
-    /// Version number, in stores that number versions.
+    /// Version number, if the store numbers versions.
     pub version: Option<String>,
 }
 
@@ -63,8 +63,8 @@ pub enum Condition {
 pub enum Put {
     /// The object was written and now has the given version.
     Done(Version),
-    /// The condition does not hold. The object may be the result of an earlier request for the same put, if
-    /// the response was lost.
+    /// The condition does not hold. If the response to an earlier request for the same put was lost, the
+    /// object may be the result of that request.
     Other,
 }
 
@@ -84,7 +84,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// Returns an error if the store refuses the request or cannot be reached.
     fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
 
-    /// Checks that the store can be written.
+    /// Checks that the store accepts writes.
     ///
     /// # Errors
     /// Returns an error if the store is read-only.
@@ -120,7 +120,7 @@ pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Registers the function that opens clients of object stores, for this process. Later calls have no effect.
+/// Registers, for this process, the function that opens clients of object stores. Later calls have no effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
@@ -130,7 +130,7 @@ pub fn install(open: Open) {
 pub(crate) struct Objects(Arc<dyn ObjectClient>);
 
 impl Objects {
-    /// Returns the objects below a URL. Sends no request.
+    /// Returns the objects below a URL, without sending a request.
     pub(crate) fn open(scheme: &str, address: &Path) -> Result<Self, Refusal> {
         #[cfg(test)]
         if let Some(client) = fake::open(scheme, address) {

@@ -1,4 +1,5 @@
-//! The location of a store: a folder, or a URL of an object store (`s3://`, `gs://`, `az://`, `http(s)://`).
+//! Represents the location of a store: a folder, or a URL of an object store (`s3://`, `gs://`, `az://`,
+//! `http(s)://`).
 //!
 //! A path that begins with a scheme is a URL. Every other path is a folder. Object stores report errors as a
 //! [`Refusal`].
@@ -11,7 +12,8 @@ use std::path::{Path, PathBuf};
 pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
 
-/// Returns the scheme of a URL, at least two characters before `://`, or `None` for a path.
+/// Returns the scheme of a URL, that is, at least two characters before `://`. Returns `None` for a local
+/// path.
 pub fn scheme(path: &Path) -> Option<&str> {
     let (scheme, _) = path.to_str()?.split_once("://")?;
     let plain = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);

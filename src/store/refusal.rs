@@ -1,9 +1,9 @@
-//! Errors of object stores. Code that handles only files returns refusals as the inner error of an
-//! [`io::Error`].
+//! Defines the error of object stores. A function that returns an [`io::Error`] passes a refusal as the inner
+//! error.
 
 use std::io;
 
-/// An error of an object store, or of the connection to an object store, with a fix.
+/// An error of an object store, or of the connection to an object store. The error contains a fix.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}; {fix}")]
 pub struct Refusal {

@@ -1,8 +1,8 @@
-//! Copies stores into shards, which contain the same values in few large files. All values of a pixel are a
-//! small byte range of a shard.
+//! Copies stores into shards, which contain the same values in few large files. All values of a pixel are in
+//! a small byte range of a shard.
 //!
-//! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
-//! object stores are most efficient with few large objects and reads of byte ranges ([`crate::zarr`]).
+//! A render writes one file per chunk while it finishes tiles. Object stores are most efficient with few
+//! large objects and reads of byte ranges, so a finished store can be copied into shards ([`crate::zarr`]).
 
 use crate::merge::at_once;
 use crate::zarr::{AccessError, CreateError, Limits, OpenError, TensorStore};
@@ -33,7 +33,7 @@ pub enum ShardError {
 }
 
 impl ShardError {
-    /// Returns whether the cause is a system error and not the input.
+    /// Returns whether the cause is a system error and not an invalid input.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),
@@ -46,8 +46,9 @@ impl ShardError {
 /// Copies a finished store into a new sharded store `out`. An existing store is replaced only if `replace` is
 /// true.
 ///
-/// Values and attributes are bit-identical. An interrupted copy leaves no valid store, and the same call
-/// resumes the copy. The copy needs memory for eight shards, about 400 MB at most.
+/// Values and attributes of the copy are bit-identical to the input. After an interruption, `out` is not a
+/// valid store, and the same call resumes the copy. The copy needs memory for eight shards, about 400 MB at
+/// most.
 ///
 /// # Errors
 /// Returns an error if the input is not a finished store of a whole render, is already sharded, or if reading

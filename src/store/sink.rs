@@ -1,5 +1,5 @@
-//! Zarr stores as sinks of renders. A sink creates or resumes the store, keeps a journal of tiles, and
-//! marks the store as complete at the end.
+//! Provides Zarr stores as sinks of renders. A sink creates or resumes the store, keeps a journal of tiles,
+//! and marks the store as complete at the end.
 
 use crate::denoised::{self, Denoised};
 use crate::zarr::progress::Progress;
@@ -12,7 +12,7 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// The destination of a render, and the treatment of an existing store at the destination.
+/// The destination of a render, and how the sink treats an existing store at the destination.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     pub path: PathBuf,
@@ -36,17 +36,17 @@ pub enum SinkError {
         "cannot write the progress journal in {path}: {cause}; free disk space or check permissions, then run again with --resume"
     )]
     Journal { path: PathBuf, cause: std::io::Error },
-    /// Values were passed before the render began.
+    /// The caller passed values before it called `begin`.
     #[error("{path} is not ready to receive values: call `begin` first")]
     NotBegun { path: PathBuf },
-    /// Values were passed for a slice that the render does not have.
+    /// The caller passed values for a slice that the render does not have.
     #[error(
         "{path} has {slices} slices, but values were sent for slice {slice}: count the job's slices from 0"
     )]
     NoSlice {
         path: PathBuf,
         slices: usize,
-        /// Index of the slice for which values were passed.
+        /// Index of the slice to which the values belong.
         slice: usize,
     },
     /// The store to resume is denoised.
@@ -84,7 +84,7 @@ struct Open {
 }
 
 impl ZarrSink {
-    /// Creates a sink for a destination. The destination is not accessed before the render begins.
+    /// Creates a sink for a destination. The sink does not access the destination before the render begins.
     pub fn new(target: Target) -> Self {
         Self { target, open: None }
     }
@@ -111,7 +111,7 @@ impl ZarrSink {
         Ok(store)
     }
 
-    /// Creates the store, or resumes an existing store after checking that the render is the same.
+    /// Creates the store, or opens the store to resume after checking that it contains the same render.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target { path, resume, replace } = &self.target;
         if *resume && TensorStore::is_there(path)? {

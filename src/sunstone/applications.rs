@@ -207,7 +207,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Ground truth of a variant. Methods may use ground truth for training and scoring only.
+/// Ground truth of a variant. Methods may use ground truth only for training and scoring.
 #[derive(Clone, Default)]
 struct Known {
     rig: Option<Rig>,
@@ -351,7 +351,7 @@ fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
 }
 
 /// Finds the folder `scenes` that contains the file `scene`. Searches `from` first, then the parent folders
-/// of `from`, the nearest first.
+/// of `from`, starting with the nearest parent.
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors().map(|folder| folder.join("scenes")).find(|s| s.join(scene).is_file())
 }

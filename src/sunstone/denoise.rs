@@ -2,8 +2,8 @@
 //!
 //! A slice is read in bands of rows, with [`HALO`] additional rows on both sides. Along axes other than rows,
 //! columns and Stokes elements, the slice is read chunk by chunk. Memory use is thus limited to about
-//! [`BAND`] values. The result is bit-identical for all bands. Rows and columns that are not adjacent in the
-//! camera (`rows = [10, 150]`) are denoised as separate images.
+//! [`BAND`] values. The result is bit-identical for all heights of bands. Rows and columns that are not
+//! adjacent in the camera (`rows = [10, 150]`) are denoised as separate images.
 
 use polarimetry::denoise::average::average;
 use polarimetry::denoise::guide::{Guide, GuideBuilder};
@@ -30,7 +30,7 @@ const LEAST_ROWS: usize = 16;
 /// neighbours.
 const LEAST_NUMBERS: usize = 128;
 
-/// The reason why nothing was denoised.
+/// The reason why a store was not denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
     /// The stores cannot be read, or are not renders of the same scene.
@@ -81,7 +81,7 @@ pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outc
     denoise_in_bands(inputs, out, replace, BAND)
 }
 
-/// Works as [`denoise`], with bands of about `band` values.
+/// Does the same as [`denoise`], with bands of about `band` values.
 ///
 /// # Errors
 /// Returns [`DenoiseError`] if an input is invalid or the output cannot be written.

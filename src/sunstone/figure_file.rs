@@ -112,7 +112,7 @@ fn size(of: &SizeFile) -> Size {
 }
 
 impl Prepared<'_> {
-    /// Renders what is not in the cache, and draws the figure.
+    /// Computes the renders and the results of applications that are not in the cache, and draws the figure.
     ///
     /// # Errors
     /// Returns [`FigureFileError`] if a render, an application or the drawing fails.

@@ -1,4 +1,4 @@
-//! Draws figures of a store. The figures are those that its scene lists, or any view of its slices.
+//! Draws figures of a store. A figure is listed in the store's scene, or is any view of a slice of the store.
 
 use std::path::Path;
 
@@ -26,8 +26,8 @@ pub enum FiguresError {
     },
 }
 
-/// Returns the figures that the scene of a store lists, in the order of the scene. Returns all figures, or
-/// the figures in `names`.
+/// Returns the figures named in `names`, in the order in which the store's scene lists them. If `names` is
+/// empty, returns all listed figures.
 ///
 /// # Errors
 /// Returns [`FiguresError::Unknown`] for the first name that is not listed.
@@ -83,7 +83,8 @@ fn with_panel<T>(
     read(store, figure.view.slice(), is_profile, |panel| Ok(draw(&title, panel)?))
 }
 
-/// Reads the data of a slice. Only profiles draw errors and overflow. Slices for other views can be large.
+/// Reads the data of a slice. Errors and overflow are read only for profiles, because the slices for other
+/// views can be large.
 pub(crate) fn read<T, E: From<OpenError> + From<AccessError>>(
     store: &TensorStore,
     slice: &str,

@@ -13,7 +13,7 @@ use tensor::axes::{Axis, AxisKind};
 pub enum MatricesError {
     #[error(transparent)]
     Read(#[from] NumpyError),
-    /// The last two axes of the array do not have the lengths 4, 4.
+    /// The last two axes of the array do not have the lengths 4 and 4.
     #[error(
         "{} has shape {shape:?}; expected (..., 4, 4), with the outgoing Stokes elements in rows",
         path.display()

@@ -81,7 +81,7 @@ impl<'a> Render<'a> {
 
     /// Sets the samples per pixel of each tile, row by row, instead of one number for all tiles. A tile with
     /// N samples is bit-identical to the same tile of a render in which all tiles have N samples. Tiles with
-    /// 0 samples stay zero. The settings stored with the scene contain the largest number.
+    /// 0 samples stay zero. The settings stored with the scene contain the largest number of samples.
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
@@ -104,7 +104,7 @@ impl<'a> Render<'a> {
     /// Renders into a sink.
     ///
     /// # Errors
-    /// Returns [`schedule::RenderError`] if the scene has no slices or does not have the part, if threads
+    /// Returns [`schedule::RenderError`] if the scene has no slices, if the part does not exist, if threads
     /// cannot be started, or if the sink fails.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
         let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
@@ -147,8 +147,8 @@ impl<'a> Render<'a> {
     }
 }
 
-/// Settings that override those of a scene. `None` keeps the scene's setting. Without slice names, all slices
-/// are kept.
+/// Settings that override the settings of a scene. `None` keeps the scene's setting. Without slice names, all
+/// slices are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Samples per camera pixel.

@@ -1,5 +1,5 @@
-//! Renders to a target error instead of a number of samples. Each round adds samples to the tiles that need
-//! more samples, until a slice reaches the target error.
+//! Renders until a target error is reached, instead of with a fixed number of samples. Each round adds
+//! samples to the tiles that need more samples, until a slice reaches the target error.
 //!
 //! Each round is a separate store next to the result and is rendered with its own seed. A round can be
 //! rendered in parts on many machines. A round depends only on the previous rounds. The result is therefore

@@ -85,7 +85,7 @@ impl<'a> Studio<'a> {
         self.rendered
     }
 
-    /// Returns the scene file and the values of the variant with a number. Without a number, returns the
+    /// Returns the scene file and the values of the variant with this number. Without a number, returns the
     /// scene file itself.
     ///
     /// # Errors
@@ -108,8 +108,8 @@ impl<'a> Studio<'a> {
         Ok(scene::from_file(&self.path, &self.text, &file)?)
     }
 
-    /// Returns the finished store of a variant ([`Self::variant`] of the same number), and renders
-    /// the variant first if necessary.
+    /// Returns the finished store of a variant, and renders the variant first if necessary. `variant` must be
+    /// the result of [`Self::variant`] for `number`.
     ///
     /// # Errors
     /// Returns [`StudioError`] if the scene is invalid or the render stopped.
@@ -202,8 +202,8 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Rescales rows, columns and blocks to another camera size. Each pixel becomes the pixel that contains its
-/// centre. Bins keep their size.
+/// Rescales rows, columns and blocks to another camera size. Each selected pixel is replaced by the pixel of
+/// the new image that contains its centre. Bins keep their size.
 fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectFile {
     let at = |i: u32, axis: usize| {
         let [old, new] = [old[axis], new[axis]].map(u64::from);

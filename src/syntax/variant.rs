@@ -150,7 +150,8 @@ impl<'a> Vary<'a> {
         Ok(all)
     }
 
-    /// Checks that the types of a parameter's values allow the values to replace the value `present`.
+    /// Checks the values or the range of a parameter. The bounds of a range must have the shape of the value
+    /// `present`.
     fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),
@@ -221,7 +222,8 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// Checks that no earlier path sets the same value, a part of it, or a value that contains it.
+    /// Checks that no earlier path sets the same value, a part of this value, or a value that contains this
+    /// value.
     fn alone(
         &self,
         keys: &[String],
@@ -314,7 +316,7 @@ impl<'a> Vary<'a> {
     }
 }
 
-/// Attaches to a drawn value the location of its range in the file.
+/// Sets the location of a drawn value to the location of the value's range in the file.
 fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     let value = match value {
         DeValue::Array(list) => {

@@ -1,15 +1,16 @@
-//! A dense array in memory with named axes, such as a part of a stored slice or the result of a probe.
+//! Defines a dense array in memory with named axes, such as a part of a stored slice or the result of a
+//! probe.
 
 use super::axes::{Axis, AxisKind};
 
-/// Row-major values over named axes (last axis fastest).
+/// Values over named axes in row-major order (the index of the last axis varies fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     /// Name for titles and file names.
     pub name: String,
     /// Axes in storage order, or an empty list for a single number.
     pub axes: Vec<Axis>,
-    /// Values, as many as the product of the axes' lengths.
+    /// Values. Their number is the product of the axes' lengths.
     pub data: Vec<f32>,
 }
 
@@ -67,8 +68,8 @@ impl Tensor {
         }
     }
 
-    /// Returns the number of elements before an axis, along the axis and after the axis, as products of the
-    /// axes' lengths.
+    /// Returns three numbers: the product of the lengths of the axes before `axis`, the length of `axis`, and
+    /// the product of the lengths of the axes after `axis`.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product())
@@ -93,8 +94,8 @@ impl Tensor {
         })
     }
 
-    /// Calls `f(lane, inner, out, length)` for every block along the axis. `lane` contains `length` runs of
-    /// `inner` values. `out` receives one run.
+    /// Removes an axis. Calls `f(lane, inner, out, length)` for every block along the axis. `lane` contains
+    /// `length` runs of `inner` values. `f` writes one run to `out`.
     fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
         let Some(axis) = self.find(kind) else {
             return self.clone();

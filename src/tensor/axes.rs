@@ -1,16 +1,17 @@
-//! The named axes of a stored slice, with their units, in a fixed order.
+//! Defines the named axes of a stored slice, with their units and their fixed order.
 //!
 //! The order is `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`. An axis
-//! is present only if the slice resolves its dimension. `wavelength` is always last, so that one tensor
-//! element fills the lanes of one SIMD register.
+//! is present only if the slice resolves its dimension. `wavelength` is always last, so that the values of
+//! all wavelengths fill the lanes of one SIMD register.
 
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Maximum number of elements in a chunk (8 MiB of f32), so that memory use depends only on the tile size.
+/// Maximum number of elements in a chunk (8 MiB of f32). The limit ensures that memory usage depends only on
+/// the tile size.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
-/// Number of tensor elements (4 MiB of f32) above which each matrix element has separate chunks. With
+/// Number of elements of a chunk (4 MiB of f32) above which each matrix element has separate chunks. With
 /// separate chunks, matrix elements that are zero in a whole tile need no chunks. A reader can read one
 /// matrix element without the other 15 elements.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
@@ -28,11 +29,11 @@ pub enum AxisKind {
     U,
     /// Travel time.
     T,
-    /// Number of surface interactions.
+    /// Number of surface interactions of the path.
     Bounces,
     /// Component of the light: 0 direct, 1 indirect.
     Component,
-    /// Interactions of the path, as a set of bits (see [`crate::label`]).
+    /// Kinds of interactions of the path, as a set of bits (see [`crate::label`]).
     Label,
     /// Outgoing Stokes element p.
     StokesOut,
@@ -42,7 +43,7 @@ pub enum AxisKind {
 }
 
 impl ProjectorAxis {
-    /// Converts the projector axis to the axis kind of a slice.
+    /// Returns the axis kind of a slice for this projector axis.
     pub fn kind(self) -> AxisKind {
         match self {
             Self::U => AxisKind::U,
@@ -122,7 +123,8 @@ impl AxisKind {
 pub struct Axis {
     /// Dimension that the axis resolves.
     pub kind: AxisKind,
-    /// Coordinates: a pixel's index (its centre minus 0.5), or the centre of a bin of pixels or time.
+    /// Coordinate of each entry, in the unit of [`AxisKind::units`]. The coordinate of a pixel is its index
+    /// (the pixel's centre minus 0.5), and the coordinate of a bin of pixels or time is the bin's centre.
     pub coords: Vec<f64>,
     /// Chunk length along the axis.
     pub chunk: u64,
@@ -137,8 +139,8 @@ impl Axis {
         self.coords.is_empty()
     }
 
-    /// Returns the index of the coordinate nearest to `coordinate`: the first of two equally near
-    /// coordinates, or 0 for an empty axis.
+    /// Returns the index of the entry nearest to `coordinate`. Of two equally near entries, returns the
+    /// first. For an empty axis, returns 0.
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
         (0..self.coords.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -149,7 +151,7 @@ impl Axis {
 /// contiguous and begin at pixel 0.
 ///
 /// # Errors
-/// Returns the first value that cannot be the centre of a contiguous box, if there is one.
+/// Returns the first value of `centres` that cannot be the centre of a contiguous box.
 pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut first = 0.0;
     let mut all = Vec::with_capacity(centres.len());
@@ -165,7 +167,7 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     Ok(all)
 }
 
-/// Sizes that determine the axes of a [`Slice`].
+/// Sizes of a scene that determine the axes of a [`Slice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extents {
     /// Camera width and height, in pixels.
@@ -184,9 +186,9 @@ pub struct Extents {
 pub struct SliceLayout {
     /// Name of the group in the store.
     pub name: String,
-    /// Axes in storage order (row-major, last axis fastest).
+    /// Axes in storage order (row-major: the index of the last axis varies fastest).
     pub axes: Vec<Axis>,
-    /// First edge and bin width of the time axis, in picoseconds, or `None` without a time axis.
+    /// First edge and bin width of the time axis, in picoseconds, or `None` if the slice has no time axis.
     pub time: Option<(f64, f64)>,
     /// True if the store contains the standard errors of the totals of camera elements
     /// ([`crate::field::Field::TotalStdError`]). Renders store these standard errors.
@@ -318,8 +320,7 @@ impl SliceLayout {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Returns the layout without the time axis, under the same name. The overflow arrays use the layout
-    /// without the time axis.
+    /// Returns the layout without the time axis, under the same name. The overflow arrays have this layout.
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
         axes.retain(|a| a.kind != AxisKind::T);
@@ -340,8 +341,8 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Divides the chunks of large slices into chunks of single matrix elements. Chunks of small slices keep
-/// whole matrices.
+/// Divides the chunks into chunks of single matrix elements if they have more than [`WHOLE_MATRIX_ELEMENTS`]
+/// elements. Smaller chunks contain whole matrices.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {
@@ -356,8 +357,8 @@ fn divide_matrix(axes: &mut [Axis]) {
     }
 }
 
-/// Limits the chunk size. Divides the matrix, and then halves the chunks along the axes V, U, T and Label, in
-/// this order.
+/// Limits the chunk size. First divides the chunks by matrix element, and then halves the chunks along the
+/// axes V, U, T and Label, in this order.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T, AxisKind::Label] {

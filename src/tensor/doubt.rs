@@ -1,7 +1,7 @@
-//! Detection of unreliable error estimates.
+//! Detects unreliable error estimates.
 //!
 //! If a few bright samples contribute most of the light, a pixel without bright samples underestimates both
-//! its light and its error. The samples of a pixel, and their fourth moment, do not reveal that bright
+//! its light and its error. Neither the samples of a pixel nor their fourth moment indicate that bright
 //! samples are missing. Neighbouring pixels receive similar light, and some of the neighbours have bright
 //! samples. A pixel is therefore marked as unreliable if its error is less than half of the root mean square
 //! of the errors around it.
@@ -15,15 +15,15 @@ const LEAST: f64 = 0.5;
 /// The number of lit pixels of a slice, and the number of lit pixels with unreliable errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Doubt {
-    /// Number of lit pixels, whose error is non-zero or unknown (NaN).
+    /// Number of lit pixels. A pixel is lit if its error is nonzero or unknown (NaN).
     pub lit: usize,
     /// Number of lit pixels whose error is unreliable or unknown.
     pub doubtful: usize,
 }
 
 impl Doubt {
-    /// Counts pixels, given the standard errors of totals (axes `y`, `x`) and the marks that [`doubtful`]
-    /// returns.
+    /// Counts pixels. `errors` are the standard errors of totals (axes `y`, `x`), and `doubtful` are the
+    /// marks that [`doubtful`] returns.
     pub fn of(errors: &[f32], doubtful: &[bool]) -> Self {
         let lit = errors.iter().zip(doubtful).filter(|(e, _)| **e != 0.0);
         lit.fold(Self::default(), |all, (_, doubtful)| Self {
@@ -38,8 +38,9 @@ impl Doubt {
     }
 }
 
-/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). If `single` is true, each
-/// value belongs to one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
+/// Returns, for each of the standard errors of totals (axes `y`, `x`), whether it is unreliable. If `single`
+/// is true, each value belongs to one pixel, and pixels whose coordinates differ by more than 1 are not
+/// neighbours.
 pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let [rows, columns] = &errors.axes[..] else {
         return vec![false; errors.data.len()];

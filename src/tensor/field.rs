@@ -1,4 +1,4 @@
-//! The arrays (fields) of a stored slice.
+//! Defines the arrays (fields) of a stored slice.
 
 use crate::axes::SliceLayout;
 

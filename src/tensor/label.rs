@@ -1,4 +1,5 @@
-//! Path labels: sets of bits that describe a path's interactions, used as coordinates of the axis `label`.
+//! Defines path labels. A label is a set of bits that describes a path's interactions, and a coordinate of
+//! the axis `label`.
 //!
 //! Every interaction that changes the direction of light sets the bit of its kind. Transmission through a
 //! smooth interface or a sheet sets no bit. Label 0 therefore denotes light that arrives directly from an
@@ -6,18 +7,19 @@
 
 /// Scattering by a medium.
 pub const MEDIUM: u8 = 1;
-/// Reflection by a smooth surface: a mirror, or glass or water from outside or inside.
+/// Reflection by a smooth surface, such as a mirror, or glass or water from outside or inside.
 pub const SPECULAR: u8 = 2;
-/// Reflection or refraction by microfacets: rough metal, frosted glass, the coat of plastic.
+/// Reflection or refraction by microfacets, such as those of rough metal, frosted glass or the coat of
+/// plastic.
 pub const GLOSSY: u8 = 4;
-/// Diffuse scattering: by a Lambertian surface or the body of plastic.
+/// Diffuse scattering by a Lambertian surface or by the body of plastic.
 pub const DIFFUSE: u8 = 8;
 
 /// Number of possible labels, that is, of sets of the four bits.
 pub const COUNT: u32 = 16;
 
-/// The label bits with their names. A measured material cannot be separated and sets both `glossy` and
-/// `diffuse`.
+/// The label bits with their names. The reflection of a measured material cannot be separated, so it sets
+/// both `glossy` and `diffuse`.
 pub const BITS: [(u8, &str); 4] =
     [(MEDIUM, "medium"), (SPECULAR, "specular"), (GLOSSY, "glossy"), (DIFFUSE, "diffuse")];
 
@@ -30,7 +32,7 @@ pub fn name(set: u8) -> String {
     all.join("+")
 }
 
-/// Parses the name of a label, with the bits in any order. Returns `None` for an unknown name.
+/// Parses the name of a label. The names of the bits can have any order. Returns `None` for an unknown name.
 pub fn parse(text: &str) -> Option<u8> {
     if text.trim() == "none" {
         return Some(0);

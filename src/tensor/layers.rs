@@ -1,6 +1,7 @@
-//! Ground-truth layers of an image: arrays over camera pixels with name, unit and description.
+//! Defines ground-truth layers of an image. A layer is an array over camera pixels with a name, a unit and a
+//! description.
 
-/// Number of values per pixel of a layer.
+/// The kind of values per pixel of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parts {
     /// One number per pixel.
@@ -27,10 +28,12 @@ pub struct Layer {
     /// Unit of the values, or `1` for values without a unit.
     pub units: &'static str,
     pub long_name: &'static str,
-    /// Number of values per pixel, which determines whether the array has an axis after y and x.
+    /// Kind of values per pixel. The array has a third axis, after y and x, unless a pixel has only one
+    /// number.
     pub parts: Parts,
     pub values: LayerValues,
-    /// Names of the objects or materials, indexed by the values of the layer.
+    /// Names of the objects or materials, indexed by the values of the layer. The value is `None` for layers
+    /// without names.
     pub labels: Option<Vec<String>>,
 }
 
@@ -68,8 +71,8 @@ impl LayerSet {
         }
     }
 
-    /// Returns the values of a real-valued layer at pixel (x, y), or `None` if the layer or the pixel does
-    /// not exist.
+    /// Returns the values of a layer of real numbers at pixel (x, y), or `None` if the layer or the pixel
+    /// does not exist.
     pub fn real(&self, name: &str, x: u32, y: u32) -> Option<&[f32]> {
         let layer = self.get(name)?;
         let LayerValues::Real(values) = &layer.values else {

@@ -1,4 +1,4 @@
-//! Slices of the tensor T(s, s', p, p', t): their axes, layout, and arrays in memory.
+//! Defines slices of the tensor T(s, s', p, p', t): their axes, layout, and arrays in memory.
 //!
 //! This crate is independent of scenes, rigs, files and plots.
 

@@ -1,4 +1,4 @@
-//! A sink that stores a render as arrays in memory, with the same numbers as a store on disk.
+//! Defines a sink that stores a render as arrays in memory, with the same values as a store on disk.
 
 use crate::array::Tensor;
 use crate::field::Field;
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::axes::{Axis, AxisKind, SliceLayout};
 
-    /// A job for an image of 3 × 2 pixels with two time bins.
+    /// Returns a job for an image of 3 × 2 pixels with two time bins.
     fn job() -> Job {
         let axis = |kind, n: u32| Axis { kind, coords: (0..n).map(f64::from).collect(), chunk: 2 };
         let layout = SliceLayout {

@@ -1,4 +1,4 @@
-//! A trait that single- and double-precision numbers implement.
+//! Defines a trait that single- and double-precision numbers implement.
 
 use bytemuck::Pod;
 

@@ -1,8 +1,9 @@
-//! Parts of a render: the tiles of camera pixels that each of several machines renders.
+//! Defines parts of a render. A part is the set of tiles of camera pixels that one of several machines
+//! renders.
 //!
 //! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the whole
-//! render. Tiles are assigned to the parts in turn, because regions of similar render time (dark sky, glass)
-//! are contiguous in an image.
+//! render. Tiles are assigned to the parts in turn. Contiguous regions of an image, such as dark sky or
+//! glass, have similar render times, so each part takes about the same time.
 
 use serde_json::{Map, Value, json};
 use std::fmt;
@@ -13,7 +14,7 @@ pub const ATTRIBUTE: &str = "part";
 /// A subset of the tiles of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// Every `of`-th tile, starting with tile `number` counted from 1.
+    /// Every `of`-th tile, beginning with tile `number` if tiles are counted from 1.
     Share {
         /// Number of this part, from 1 to `of`.
         number: u32,

@@ -1,20 +1,21 @@
-//! Boxes of row-major arrays: iterates over indices and chunks, and copies between boxes.
+//! Handles boxes of row-major arrays: iterates over indices and chunks, and copies between boxes.
 //!
-//! The functions compute with `u64` indices and row-major shapes (last axis fastest).
+//! Indices and shapes are `u64`. In row-major order, the index of the last axis varies fastest.
 
 /// Returns the number of elements of a shape, or `None` on overflow.
 pub fn volume(shape: &[u64]) -> Option<usize> {
     shape.iter().try_fold(1_u64, |n, &k| n.checked_mul(k)).and_then(|n| usize::try_from(n).ok())
 }
 
-/// Returns whether the box `start..start + shape` has the dimensions of `bounds` and lies inside it.
+/// Returns whether the box `start..start + shape` is inside an array of shape `bounds` and has the same
+/// number of axes.
 pub fn contains(bounds: &[u64], start: &[u64], shape: &[u64]) -> bool {
     start.len() == bounds.len()
         && shape.len() == bounds.len()
         && (0..bounds.len()).all(|i| start[i].checked_add(shape[i]).is_some_and(|e| e <= bounds[i]))
 }
 
-/// Iterates over the indices of the box `lo..hi` (`hi` exclusive), last axis fastest. A box without axes
+/// Iterates in row-major order over the indices of the box `lo..hi` (`hi` is excluded). A box without axes
 /// has one index.
 pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<> {
     let (lo, hi) = (lo.to_vec(), hi.to_vec());

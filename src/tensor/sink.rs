@@ -1,14 +1,15 @@
-//! Sinks, which receive finished tiles: a store on disk, arrays in memory, or a custom implementation.
+//! Defines sinks. A sink receives finished tiles, and is a store on disk, arrays in memory, or a custom
+//! implementation.
 
 use crate::axes::SliceLayout;
 use crate::field::Field;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// Bytes of data that one bit of [`Piece::touched`] represents.
+/// Number of bytes of data that one bit of [`Piece::touched`] represents.
 pub const STRETCH: usize = 256;
 
-/// Description of one slice of a render for the sink.
+/// Description of one slice of a render, passed to the sink.
 #[derive(Clone, Debug)]
 pub struct JobSlice {
     /// Name, axes and chunks of the slice.
@@ -22,7 +23,7 @@ pub struct JobSlice {
 pub struct Job {
     /// Slices, in the order of the index [`Piece::slice`].
     pub slices: Vec<JobSlice>,
-    /// Provenance of the render: scene, seed, samples, devices, units.
+    /// Provenance of the render, such as scene, seed, samples, devices and units.
     pub attributes: Map<String, Value>,
     /// Camera width and height, in pixels.
     pub camera: [u32; 2],
@@ -37,7 +38,7 @@ impl Job {
     }
 }
 
-/// Values of one field of one slice: a box inside one chunk. Elements that no piece covers are zero.
+/// Values of one field of one slice in a box inside one chunk. Elements that no piece covers are zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece<'a> {
     /// Index of the slice in [`Job::slices`].
@@ -47,7 +48,7 @@ pub struct Piece<'a> {
     pub start: &'a [u64],
     /// Number of elements along every axis.
     pub shape: &'a [u64],
-    /// Values of the elements, row-major (last axis fastest).
+    /// Values of the elements in row-major order (the index of the last axis varies fastest).
     pub data: &'a [f32],
     /// Bit mask with one bit per [`STRETCH`] bytes of data, lowest bit first. A bit is 0 if all corresponding
     /// bytes are zero.
@@ -90,7 +91,7 @@ pub struct Summary {
     pub tiles: u32,
     /// Number of discarded samples, including those of earlier runs.
     pub discarded: u64,
-    /// Number of samples of this run.
+    /// Number of camera samples of this run.
     pub samples: u64,
     /// Number of rays of this run.
     pub rays: u64,
@@ -100,11 +101,10 @@ pub struct Summary {
     pub wall_s: f64,
 }
 
-/// Receiver of the tiles of one render.
+/// Receives the tiles of one render.
 ///
-/// [`Sink::begin`] is called first and [`Sink::end`] last. For each tile, one thread calls `put`,
-/// `put_samples` and then `tile_done`, after `begin` and before `end`. Calls for different tiles may be
-/// concurrent.
+/// [`Sink::begin`] is called first and [`Sink::end`] last. Between `begin` and `end`, one thread per tile
+/// calls `put`, `put_samples` and then `tile_done`. Calls for different tiles may be concurrent.
 pub trait Sink: Sync {
     /// Error type of the sink.
     type Error: std::error::Error + Send + Sync + 'static;

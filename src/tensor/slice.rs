@@ -1,15 +1,15 @@
-//! Selects the parts of T(s, s', p, p', t) that a render stores, with one independent choice per axis.
+//! Defines which parts of T(s, s', p, p', t) a render stores, with one independent choice per dimension.
 //!
-//! A [`Slice`] contains only data whose references to the scene are resolved. One render fills all slices.
+//! A [`Slice`] contains only resolved data, without references to the scene. One render fills all slices.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSelect {
     /// All camera pixels.
     All,
-    /// Whole rows (increasing y indices): axes `y` (listed rows) and `x`.
+    /// Whole rows, given by increasing y indices. The axis `y` contains only these rows.
     Rows(Vec<u32>),
-    /// Whole columns (increasing x indices): axes `y` and `x` (listed columns).
+    /// Whole columns, given by increasing x indices. The axis `x` contains only these columns.
     Columns(Vec<u32>),
     /// A rectangle of pixels.
     Block(Block),
@@ -25,17 +25,19 @@ pub enum CameraSelect {
 /// Selection of projector pixels s' (axes `v` for rows and `u` for columns).
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProjectorSelect {
-    /// Sum over all s', including light without an s', such as light from a point emitter. Adds no axis.
+    /// Sum over all s'. The sum includes light without an s', such as light from a point emitter. Adds no
+    /// axis.
     Sum,
     /// All projector pixels.
     All,
-    /// Whole projector rows (increasing v indices).
+    /// Whole projector rows, given by increasing v indices.
     Rows(Vec<u32>),
-    /// Whole projector columns (increasing u indices).
+    /// Whole projector columns, given by increasing u indices.
     Columns(Vec<u32>),
     /// A rectangle of projector pixels.
     Block(Block),
-    /// Sums over boxes of `nx` × `ny` projector pixels: the response to a fully lit box.
+    /// Sums over boxes of `nx` × `ny` projector pixels. Each sum is the response to a box whose pixels all
+    /// have drive 1.
     Binned {
         /// Columns per box.
         nx: u32,
@@ -50,7 +52,8 @@ pub enum ProjectorSelect {
         /// One weight per projector pixel, row-major.
         weights: Vec<f32>,
     },
-    /// Sum over the s' whose centres are within the half width of the epipolar line of s. Adds no axis.
+    /// Sum over the s' whose centres are at most the half width away from the epipolar line of s. Adds no
+    /// axis.
     Epipolar {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
@@ -109,13 +112,14 @@ pub enum TimeSelect {
 /// Selection of the Stokes dimensions p, p'.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarization {
-    /// All 16 Mueller elements: axes `stokes_out`, `stokes_in`.
+    /// All 16 Mueller elements. Adds the axes `stokes_out` and `stokes_in`.
     Mueller,
-    /// M00 only: the response in intensity to unpolarized light. Adds no axis.
+    /// Only M00, the intensity response to unpolarized light. Adds no axis.
     Intensity,
 }
 
-/// One slice of the tensor: a choice for every dimension, and optional axes that no real camera can measure.
+/// One slice of the tensor, with a choice for every dimension and with optional axes that no real camera can
+/// measure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slice {
     /// Name of the group in the store.
@@ -124,7 +128,7 @@ pub struct Slice {
     pub projector: ProjectorSelect,
     pub time: TimeSelect,
     pub polarization: Polarization,
-    /// True if the slice resolves the number of surface interactions (axis `bounces`), which is 0 for an
+    /// True if the slice resolves the number of surface interactions (axis `bounces`). The number is 0 for an
     /// emitter that the camera sees directly.
     pub bounces: bool,
     /// True if the slice separates direct from indirect light (axis `component`). Component 0 is light with a

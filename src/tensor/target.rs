@@ -1,15 +1,17 @@
-//! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
+//! Implements adaptive sampling, which chooses the number of samples per tile so that a slice reaches a
+//! requested error.
 //!
 //! Samples are added in rounds. A lit pixel that has the relative error e after n samples needs n (e / goal)²
 //! samples in total. The slice reaches the goal when a given share of its lit pixels has reached the goal. A
-//! share of 0.5 is the median. Samples are therefore assigned first to the tiles in which they make the most
-//! pixels reach the goal. Tiles whose pixels have reached the goal, or would need many samples to reach it,
-//! receive fewer samples. Each tile receives at least half of the uniform number of samples that would reach
-//! the goal. Therefore, no error exceeds √2 times the error of uniform sampling.
+//! share of 0.5 corresponds to the median error. Samples are therefore assigned first to the tiles in which
+//! they make the most pixels reach the goal. Tiles whose pixels have reached the goal, or would need many
+//! samples to reach it, receive fewer samples. Each tile receives at least half of the number of samples with
+//! which uniform sampling would reach the goal. Therefore, no error exceeds √2 times the error of uniform
+//! sampling.
 //!
-//! If the noise of a pixel determined its sample count, the mean would be biased, because sampling would
-//! stop where the first samples are dim. Therefore at least [`LEAST_LIT`] pixels determine the samples of a
-//! tile, so that a single pixel barely affects the quantile.
+//! If the noise of a single pixel determined the pixel's sample count, the mean would be biased, because
+//! sampling would stop at pixels whose first samples are dim. Therefore, at least [`LEAST_LIT`] pixels
+//! determine the samples of a tile, so that a single pixel barely affects the sample count.
 
 use serde_json::{Value, json};
 
@@ -26,12 +28,12 @@ pub const TILE_SAMPLES: &str = "tile_samples";
 /// pixels of neighbouring tiles or of all tiles are included.
 pub const LEAST_LIT: usize = 64;
 
-/// Number of candidate sample counts per factor of 2. Candidates are 2^(i/`STEPS`) times the uniform count,
-/// from 1/2 to 8 times.
+/// Number of candidate sample counts per factor of 2. Candidates are 2^(i/`STEPS`) times the sample count of
+/// uniform sampling, where the factor is between 1/2 and 8.
 const STEPS: i32 = 16;
 const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 
-/// Maximum ratio of a round's samples to the samples of all earlier rounds. The maximum is needed because
+/// Maximum ratio of a round's samples to the samples of all earlier rounds. The ratio is limited because
 /// error estimates from few samples are less reliable.
 const GROWTH: f64 = 4.0;
 
@@ -42,7 +44,8 @@ const MARGIN: f64 = 0.99;
 /// skipped.
 const LEAST_ROUND: u32 = 16;
 
-/// Minimum number of sample groups from which a round's errors are estimated.
+/// Minimum number of sample groups from which a round's errors are estimated, unless the round has fewer
+/// samples.
 const GROUPS: u32 = 32;
 
 /// Goal of adaptive sampling.
@@ -50,13 +53,14 @@ const GROUPS: u32 = 32;
 pub struct Goal {
     /// Name of the slice whose error is measured.
     pub slice: String,
-    /// Relative standard error of a pixel, such as 0.02.
+    /// Target error: the relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Fraction of the lit pixels that must reach the target error, 0 to 1. The value 0.5 selects the median.
+    /// Fraction of the lit pixels that must reach the target error, 0 to 1. With 0.5, the median error must
+    /// reach the target error.
     pub share: f64,
     /// Samples per pixel in the first round.
     pub first: u32,
-    /// Maximum number of samples per pixel in all rounds.
+    /// Maximum number of samples per pixel, summed over all rounds.
     pub most: u32,
 }
 
@@ -140,16 +144,16 @@ pub struct Survey {
 /// Next step of adaptive sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
-    /// Stop: the goal is reached.
+    /// Stop, because the slice has reached the goal.
     Reached,
-    /// Stop: pixels have the maximum number of samples.
+    /// Stop, because all pixels that need more samples have the maximum number of samples.
     Exhausted,
     /// Render a round with the given number of samples per pixel for each tile.
     Round(Vec<u32>),
 }
 
 /// Returns the quantile `share` of the `sorted` values, or `None` if there are no values. The quantile is the
-/// smallest value that at least a fraction `share` of the values does not exceed.
+/// smallest of the values for which at least a fraction `share` of the values is not larger.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
@@ -160,7 +164,7 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Number of samples that each pixel of a tile needs to reach the goal.
+/// Numbers of samples per pixel with which the pixels of a tile reach the goal.
 struct Needs {
     /// Number of samples that each lit pixel of the tile needs.
     own: Vec<f64>,
@@ -170,7 +174,7 @@ struct Needs {
 }
 
 impl Needs {
-    /// Returns the number of the tile's lit pixels that reach the goal with `n` samples.
+    /// Returns the expected number of the tile's lit pixels that reach the goal with `n` samples per pixel.
     fn there(&self, n: f64) -> f64 {
         let there = self.samples.partition_point(|need| *need <= n);
         (self.own.len() * there) as f64 / self.samples.len().max(1) as f64
@@ -178,8 +182,8 @@ impl Needs {
 }
 
 impl Tile {
-    /// Returns the larger of `samples` and the tile's current samples, or the current samples if the slice
-    /// keeps no pixel of the tile.
+    /// Returns the larger of `samples` and the tile's current number of samples per pixel. If the slice keeps
+    /// no pixel of the tile, returns the current number.
     fn at_least(&self, samples: f64) -> f64 {
         let had = f64::from(self.samples);
         if self.kept { had.max(samples) } else { had }
@@ -187,15 +191,15 @@ impl Tile {
 }
 
 impl Survey {
-    /// Returns the relative error that a fraction `share` of lit pixels does not exceed, or 0 without lit
-    /// pixels.
+    /// Returns the relative error that a fraction `share` of the lit pixels does not exceed, or 0 if there
+    /// are no lit pixels.
     pub fn reached(&self, share: f64) -> f64 {
         let errors = sorted(self.lit.iter().map(|p| p.error).collect());
         quantile(&errors, share).unwrap_or(0.0)
     }
 
     /// Returns the number of samples per pixel with which uniform sampling would reach the error
-    /// [`Self::reached`], estimated from variances.
+    /// [`Self::reached`], estimated from the errors and sample counts of the lit pixels.
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);
         let needs = self.lit.iter().map(|p| p.samples * (p.error / reached).powi(2));
@@ -214,12 +218,13 @@ impl Survey {
         self.samples() as f64 / pixels.max(1) as f64
     }
 
-    /// Returns the next step.
+    /// Returns the next step of adaptive sampling.
     pub fn next(&self, goal: &Goal) -> Next {
         self.next_by(goal, LEAST_LIT)
     }
 
-    /// Works as [`Self::next`], but at least `least` pixels determine the samples of a tile.
+    /// Returns the next step as [`Self::next`] does, but at least `least` pixels determine the samples of a
+    /// tile.
     pub(crate) fn next_by(&self, goal: &Goal, least: usize) -> Next {
         if self.reached(goal.share) <= goal.error {
             return Next::Reached;
@@ -238,7 +243,7 @@ impl Survey {
         self.round(&cheapest, goal)
     }
 
-    /// Returns the total number of samples for given samples per pixel of each tile.
+    /// Returns the total number of samples if each tile has the given number of samples per pixel.
     fn cost(&self, counts: &[f64]) -> f64 {
         let tiles = self.tiles.iter().zip(counts);
         tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
@@ -273,10 +278,10 @@ impl Survey {
         (0..own.len()).map(of).collect()
     }
 
-    /// Returns the samples per pixel for each tile, chosen from the increasing `counts`, with which
-    /// `wanted` lit pixels reach the goal. Each tile maximizes the number of its pixels at the goal minus a
-    /// price per sample (a Lagrange multiplier). The price is the highest with which `wanted` pixels reach
-    /// the goal. Returns `None` if no price is low enough.
+    /// Returns the samples per pixel for each tile with which `wanted` lit pixels reach the goal. The numbers
+    /// are chosen from the increasing `counts`. For each tile, the choice maximizes the number of pixels at
+    /// the goal minus the number of samples times a price (a Lagrange multiplier). The price is the highest
+    /// price with which `wanted` pixels reach the goal. Returns `None` if no price is low enough.
     fn plan(&self, needs: &[Needs], counts: &[f64], wanted: f64) -> Option<Vec<f64>> {
         // Choices for each tile: the samples per pixel, and the number of pixels at the goal.
         let choices: Vec<Vec<[f64; 2]>> = self
@@ -333,8 +338,8 @@ impl Survey {
 }
 
 /// Returns 0 for few samples. Otherwise, rounds `samples` up to whole stratified groups, and returns the
-/// rounded number. The size of a group is a power of two for which there are between 1 and 2 times [`GROUPS`]
-/// groups.
+/// rounded number. The size of a group is the smallest power of two, at most 64, for which the number of
+/// groups is less than 2 × [`GROUPS`].
 fn round_count(samples: f64) -> u32 {
     if samples <= f64::from(LEAST_ROUND / 2) {
         return 0;

@@ -13,7 +13,7 @@ pub enum Strategy {
     /// Manifold connections through smooth refracting interfaces, to emitters and to the camera.
     SmoothInterfaces,
     FlatMirrors,
-    /// Connections over curved mirrors, through curved glass along all paths, and through crystals.
+    /// Connections over curved mirrors, along all paths through curved glass, and through crystals.
     CurvedMirrors,
     /// Light tracing, which connects a light path to the camera.
     LightTracing,

@@ -107,11 +107,12 @@ pub struct Settings {
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
     /// Restricts bidirectional path tracing to one unweighted strategy. The pair contains the numbers of
-    /// vertices on the light subpath and on the camera subpath, including ends. This setting is for tests,
-    /// because the result lacks the light of all other paths.
+    /// vertices on the light subpath and on the camera subpath. These numbers include the vertices on the
+    /// emitter and on the camera. This setting is only for tests, because the result lacks the light of all
+    /// other paths.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that the render may use. A subset is for tests, because the result lacks the light of paths
-    /// that require other strategies.
+    /// Strategies that the render may use. A subset is only for tests, because the result then lacks the
+    /// light of paths that require other strategies.
     pub strategies: Strategies,
     /// Seed of the random streams.
     pub seed: u64,
@@ -122,7 +123,7 @@ pub struct Settings {
 impl Settings {
     /// Returns the number of samples of a pixel that are stratified together. The result is the largest
     /// number that leaves at least `replicates` independent groups. Standard errors are estimated from the
-    /// independent groups by randomized quasi-Monte Carlo (Owen 1997).
+    /// independent groups, as in randomized quasi-Monte Carlo (Owen 1997).
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
     }

@@ -283,7 +283,8 @@ fn a_small_table_is_independent_of_its_file() {
     assert_eq!(table.file_len(), file.len());
 }
 
-/// Tests that a large file is memory-mapped, and that a table behind 65 MiB of zeros gives correct entries.
+/// Tests that a large file is memory-mapped, and that a table after 65 MiB of zeros in the file gives correct
+/// entries.
 #[test]
 fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -316,7 +317,7 @@ fn errors_name_the_position_and_the_file() {
 
 /// Tests that the hashes of a table's pieces distinguish tables. Tests that the scene hash depends on the
 /// hashes of the pieces. The pieces of a large file are the header, the axes and 64 parts of the data. The
-/// hash always detects a change that is as long as the distance between two parts.
+/// hash always detects a changed byte range that is at least as long as the distance between two parts.
 #[test]
 fn scene_hashes_depend_on_the_pieces_of_tables() {
     let folder = folder();

@@ -154,12 +154,13 @@ pub fn refusals(folder: &Path, cases: &[(&str, &str)]) {
 /// - the name of the fault
 /// - the passage to replace
 /// - the replacement
-/// - the first line of the file with this text, where the fault is (a leading `^` adds the column)
+/// - the mark, a text whose first occurrence in the file is the position of the fault (a leading `^` adds the
+///   column)
 /// - the words that the message must contain
 pub type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 /// Returns the line and column of a fault. The function computes the position from `text` and the mark of a
-/// case, without the program's output.
+/// [`Case`], without the program's output.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
     let at = text.find(wanted.unwrap_or(mark)).unwrap_or_else(|| panic!("`{mark}` is not in the file"));

@@ -29,7 +29,7 @@ pub enum Put {
     Fifo,
     /// A symbolic link to a path.
     Link(&'static str),
-    /// A sparse file of a size in bytes.
+    /// A sparse file of the given size in bytes.
     Sparse(u64),
 }
 

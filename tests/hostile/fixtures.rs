@@ -55,7 +55,8 @@ view.photo = { slice = "mueller" }
 caption = "{pixels} pixels"
 "#;
 
-/// Number of matrices in the arrays. The arrays exceed the nearly full disk of the tests.
+/// Number of matrices in the arrays. The arrays are larger than the free space on the nearly full disk that
+/// the tests simulate.
 const PIXELS: usize = 60;
 
 /// A camera calibration in OpenCV's format.

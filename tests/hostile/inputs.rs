@@ -75,8 +75,8 @@ pub const READERS: &[(&str, &str, &str)] = &[
     ("phase eval {x}", "x.toml", "media.toml"),
 ];
 
-/// Files to which a scene refers. Each entry has a key, a value that replaces the value of `materials.white`
-/// or the shape, the file name, and the valid file.
+/// Files to which a scene refers. Each entry has a passage of the scene, the replacement of the passage, the
+/// file name, and the valid file.
 #[rustfmt::skip]
 const NAMED: &[(&str, &str, &str, &str)] = &[
     ("[0.7, 0.7, 0.7]", "{ image = \"x.png\" }", "x.png", "image.png"),

@@ -1,5 +1,5 @@
-//! Tests that the program reports invalid values. The tests replace each value of a scene with every key, one
-//! at a time.
+//! Tests that the program reports invalid values. The scene contains every key, and the tests replace its
+//! values, one at a time.
 
 use super::case::{Case, Expect, Put};
 use std::collections::BTreeSet;

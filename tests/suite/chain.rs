@@ -20,7 +20,7 @@ fn chain(more: &str) -> Chain {
 }
 
 /// Calibrates axes, retardances and extinctions of 8 rigs from noisy captures of air, a mirror and a
-/// polarizer. Tests that the errors are far smaller than the imperfections.
+/// polarizer. Tests that the errors are far smaller than the imperfections of the rigs.
 #[test]
 fn rigs_are_calibrated_by_known_samples() {
     let chain = chain("[cmos]\nbracket = [1, 0.1]\n");

@@ -44,8 +44,8 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
     }
 }
 
-/// Tests the decomposition of an array of 3 × 1 matrices to arrays of the same shape. The matrices are a
-/// quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
+/// Tests that an array of matrices of shape 3 × 1 is decomposed into arrays of shape 3 × 1. The matrices are
+/// a quarter-wave retarder, an ideal depolarizer and an unphysical matrix.
 #[test]
 fn arrays_are_decomposed_to_arrays() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -117,9 +117,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
 }
 
 /// Compares renders of 64 × 64 pixels with 16 samples and with 1024 samples per pixel. A few tens of pixels
-/// on the glossy knot have most of the squared error, and no similar pixels for averaging. Denoising
-/// therefore reduces the mean squared error over all pixels far less than the error without the noisiest 5 %
-/// of the pixels.
+/// on the glossy knot cause most of the squared error. The image contains no similar pixels for averaging.
+/// Denoising therefore reduces the mean squared error over all pixels far less than the error without the
+/// noisiest 5 % of the pixels.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn denoising_reduces_the_error_and_states_it_correctly() {

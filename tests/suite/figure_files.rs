@@ -1,5 +1,5 @@
-//! Tests figure files. Faults are reported with their location, equal files give equal bytes, and existing
-//! renders are used again.
+//! Tests figure files. Faults are reported with their location, equal figure files give byte-identical
+//! images, and existing renders are used again.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;

@@ -27,7 +27,7 @@ fn trials() -> u32 {
     std::env::var("SUNSTONE_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(6)
 }
 
-/// States of the stores that killed processes leave.
+/// Numbers of stores in each state after the writing processes were killed.
 #[derive(Debug, Default)]
 struct Outcomes {
     nothing: u32,

@@ -100,8 +100,8 @@ fn assert_parts_equal_the_whole(scene: &Scene, seed: u64, times: u32) {
     }
 }
 
-/// Tests merged parts with each integrator, and with shipped scenes of media, crystals and a lens with a
-/// hundred mirrors.
+/// Tests merged parts with each integrator, and with shipped scenes of media, crystals and a ball of 412
+/// mirrors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn merged_parts_equal_the_whole() {
@@ -201,7 +201,8 @@ fn small(name: &str) -> Scene {
     sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// Tests that a part is recorded as a part. Tests that no command accepts a part as a finished render.
+/// Tests that the program reports the store of a part as a part. Tests that no command accepts a part as a
+/// finished render.
 #[test]
 fn a_part_is_not_a_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -307,7 +308,8 @@ fn wrong_sets_are_refused() {
     refused(&["p1", "twin", "p3"], &["also have values in another part"]);
 }
 
-/// Tests that more parts than tiles merge to the whole render. Some of the parts are empty but valid.
+/// Tests that the merged parts equal the whole render if there are more parts than tiles. Some of the parts
+/// are empty but valid.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn more_parts_than_tiles_merge_to_the_whole() {
@@ -323,7 +325,7 @@ fn more_parts_than_tiles_merge_to_the_whole() {
     assert_same_store(&at("whole"), &at("joined"));
 }
 
-/// Tests that a killed part can be resumed as the same part, but not as another part.
+/// Tests that a part whose process was killed can be resumed as the same part, but not as another part.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_killed_part_resumes_to_the_same_bytes() {

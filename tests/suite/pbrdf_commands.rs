@@ -138,8 +138,8 @@ fn tables_are_made_and_read() {
     }
 }
 
-/// Tests the principal components of the tables and of the stand-ins. Variance fractions decrease and sum to
-/// 1, and the arrays equal the numbers in the image.
+/// Tests the principal components of tables and of the built-in stand-ins for measured materials. Variance
+/// fractions decrease and sum to 1, and the arrays equal the numbers in the image.
 #[test]
 fn principal_components_are_found() {
     let folder = folder();

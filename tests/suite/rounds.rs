@@ -1,4 +1,4 @@
-//! Tests renders to a target error. The results are byte-identical for any division of the work, error
+//! Tests renders with a target error. The results are byte-identical for any division of the work, error
 //! estimates are correct, and means are unbiased.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr, stdout};
@@ -353,8 +353,8 @@ fn the_command_reports_the_reached_error_and_invalid_options() {
     }
 }
 
-/// Tests that files at the path of the rounds that are not rounds are never removed. Tests that rounds that
-/// another process is writing are not removed.
+/// Tests that the program never removes files in the folder of the rounds that are not rounds. Tests that
+/// rounds that another process is writing are not removed.
 #[test]
 fn other_files_are_kept_and_only_one_process_renders() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,5 @@
-//! Tests applications, and variants of scene files. Variants are rendered, distinguished, and refused if
-//! mixed.
+//! Tests applications, and variants of scene files. Variants are rendered and distinguished, and a mixture of
+//! variants is refused.
 
 use crate::harness::{assert_same_store, read, run, stderr, stdout};
 use serde_json::json;
@@ -209,10 +209,10 @@ fn figures_keep_the_fit(at: &Path, scenes: &str) {
     assert_ne!(anew.2, first.2);
 }
 
-/// Tests that the light of each variant is rendered once if seeds affect a detector only.
+/// Tests that the light of each variant is rendered once if seeds affect only a detector.
 ///
-/// From scene file to table, errors equal two closed forms. The first closed form is 0.5e-3 √(440/15/16), for
-/// fifteen learned captures with a polarizer array. The second closed form is 0.5e-3 √(196/16), for 36
+/// The errors in the resulting table equal two closed forms. The first closed form is 0.5e-3 √(440/15/16),
+/// for fifteen learned captures with a polarizer array. The second closed form is 0.5e-3 √(196/16), for 36
 /// captures of dual rotating retarders.
 #[test]
 #[ignore = "slow: tools/check --all"]

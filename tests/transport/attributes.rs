@@ -60,7 +60,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Tests that each face has one colour. Tests that a scalar attribute can be a weight.
+/// Tests that each face has one colour. Tests that a scalar attribute can be the weight of a blend.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

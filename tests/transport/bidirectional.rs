@@ -11,7 +11,7 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
 /// Returns the scene-file text of a camera and a projector, each of 16 x 16 pixels, in front of a box of 2 m.
-/// The slices resolve everything that a path carries.
+/// The slices resolve polarization, the number of bounces, time, and projector pixels.
 pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
@@ -88,8 +88,8 @@ fn compare(text: &str, share: f32, least: usize) {
 pub const DIFFUSE: &str = "[materials]\nwall.diffuse.albedo = 0.7\nred.diffuse.albedo = [0.2, 0.3, 0.8]\n\
     floor.diffuse.albedo = 0.5\n";
 
-/// Tests each sampling strategy separately. A strategy must give the light of the paths with its number of
-/// interactions.
+/// Tests each sampling strategy separately. Each strategy must give the light of all paths whose number of
+/// interactions the strategy samples.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn each_strategy_alone_gives_the_light_of_its_paths() {
@@ -140,7 +140,7 @@ fn surfaces_of_all_kinds() {
 }
 
 /// Compares camera paths and bidirectional paths for light that rough glass transmits, from each side. The
-/// radiance includes the squared refractive indices.
+/// radiance includes a factor of the squared refractive index.
 #[test]
 fn rough_glass() {
     let text = devices(256, 4, 4)
@@ -290,8 +290,10 @@ fn lenses() {
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
 
-/// Tests reciprocity: the light through an object is the same if camera and projector are exchanged. The
-/// formula is T(s, s') f'² = D T'(s', s)ᵀ D f². The test compares light subpaths with camera subpaths.
+/// Tests reciprocity: the light through an object is the same if camera and projector are exchanged. With the
+/// focal lengths f of the camera and f' of the projector, T(s, s') f'² = D T'(s', s)ᵀ D f². T' is the
+/// transport with exchanged devices, and D = diag(1, 1, -1, 1). The test compares light subpaths with camera
+/// subpaths.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn exchanged_devices_give_the_same_light() {

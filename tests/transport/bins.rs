@@ -51,7 +51,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     })
 }
 
-/// Returns the head of a scene file with the slices of these tests.
+/// Returns the first part of a scene file, with the slices of these tests.
 fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, bounces: bool) -> String {
     let spp = samples(spp);
     format!(
@@ -73,7 +73,8 @@ struct Share {
     hit: f64,
 }
 
-/// Deliberate errors for negative controls. The errors are a shift in time and a shift of s'.
+/// Deliberate errors for negative controls. The errors are a shift in time (picoseconds) and a shift of s'
+/// (projector pixels).
 #[derive(Clone, Copy)]
 struct Fault {
     ps: f64,
@@ -139,8 +140,9 @@ impl Found {
         }
     }
 
-    /// Returns whether no bin, and no sum over the bins with many hits, deviates by 5 sigma. z² has a mean of
-    /// 1. The variance of z² is 3, because errors are estimated from as few as [`MANY`] hits.
+    /// Returns whether every bin deviates by less than 5 sigma, and the sum of z² over the bins with many
+    /// hits exceeds its mean by less than 5 % plus 5 sigma. The mean of each z² is 1. The variance of z² is
+    /// 3, because errors are estimated from as few as [`MANY`] hits.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
         self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
@@ -323,8 +325,8 @@ fn hits(of: &Bins) -> Vec<f64> {
     (0..n).map(most).collect()
 }
 
-/// Compares two renders bin by bin. Each error is at least the error of the number of hits that the more
-/// precise mean implies, and at least that of one hit.
+/// Compares two renders bin by bin. The more precise mean implies a number of hits. Each error is at least
+/// the error of this number of hits, and at least the error of one hit.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     let mut found = Found { bins: a.mean.len(), ..Found::default() };
     let (one, other) = (hits(a), hits(b));

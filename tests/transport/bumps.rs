@@ -1,4 +1,4 @@
-//! Compares bump maps with a closed form, which is Lambert's cosine for normals that the heights tilt.
+//! Compares bump maps with a closed form: Lambert's cosine law for the tilted normals.
 
 use crate::optics::assert_refused;
 use crate::support::render_text;
@@ -38,7 +38,7 @@ fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> 
     f64::from(render_text(&text).mean("m").at(&at))
 }
 
-/// Returns the radiance of a surface of albedo 0.5 whose normal has any length.
+/// Returns the radiance of a surface of albedo 0.5. The normal can have any length.
 fn lambert(normal: DVec3) -> f64 {
     0.5 / PI * normal.normalize().dot(-LIGHT.normalize())
 }
@@ -49,8 +49,8 @@ fn check(found: f64, normal: DVec3, what: &str) {
 }
 
 /// Tests bump maps on a rectangle of 2 m by 0.5 m whose u runs along y. Heights of 0.5 (a u + b v) have the
-/// slopes 0.25 a and b on the rectangle. Images that `uv` rotates and scales follow the chain rule. Copies of
-/// a group stretch their base, not the heights.
+/// slopes 0.25 a and b on the rectangle. The slopes of images that `uv` rotates and scales follow from the
+/// chain rule. The transform of a group's copy stretches the surface, but not the heights.
 #[test]
 fn ramps_tilt_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");

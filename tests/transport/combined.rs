@@ -33,7 +33,8 @@ fn flat(uv: [f32; 2]) -> Surface {
     surface_at(Vec3A::Z, Vec3A::X, uv)
 }
 
-/// Returns the value of a named material between two directions. The frames do not depend on the material.
+/// Returns the Mueller matrix of a named material for two directions. The frames do not depend on the
+/// material.
 fn value(set: &MaterialSet, name: &str, at: &Surface, wo: Vec3A, wi: Vec3A) -> Mueller {
     set.materials
         .eval(set.names[name], at, wo, wi)
@@ -83,8 +84,8 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Tests that each delta lobe of a mixture has its fraction. The test compares the list of lobes, and 40,000
-/// samples (within 5 sigma).
+/// Tests that each delta lobe of a mixture has the fraction that the mixture specifies. The test checks the
+/// list of lobes, and the mean of 40,000 samples (within 5 sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
     let set = set(FILE);
@@ -185,7 +186,7 @@ name = "image"
     }
 }
 
-/// Tests a material that is white in front and black behind. The render of its back must be black.
+/// Tests a material that is white in front and black behind. The render of the back side must be black.
 #[test]
 fn a_black_back_is_black() {
     for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {

@@ -1,5 +1,5 @@
-//! Tests that the radiance, s' and travel time of a single bounce off a Lambertian plane follow from
-//! geometry.
+//! Tests that the radiance, s' and travel time of a single bounce off a Lambertian plane equal the values
+//! computed from the geometry.
 
 use crate::optics::{C, Device, head};
 use crate::support::{Rendered, render_text};

@@ -18,7 +18,7 @@ const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// Renders a small white disk 0.1 below a slab of calcite. The slab has faces at z = 0 and -THICK. Returns
+/// Renders a small white disk 0.1 m below a slab of calcite. The slab has faces at z = 0 and -THICK. Returns
 /// the render, the radiance of the disk, and the path length outside the slab.
 ///
 /// The camera sees the point (0.05, 0.03) of the upper face, by light that leaves along `d`. The line of
@@ -78,8 +78,8 @@ fn faces(n: f64, c: f64, p: bool) -> f64 {
 }
 
 /// Tests normal incidence with the axis at 45° in the plane of x and z. The ordinary image is not shifted.
-/// The extraordinary image is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°,
-/// calcite's walk-off).
+/// The extraordinary image is shifted by tan ρ times the thickness, where tan ρ = (n_o² - n_e²)/(n_o² +
+/// n_e²). The angle ρ = 6.28° is the walk-off of calcite.
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();

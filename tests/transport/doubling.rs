@@ -211,8 +211,8 @@ impl Slab {
         at.expect("a direction of interest")
     }
 
-    /// Returns Σ_m of the series at an azimuth of the outgoing light, divided by 2π. The result is the
-    /// radiance per unit irradiance of a plane perpendicular to the incoming light.
+    /// Returns the sum of the Fourier series over the orders m at an azimuth of the outgoing light, divided
+    /// by 2π. The result is the radiance per unit irradiance of a plane perpendicular to the incoming light.
     fn series(&self, kernel: impl Fn(&Mode) -> &Square, mu: f64, mu_in: f64, phi: f64) -> M {
         let (i, j) = (4 * self.node(mu), 4 * self.node(mu_in));
         let mut sum = M::zeros();
@@ -248,7 +248,8 @@ impl Slab {
     /// a cosine, from either side. The function does not compute downward light.
     ///
     /// Between slab and pane, U is the upward light, and D = P U is the light that the pane returns. The
-    /// light satisfies U = R (1 + w D), which is adding with a layer that keeps directions.
+    /// light satisfies U = R (1 + w D). This is the adding method for a layer that does not change
+    /// directions.
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
         let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
         let along = |which: usize, weighted: bool| {

@@ -1,6 +1,6 @@
 //! Tests that unreliable error estimates are marked, and that unmarked error estimates are correct. The scene
-//! is marble, where few samples carry most of a pixel's light. Deviations over seeds must agree with the
-//! unmarked errors.
+//! is marble, in which few samples contribute most of a pixel's light. Deviations over seeds must agree with
+//! the unmarked errors.
 
 use crate::support::edit;
 use std::path::Path;

@@ -20,9 +20,9 @@ fn single(camera: &Device, light: &str) -> M {
 
 /// Tests that M(roll_c, roll_p) = R(θ_c) M R(-θ_p), with θ counter-clockwise looking toward the source.
 ///
-/// Light leaves the projector along forward. For the projector, a rotation of right by θ is therefore toward
-/// forward × right = down. Light reaches the camera along -forward. For the camera, a rotation of right by θ
-/// is therefore toward up.
+/// The projector emits light along its forward axis. A rotation of the projector's right axis by θ is
+/// therefore toward forward × right, which is the down axis. Light reaches the camera opposite to the
+/// camera's forward axis. A rotation of the camera's right axis by θ is therefore toward the up axis.
 #[test]
 fn rolls_are_rotation_matrices() {
     let camera = Device::ray([0.5, 0.3, 0.8], DVec3::ZERO);

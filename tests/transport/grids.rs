@@ -17,7 +17,7 @@ fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32])
 }
 
 /// Returns the scene-file text of the unit cube, filled with `medium`, under uniform white light. The camera
-/// has one pixel and sees along -z at (0.3, 0.6).
+/// has one pixel and looks along -z at x = 0.3, y = 0.6.
 fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 400\nrr_depth = 1000000\nseed = 4\nintegrator = \"{integrator}\"\n\

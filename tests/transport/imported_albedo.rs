@@ -76,7 +76,8 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
     }
 }
 
-/// Directional albedo along the normal of facets with α = 0.5, with Schlick's reflectance of at least 0.5.
+/// Directional albedo at normal incidence of facets with α = 0.5 and Schlick's reflectance, which is 0.5 at
+/// normal incidence.
 const METAL: f64 = 0.344;
 
 /// Relative tolerance for 20,000 samples. Five standard errors of a rough mirror, which has the largest
@@ -141,9 +142,9 @@ fn metals_without_indices_reflect_all_light() {
     near(tinted, mitsuba(tinted), [0.6, 0.4, 0.2], 1e-5);
 }
 
-/// Tests glTF's default material, which is white metal of roughness 1. Single reflection between GGX facets
-/// returns 0.3069 at normal incidence. A map with default factors has α = 0.252 and is half metal (`gltf` of
-/// `validation/import_albedo.py`).
+/// Tests glTF's default material, which is white metal of roughness 1. With single reflections from GGX
+/// facets, the directional albedo at normal incidence is 0.3069. A material with a roughness map and default
+/// factors has α = 0.252 and is half metal (`gltf` of `validation/import_albedo.py`).
 #[test]
 fn white_metal_loads_and_reflects() {
     near("{}", gltf("{}"), [0.3069; 3], NOISE);

@@ -1,6 +1,6 @@
-//! Tests that scenes with instances equal scenes with copies, with each integrator. The copied objects are
-//! meshes with smooth normals and textures, metal, and filled glass. The copies are rotated, mirrored and
-//! stretched.
+//! Tests that renders of scenes with instances equal renders of scenes with copies, for each integrator. The
+//! copied objects are meshes with smooth normals and textures, metal, and filled glass. The copies are
+//! rotated, mirrored and stretched.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;

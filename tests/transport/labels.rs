@@ -1,6 +1,6 @@
 //! Tests light that is separated by the interactions of its path. The tests compare each kind of light with a
 //! closed form, sums with the total, and the integrators with each other. The comparison must detect a
-//! planted error.
+//! deliberate error.
 
 use crate::bidirectional::{FOG, WALLS, devices, redirecting, with};
 use crate::optics::{

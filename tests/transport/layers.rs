@@ -12,7 +12,7 @@ use sunstone::transport::render::layers::{Options, layers};
 
 const RAYS: u32 = 16;
 
-/// Returns a camera five metres up the z axis, with +y as image up.
+/// Returns a camera at z = 5 m that looks at the origin. The image's upward direction is +y.
 fn camera() -> Device {
     Device::look_at([0.0, 0.0, 5.0], DVec3::ZERO, [20, 16], 25.0)
 }
@@ -119,8 +119,8 @@ fn a_ball_has_correct_depth_normals_and_rim() {
     assert!(inside > 30 && rim > 8 && outside > 100, "{inside} {rim} {outside}");
 }
 
-/// Tests the layers of a tilted metal rectangle in front of a wall. Edges are not mixed, metal has no albedo,
-/// and the normals of each side face the camera.
+/// Tests the layers of a tilted metal rectangle in front of a wall. Values at edges are not averaged, metal
+/// has no albedo, and the normals of each side face the camera.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
     let (corner, u, v) =
@@ -169,8 +169,8 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
     assert!(edges > 20, "{edges}");
 }
 
-/// Tests that layers show an image whose texels coincide with camera pixels. Tests the effect of a map that
-/// tilts all normals equally.
+/// Tests that layers show an image whose texels coincide with camera pixels. Tests the effect of a normal map
+/// that tilts all normals equally.
 #[test]
 fn images_and_normal_maps_appear_in_layers() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -90,11 +90,11 @@ fn chi2_sky() {
     }
 }
 
-/// Tests a single lit texel of value 1, in rows from pole to pole. The peak is 1, and the flux is that of a
-/// tent over the adjacent texels.
+/// Tests a single lit texel of value 1 in an image of w × h texels whose rows extend from pole to pole. The
+/// peak is 1, and the flux is that of a tent function over the adjacent texels.
 ///
-/// With Δ = π/(h - 1), the flux is 2π/w times a factor. The factor is sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a
-/// pole.
+/// With Δ = π/(h - 1) and the texel's polar angle θ, the flux is 2π/w times a factor. The factor is
+/// sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
 #[test]
 fn a_lit_texel_keeps_its_peak_and_its_flux() {
     let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
@@ -175,8 +175,8 @@ fn a_frustum_has_its_solid_angle() {
     assert!((got / (4.0 * 0.9 * 0.5) - 1.0).abs() < 1e-5, "{got}");
 }
 
-/// Tests the relative intensity of a spot, integrated over all directions. The closed form is 2π (1 - cos b)
-/// + ∫ falling part.
+/// Tests the relative intensity of a spot, integrated over all directions. With the beam angle b, the closed
+/// form is 2π (1 - cos b) plus the integral of the falling part of the profile.
 #[test]
 fn a_spot_has_its_solid_angle() {
     let (beam, cutoff) = (0.3_f32, 0.9_f32);

@@ -16,7 +16,7 @@ const ALBEDO: f64 = 0.6;
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// Scene text of a Lambertian plane z = 0 with its front toward +z, and of a black material for emitters.
+/// Scene-file text of a Lambertian plane z = 0 whose front faces +z, and of a black material for emitters.
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
@@ -226,8 +226,8 @@ fn directly_seen_lights_are_correct() {
     }
 }
 
-/// Tests Malus's law between a light's filter and a polarizer. Column 0 has the factor ½ cos² of the angle
-/// between filter and polarizer.
+/// Tests Malus's law between a light's filter and a polarizer. Column 0 has the factor ½cos²θ, where θ is the
+/// angle between filter and polarizer.
 #[test]
 fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
@@ -534,8 +534,8 @@ fn travel_time_counts_from_the_emitter() {
     }
 }
 
-/// Tests that the total is the light of the projector and the lamps. Tests that `ambient` is the light of the
-/// lamps alone.
+/// Tests that the total is the light of the projector and the lamps. Tests that `ambient` contains only the
+/// light of the lamps.
 #[test]
 fn ambient_light_is_the_light_of_the_lamps() {
     let camera = Device::look_at([0.0, -3.0, 2.0], DVec3::ZERO, [6, 6], 8.0);

@@ -231,8 +231,8 @@ pub fn is_reciprocal(
     pairs
 }
 
-/// Tests reciprocity for matrices between axes, which `value` returns. Also returns the largest effect of the
-/// sign change in Δ, divided by M00.
+/// Tests reciprocity for the matrices that `value` returns for given axes. Also returns the largest effect of
+/// the sign change in Δ, divided by M00.
 pub fn reciprocal(
     name: &str,
     value: impl Fn(Vec3A, Vec3A, [DVec3; 2]) -> Option<M>,

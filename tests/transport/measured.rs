@@ -97,7 +97,7 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// Returns one lane of the matrix between axes. The axes depend on the rays alone.
+/// Returns one lane of the matrix in Stokes frames that depend only on the rays.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
@@ -193,8 +193,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// Tests that φ_d = -π and φ_d = π are equal. Some tables include entries at -π and π. All tables must be
-/// continuous at φ_d = ±π, and must agree.
+/// Tests that tables have equal values at φ_d = -π and φ_d = π. Some tables include entries at -π and π. All
+/// tables must be continuous at φ_d = ±π, and must agree with each other.
 #[test]
 fn tables_are_continuous_across_the_azimuth_boundary() {
     let bench = Bench::new();
@@ -220,9 +220,9 @@ fn tables_are_continuous_across_the_azimuth_boundary() {
     }
 }
 
-/// Tests that holes are excluded and that the remaining corners have more weight. A constant stays constant
-/// if one corner exists, and is 0 if no corner exists. An entry with one invalid element is a hole in the
-/// band of that element.
+/// Tests that holes are excluded and that the remaining corners have more weight. The interpolated value of a
+/// constant table is the constant if at least one corner exists, and 0 if no corner exists. An entry with one
+/// invalid element is a hole in the band of that element.
 #[test]
 fn holes_are_excluded_from_interpolation() {
     let bench = Bench::new();

@@ -511,8 +511,8 @@ fn interreflection_conserves_energy() {
 }
 
 /// Tests facets above a white base in a white furnace. The material must return all light, at any roughness
-/// and angle. With transmittances of the smooth mean surface instead, rough coats lose or gain up to a third
-/// of the light.
+/// and angle. With transmittances of the smooth mean surface instead, rough coats would lose or gain up to a
+/// third of the light.
 #[test]
 fn a_white_base_below_facets_returns_all_light() {
     const STEPS: u32 = 400;
@@ -590,8 +590,8 @@ fn single_scattering_is_a_second_reflection() {
 }
 
 /// Tests that, away from the highlight, plastic's light is polarized in the plane of n and `wo`. In a frame
-/// perpendicular to the plane of n and `wo`, s1 is negative. The polarization is stronger at grazing exit.
-/// Shape from polarization relies on the negative sign of s1.
+/// perpendicular to the plane of n and `wo`, s1 is negative. The polarization increases with the angle
+/// between n and `wo`. Shape from polarization relies on the negative sign of s1.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use sunstone::tensor::axes::AxisKind::{Bounces, T, Wavelength};
 use sunstone::transport::scene::Integrator;
 
-/// A plane by its normal and distance from the origin.
+/// A plane, given by its unit normal and its signed distance from the origin in metres.
 pub type Plane = (DVec3, f64);
 
 pub fn image((n, d): Plane, p: DVec3) -> DVec3 {
@@ -82,7 +82,7 @@ fn floor() -> String {
     plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
 }
 
-/// Asserts that all light of a number of bounces arrives within a time bin of `times_ps`.
+/// Asserts that all light with the given number of bounces arrives within a time bin of `times_ps`.
 pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     let t = r.mean("t").select(Bounces, bounces);
     let mut seen = vec![false; times_ps.len()];
@@ -188,7 +188,7 @@ fn rows_of_mirrors_are_images_of_images() {
 }
 
 /// Returns whether light from the lamp hits the mirrors of `row` in sequence on its way to a point, and hits
-/// nothing else before. The half width of the mirrors is 1.4 to 1.45 about the axes.
+/// nothing else before. Each mirror is centred on an axis and has a half width of 1.4 m or 1.45 m.
 fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     let images: Vec<DVec3> = row
         .iter()

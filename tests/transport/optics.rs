@@ -109,7 +109,8 @@ impl Device {
         Self::look_at(origin, target, [1, 1], 1e7)
     }
 
-    /// Returns the device rotated about its axis. Image right rotates toward `forward × right` (image down).
+    /// Returns the device rotated about its axis. The image's right direction rotates toward the image's down
+    /// direction.
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
         Self { right, down: self.forward.cross(right), ..self.clone() }
@@ -241,7 +242,8 @@ pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     assert!(error <= tolerance, "{what}: off by {error:.2e} of M00\n{got}\nis not\n{want}");
 }
 
-/// Tests that the helper functions reproduce the numbers in the conventions that fix every sign.
+/// Tests that the helper functions reproduce the numbers in the project's conventions. These numbers
+/// determine every sign.
 #[test]
 fn reflection_has_the_pinned_signs() {
     let gold = reflection(0.5, GOLD);

@@ -74,8 +74,8 @@ fn points_project_to_the_pixels_that_see_them() {
     }
 }
 
-/// Tests that travel time counts from the image plane. Without perspective, all columns of a row have equal
-/// distances to a parallel surface.
+/// Tests that travel time is measured from the image plane. Without perspective, all columns of a row have
+/// equal distances to a parallel surface.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {
     // Light travels straight down from the light's plane, 3 m above z = 0, and then back along the camera's

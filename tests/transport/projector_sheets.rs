@@ -17,8 +17,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T, U, V};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Integrator;
 
-/// Returns the scene-file text of a sheet across the projector's axis, `metres` in front of the projector. u
-/// is image right, and v is image up.
+/// Returns the scene-file text of a sheet across the projector's axis, `metres` in front of the projector. In
+/// the projector's image, u points right, and v points up.
 fn in_front(lamp: &Device, metres: f64, material: &str) -> String {
     let at = lamp.origin + lamp.forward * metres;
     sheet(at, lamp.right, -lamp.down, material)
@@ -50,9 +50,9 @@ fn lamp() -> Device {
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
 
-/// Tests Malus's law between projector and wall. Two sheets transmit ½cos² of the angle between them. For
-/// polarized light, the sheet near the projector adds a factor. Each sheet is one interaction. Crossed sheets
-/// transmit nothing.
+/// Tests Malus's law between projector and wall. Two sheets transmit the fraction ½cos²θ, where θ is the
+/// angle between their axes. For polarized light, the sheet near the projector adds a factor. Each sheet is
+/// one interaction. Crossed sheets transmit nothing.
 #[test]
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
@@ -103,8 +103,8 @@ fn circular_filters_distinguish_handedness() {
     assert!(left.abs() > 0.9 && (left + right).abs() < 1e-3, "{left} {right}");
 }
 
-/// Tests all 16 elements of two tilted sheets between the projector and rough gold. Tests the travel time to
-/// all digits.
+/// Tests all 16 elements of two tilted sheets between the projector and rough gold. Tests that all light
+/// arrives within one time bin (0.05 ps) of the expected travel time.
 #[test]
 fn tilted_sheets_between_projector_and_metal() {
     let (target, eye) = (DVec3::new(0.05, 0.1, -0.02), DVec3::new(0.3, -0.5, 1.9));
@@ -240,8 +240,8 @@ fn points_shine_through_blends() {
     assert!(bare > 0.0 && (through / want - 1.0).abs() < 1e-5, "{through} is not {want}");
 }
 
-/// Tests the frames of the helper functions. Unpolarized light behind a sheet at 45° (up-right, seen from the
-/// projector) must have the sign of "counter-clockwise looking toward the source".
+/// Tests the frames of the helper functions. For a polarizer at 45° (up-right, seen from the projector),
+/// element M02 must be -1/2, because angles are counter-clockwise looking toward the source.
 #[test]
 fn helper_frames_have_the_sign_of_the_conventions() {
     let lamp = lamp();

@@ -32,7 +32,7 @@ fn of(roughness: f64) -> Materials {
     crystal(&format!("n_o = 1.5, n_e = 1.6, roughness = {roughness}"))
 }
 
-/// Returns two directions from outside and two from inside.
+/// Returns two directions outside the crystal and two directions inside the crystal.
 fn seen_from() -> [Vec3A; 4] {
     [toward(0.9, 1.4), toward(0.3, 1.4), -toward(0.9, 1.4), -toward(0.4, 1.4)]
 }
@@ -104,8 +104,9 @@ fn matrices_are_realizable_and_the_crystal_is_inside() {
     assert!(checked > 10_000, "{checked}");
 }
 
-/// Tests a slab of quartz of 16 waves between nearly smooth faces. The slab is the wave plate between Fresnel
-/// faces, in all elements. The tolerance is five standard errors plus the effect of the roughness.
+/// Tests a slab of quartz of 16 waves between nearly smooth faces. The slab must act as a wave plate between
+/// smooth Fresnel faces, in all elements. The tolerance is five standard errors plus the effect of the
+/// roughness.
 #[test]
 fn nearly_smooth_faces_are_smooth() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();

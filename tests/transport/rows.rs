@@ -42,7 +42,7 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// Returns M00 of the light with a number of bounces, and the standard error of M00.
+/// Returns M00 of the light with the given number of bounces, and the standard error of M00.
 fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     let of = |t| mueller(&t, &[(Bounces, bounces)])[(0, 0)];
     (of(r.mean("m")), of(r.std_error("m")))
@@ -196,9 +196,9 @@ fn two_balls_in_a_row() {
     agree(both(&objects, &lamp, origin, point, 3, [1_500_000, 100_000]), 0.3);
 }
 
-/// Tests a wavy mirror, whose waves are a normal map. The mirror reflects a point's light onto a wall like
-/// the light of a small emitting sphere, which camera paths hit at random. The result must differ from that
-/// of a flat mirror.
+/// Tests a wavy mirror, which is a flat mirror with a normal map. Light that the mirror reflects from a point
+/// emitter onto a wall must equal the light of a small emitting sphere, which camera paths hit at random. The
+/// result must differ from that of a flat mirror.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn a_mirror_under_a_normal_map() {

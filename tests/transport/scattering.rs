@@ -1,8 +1,8 @@
 //! Tests media and their boundaries with known results:
 //! - single scattering by quadrature
-//! - absorption by Beer and Lambert
+//! - absorption by the Beer–Lambert law
 //! - boundaries without effect
-//! - furnaces
+//! - white furnaces
 //! - travel times
 
 use crate::doubling::{Scattering, rayleigh, scattered};
@@ -85,8 +85,8 @@ impl Cloud<'_> {
     }
 
     /// Returns the light scattered once toward a camera ray, and the distribution of this light over time.
-    /// With an axis, light leaves a point with the intensity 1/cos³ of the angle to the axis. Without an
-    /// axis, the intensity is 1.
+    /// With an axis, the lamp emits with the relative intensity 1/cos³θ, where θ is the angle to the axis.
+    /// Without an axis, the intensity is 1.
     fn seen(&self, camera: &Device, lamp: &Device, has_axis: bool) -> (M, Vec<f64>) {
         const N: u32 = 4000;
         let dir = camera.forward;
@@ -247,7 +247,7 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
 }
 
 /// Tests empty null boundaries, and clear media behind null boundaries. The boundaries and media must affect
-/// travel time only. Absorbing media follow Beer and Lambert in each direction.
+/// only the travel time. Absorbing media follow the Beer–Lambert law in each direction.
 #[test]
 fn null_boundaries_have_no_effect() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
@@ -281,8 +281,8 @@ fn null_boundaries_have_no_effect() {
     }
 }
 
-/// Tests that a glass sphere with a clear medium inside equals a glass sphere. With an absorbing medium, the
-/// transmission through the sphere's centre is known.
+/// Tests that a glass sphere that is filled with a clear medium gives the same light as an empty glass
+/// sphere. With an absorbing medium, the transmission through the sphere's centre is known.
 #[test]
 fn refractive_boundaries_are_those_of_glass() {
     let camera = Device::look_at([0.4, 0.3, 2.2], DVec3::new(0.0, 0.1, 0.4), [8, 8], 14.0);

@@ -60,7 +60,7 @@ projector = { epipolar = { half_width_px = 0.5 } }
 bounces = true
 "#;
 
-/// Projector pixels per row for which a band is a small fraction of the projector.
+/// Number of projector pixels per row for which a band is a small fraction of the projector.
 const WIDE: u32 = 256;
 
 fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
@@ -109,9 +109,9 @@ const LEAST_ERROR: f64 = 0.1;
 /// Minimum number of compared elements.
 const LEAST: u32 = 6;
 
-/// Compares the sums over the image of each element, without direct light if direct light is separate.
-/// `factor` multiplies the second render. Returns the largest difference in standard errors, and the mean
-/// ratio of the variances of the intensity.
+/// Compares, for each element, the sums over the image. If direct light is separate, the sums exclude direct
+/// light. `factor` multiplies the second render. Returns the largest difference in standard errors, and the
+/// mean ratio of the variances of the intensity.
 fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f64; 2] {
     let rest: Vec<AxisKind> = [T, Bounces, StokesOut, StokesIn, Wavelength].into();
     let lengths: Vec<usize> = rest.iter().map(|k| few[0].extent(*k)).collect();

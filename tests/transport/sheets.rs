@@ -16,7 +16,7 @@ use sunstone::scene::materials::MaterialSet;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// Returns the scene-file text of a sheet of half width 0.2 about `centre`. The u direction of the sheet is
+/// Returns the scene-file text of a sheet of half width 0.2 m about `centre`. The u direction of the sheet is
 /// `u`, and its normal is `u × v`.
 pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     let corner = centre - (u + v) * 0.2;
@@ -29,8 +29,8 @@ pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
 }
 
 /// Returns the Stokes vector of a white wall at z = 0, which the projector illuminates from the side. The
-/// camera is on the z axis at z = 2, with +x as image right and +y as image up. `sheets` are between camera
-/// and wall.
+/// camera is on the z axis at z = 2 m and looks down. In the image, +x points right and +y points up.
+/// `sheets` are between camera and wall.
 fn column(materials: &str, sheets: &str) -> Matrix4x1<f64> {
     let lamp = Device::look_at([-0.8, 0.0, 0.3], DVec3::ZERO, [3, 3], 8.0);
     let wall = format!(
@@ -55,8 +55,8 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Tests Malus's law for two sheets, which transmit ½cos² of the angle between them. The light is polarized
-/// along the sheet near the camera.
+/// Tests Malus's law for two sheets, which transmit the fraction ½cos²θ, where θ is the angle between their
+/// axes. The light is polarized along the sheet near the camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [(0.0_f64, 0.0_f64), (0.0, 30.0), (20.0, 65.0), (45.0, 105.0), (10.0, 100.0)] {
@@ -81,8 +81,8 @@ fn a_polarizer_leaks() {
 }
 
 /// Tests quarter-wave and half-wave sheets over a polarizer at 0°. A quarter-wave sheet at 45° produces right
-/// circular light, and at -45° left circular light. A half-wave sheet mirrors the plane of polarization. Seen
-/// from behind, angles of a sheet denote the same lines in space.
+/// circular light, and at -45° left circular light. A half-wave sheet mirrors the plane of polarization. A
+/// sheet's angle describes the same line in space, whether the sheet is seen from the front or from behind.
 #[test]
 fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";

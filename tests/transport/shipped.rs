@@ -41,9 +41,9 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     })
 }
 
-/// Renders a scene with each of the two integrators. Totals may differ by 5 standard errors and by the
-/// fraction `most`. Pixels may differ by 5 standard errors. The mean of z² over pixels with reliable errors
-/// may be up to `spread`.
+/// Renders a scene with each of the two integrators. Totals may differ by at most 5 standard errors, and by
+/// at most the fraction `most`. If `spread` is at most 1.2, pixels with reliable errors may differ by at most
+/// 5 standard errors. The mean of z² over these pixels may be up to `spread` plus 5 sigma.
 fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
     let factor = samples_factor();
     let [[a, e], [b, f]] = [

@@ -1,7 +1,7 @@
 //! Compares the tracer with doubling for multiple scattering in plane-parallel slabs, in all 16 elements.
 //!
 //! The slab is a wide cube with a null boundary, from z = -τ to 0, with a mean free path of 1 m. A distant
-//! projector illuminates the slab with parallel light, and a single ray sees the slab.
+//! projector illuminates the slab with parallel light, and a camera with a single ray sees the slab.
 //!
 //! Media have index 1. Spheres have the relative index and the wavelength in water of Ramella-Roman, Prahl &
 //! Jacques (2005, Opt. Express 13, 4420): 1.59 in 1.33, 632.8 nm.
@@ -280,8 +280,8 @@ fn pane(mu: f64) -> [M; 2] {
     [matrix(all(once, once)), matrix(all([0.0; 3], [1.0; 3]))]
 }
 
-/// Compares a Rayleigh slab under a pane with adding and doubling. Light enters and leaves through the pane.
-/// The tracer uses manifold connections through the pane, and bidirectional paths.
+/// Compares a Rayleigh slab under a pane with the adding-doubling method. Light enters and leaves through the
+/// pane. The tracer uses manifold connections through the pane, and bidirectional paths.
 #[test]
 fn slabs_under_glass_match_adding() {
     let over = format!(

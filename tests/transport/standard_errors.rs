@@ -133,9 +133,9 @@ fn deviations_of_slabs_are_as_stated() {
     honest("slab", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Tests manifold connections through glass and over a mirror, weighted against subpaths. The test compares
-/// intensities only. Few paths contribute to polarization by a mirror, so short renders cannot estimate the
-/// error of the polarization.
+/// Tests manifold connections through glass and over a mirror, in the weighted combination with subpaths. The
+/// test compares intensities only. Few paths contribute to polarization by a mirror, so short renders cannot
+/// estimate the error of the polarization.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn deviations_of_manifolds_are_as_stated() {

@@ -18,9 +18,9 @@ fn linear(c: u8) -> f64 {
 }
 
 /// Tests that a plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with
-/// texels, so a pixel is the mean of the bilinear filter over a texel. Along each axis, and across the
-/// border, the weights are 1/8, 6/8 and 1/8. The test uses 20,000 samples per pixel and 5 standard errors
-/// (plus 1e-5 for f32).
+/// texels, so the value of a pixel is the mean of the bilinearly filtered image over a texel. Along each
+/// axis, and across the border, the weights are 1/8, 6/8 and 1/8. The test uses 20,000 samples per pixel and
+/// 5 standard errors (plus 1e-5 for f32).
 #[test]
 fn a_textured_plane_shows_its_picture() {
     let dir = tempfile::tempdir().unwrap();

@@ -114,8 +114,8 @@ fn plates_are_the_sum_of_their_orders() {
     assert!(polarized > 0.999, "at Brewster's angle all is s: {polarized}");
 }
 
-/// Tests that, under glass in water, the plate is a film of air, which reflects totally beyond the critical
-/// angle.
+/// Tests a plate of index 1 in glass of index 1.5: a film of air. The film reflects totally beyond the
+/// critical angle.
 #[test]
 fn a_gap_reflects_totally() {
     let set = materials("gap.thin_dielectric = { ior = 1, exterior_ior = 1.5 }\n");
@@ -134,7 +134,7 @@ fn a_gap_reflects_totally() {
 }
 
 /// Tests that lobes are sampled in proportion to their power, with compensating weights. Tests that all
-/// wavelengths continue together.
+/// wavelengths continue along the same path.
 #[test]
 fn lobes_are_sampled_by_their_power() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");

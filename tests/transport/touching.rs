@@ -37,17 +37,17 @@ fn seen(objects: &str) -> (f64, f64, Vec<String>) {
     (one(render.mean("m")), one(render.std_error("m")), scene.notes.clone())
 }
 
-/// Returns Fresnel's reflectance of unpolarized light, from outside glass of index n.
+/// Returns Fresnel's reflectance for unpolarized light that is incident from outside on glass of index n.
 fn fresnel(cos: f64, n: f64) -> f64 {
     let inner = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let (s, p) = ((cos - n * inner) / (cos + n * inner), (n * cos - inner) / (n * cos + inner));
     0.5 * (s * s + p * p)
 }
 
-/// Tests a wide glass block on a table under uniform illumination 1. A diffuse base below an interface shows
-/// F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')) (Saunderson 1942). The interface's hemispherical reflectances are
-/// r from outside and r' = 1 - (1 - r)/n² from inside. The light in the glass hits the table for any rounding
-/// of the heights.
+/// Tests a wide glass block on a table under uniform illumination 1. A diffuse base of albedo ρ below an
+/// interface of index n and reflectance F has the radiance F + (1 - F) ρ (1 - r) / (n² (1 - ρ r'))
+/// (Saunderson 1942). The interface's hemispherical reflectances are r from outside and r' = 1 - (1 - r)/n²
+/// from inside. The light in the glass hits the table for any rounding of the heights.
 #[test]
 fn glass_on_a_table_is_in_contact_with_it() {
     let (n, albedo) = (1.5, 0.5);
@@ -84,8 +84,8 @@ fn a_boundary_that_does_not_refract_is_shifted() {
     assert!(notes.len() == 1 && notes[0].contains("away from the other object"), "{notes:?}");
 }
 
-/// Tests glass on glass. With air in between, two pieces of glass differ from a single piece. The scene is
-/// refused, or rendered with a note.
+/// Tests a glass block that touches a water block. The light depends on whether air separates the blocks. The
+/// scene is refused, or rendered with a note.
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {
     let both = block("upper", "glass", 1.0, 2.0) + &block("lower", "water", 0.0, 1.0);

@@ -129,7 +129,7 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
 
 /// Covers Mitsuba 3's issue 1747, "measured_polarized caused out of memory", in a scene with one wall of a
 /// box. Tests that a render uses far less memory than the size of the table, because the render maps the
-/// file. The table has 80 MB, and the process has 32 MB.
+/// file. The table has 80 MB, and the process has 32 MB of memory.
 #[cfg(target_os = "linux")]
 #[test]
 fn measured_tables_need_little_memory() {
@@ -220,9 +220,9 @@ fn menagerie(seed: u32) -> Rendered {
     render_text(&text)
 }
 
-/// Covers Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives
-/// negative light in any pixel, time bin, projector pixel or wavelength. The minimum of M00 + M01 s1 + M02 s2
-/// + M03 s3 over all states is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
+/// Covers Mitsuba 3's issue 1650, "min(S0) < 0". Tests that no state of light, polarized or not, gives a
+/// negative intensity in any pixel, time bin, projector pixel or wavelength. Over all states, the minimum of
+/// M00 + M01 s1 + M02 s2 + M03 s3 is M00 - |(M01, M02, M03)|. One sample per pixel prevents averaging.
 #[test]
 fn no_light_is_negative() {
     let (mut lit, mut full) = (0, 0);
@@ -264,9 +264,9 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
 }
 
 /// Covers Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
-/// camera". Tests that, for every camera pixel, `moment` over `sum` is the projector pixel from which the
-/// light started. The geometry gives the reference. (Users compare the result with a decoded structured-light
-/// scan.)
+/// camera". Tests that, for every camera pixel, a slice with `moment` divided by the slice with `sum` is the
+/// projector pixel from which the light started. The reference is computed from the geometry. (Users compare
+/// the result with a decoded structured-light scan.)
 #[test]
 fn moments_give_the_projector_pixel_of_each_camera_pixel() {
     let camera = Device::look_at([0.2, 0.1, 1.5], DVec3::ZERO, [40, 30], 60.0);

@@ -1,6 +1,6 @@
-//! Instruments that are Python objects. The session's thread calls the objects' methods, and holds Python's
-//! lock only during a call. The module refuses requests outside the limits, so that the objects do not need
-//! to check limits.
+//! Instruments that are Python objects. The session's thread calls the methods of these objects, and holds
+//! Python's global interpreter lock only during a call. This module refuses requests outside an instrument's
+//! limits, so that the objects do not need to check limits.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;
@@ -49,7 +49,7 @@ impl<L, S> Given<L, S> {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Calls a method with Python's lock and reads its return value.
+    /// Calls a method while holding Python's lock, and reads the return value.
     fn call<T>(
         &self,
         method: &str,

@@ -36,7 +36,7 @@ impl<D: ?Sized + Send> Slot<D> {
         *self.device.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
     }
 
-    /// Calls `work` with the instrument, without Python's lock.
+    /// Calls `work` with the instrument, without holding Python's lock.
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut D) -> T + Send) -> PyResult<T> {
         let done = detached(py, || {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);

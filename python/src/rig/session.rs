@@ -1,4 +1,5 @@
-//! Runs sessions. A session has a plan with a rig file, and uses instruments of this file and of Python.
+//! Runs sessions. A session has a plan with a rig file. A session uses instruments of this file and Python
+//! instruments.
 
 use super::fault::Thrown;
 use super::own::{RigCamera, RigCounter, RigGalvo, RigLaser, RigProjector, RigStage};
@@ -19,8 +20,8 @@ use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python owns. The rig contains the clock and the connections of
-    /// a simulated bench.
+    /// The rig without its instruments. Python owns the instruments. The rig contains the clock and the
+    /// connections of a simulated bench.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }
@@ -33,8 +34,9 @@ fn prepare(e: PrepareError) -> PyErr {
     }
 }
 
-/// Load plan and rig, and connect the instruments of the rig file except the given ones. Return the session
-/// and its instruments by name. `progress` is called during the render for a simulated bench.
+/// Load a plan and its rig. Connect the instruments of the rig file, except the instruments named in `given`.
+/// Return the session and the connected instruments by name. `progress` is called during the render for a
+/// simulated bench.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python gives them by name")]
 pub fn rig_open<'py>(
@@ -139,7 +141,8 @@ fn lend(
     Ok(())
 }
 
-/// Return the cost of a run: number of frames, duration and time of stage moves in seconds, and bytes.
+/// Return the cost of a run: number of frames, duration in seconds, duration of stage moves in seconds, and
+/// number of bytes.
 #[pyfunction]
 pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResult<(u64, f64, f64, u64)> {
     let thrown = Thrown::default();
@@ -152,8 +155,9 @@ pub fn rig_cost(session: &RigSession, instruments: &Bound<'_, PyDict>) -> PyResu
     Ok((cost.frames, cost.duration.as_secs_f64(), cost.moving.as_secs_f64(), cost.bytes))
 }
 
-/// Capture all missing frames. Return their number, the number of failed attempts, and the seconds of the
-/// rig's clock. The session runs on another thread, while the calling thread checks signals.
+/// Capture all missing frames. Return the number of captured frames, the number of failed attempts, and the
+/// duration in seconds by the rig's clock. The session runs on another thread, while the calling thread
+/// checks signals.
 #[pyfunction]
 pub fn rig_run<'py>(
     py: Python<'py>,

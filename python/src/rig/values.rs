@@ -16,7 +16,7 @@ use sunstone::rig::ptu::record::RecordType;
 const FORMATS: [PixelFormat; 4] =
     [PixelFormat::Mono8, PixelFormat::Mono10p, PixelFormat::Mono12p, PixelFormat::Mono16];
 
-/// Return value of an instrument's method, whose fields are read.
+/// Return value of an instrument's method, with functions to read the fields of this value.
 pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
 /// Formats an object for messages.
@@ -100,7 +100,7 @@ fn pair<T>([a, b]: [T; 2]) -> (T, T) {
 }
 
 /// Implements [`Value`] for a data class, field by field. For each field, the macro defines how the field is
-/// read from an answer, and its value for Python.
+/// read from an answer, and how it is converted to Python.
 macro_rules! value {
     ($class:ident, $from:ident, $own:ident, { $($field:ident: $read:expr => $object:expr,)* }) => {
         impl Value for $class {
@@ -177,7 +177,7 @@ value!(CounterSettings, from, own, {
     tags: from.field("tags", "True or False") => own.tags,
 });
 
-/// Returns the pixel format with a GenICam name.
+/// Returns the pixel format with the given GenICam name.
 fn format(name: &str) -> Result<PixelFormat, String> {
     let known = FORMATS.into_iter().find(|f| f.name() == name);
     known.ok_or_else(|| format!("unknown pixel format `{name}`; supported: Mono8, Mono10p, Mono12p, Mono16"))

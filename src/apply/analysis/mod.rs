@@ -1,14 +1,14 @@
 //! Analyses the dimensions of the transport tensor for a room with a mirror (Baek & Heide 2021, section 3.2,
 //! Fig. 2 and 3).
 //!
-//! Each method isolates five light components, each by one element of the tensor. A method may slice one or
-//! more of these dimensions:
+//! Each method isolates five light components, and uses one element of the tensor for each component. A
+//! method may slice one or more of these dimensions:
 //! - space: epipolar or non-epipolar light,
 //! - time: early or late light of a pixel,
 //! - polarization: the 16 elements.
 //!
-//! A method learns the slice and the sign of the element from the training variants. The baselines slice
-//! intensity alone, space alone and time alone.
+//! A method learns the slice and the sign of the element from the training variants. One baseline uses only
+//! the intensity of all light. Two more baselines slice only space or only time.
 
 mod scanlines;
 

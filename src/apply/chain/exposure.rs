@@ -1,13 +1,13 @@
 //! Computes the exposure automatically from a photograph.
 //!
-//! The photograph is T00, summed over wavelengths, of the brightest slice that has complete matrices and no
-//! time bins. For a variant without such a slice, the photograph is the brightest slice with time bins,
-//! summed over the bins.
+//! The photograph contains T00 by pixel and wavelength. It is taken from the brightest slice that has
+//! complete matrices and no time bins. For a variant without such a slice, T00 of the brightest slice with
+//! complete matrices and time bins is summed over the bins.
 //!
-//! The metered value is the mean or a percentile of the photograph. The exposure gives a pixel with the
-//! metered value the requested number of electrons, averaged over captures. All slices of the variant are
-//! captured with this exposure. A photon counter counts until a pixel with the metered value has the
-//! requested number of counts, summed over all bins.
+//! The metered value is the mean or a percentile of the photograph. With the computed exposure, a pixel with
+//! the metered value yields the requested number of electrons, averaged over captures. All slices of the
+//! variant are captured with this exposure. A photon counter counts until a pixel with the metered value has
+//! the requested number of counts, summed over all bins.
 
 use super::error::ChainError;
 use super::light::Light;
@@ -167,8 +167,8 @@ impl Laboratory {
 
 impl Detectors {
     /// Returns the noise model for `light`. The model is the counter's model if there are time bins,
-    /// otherwise the camera's model. For a slice of intensities, the model assumes the same optical elements
-    /// with the same loss of light.
+    /// otherwise the camera's model. For a slice of intensities, the model includes the same loss of light as
+    /// in the optical elements.
     ///
     /// # Errors
     /// [`ChainError::Detector`] if the counter's settings do not match the bins.
@@ -201,7 +201,7 @@ impl Detectors {
         }
     }
 
-    /// Returns the standard deviation of the noise of a reading of light with T00 = `t00`. The result is
+    /// Returns the standard deviation of the noise of a reading, for light with T00 = `t00`. The result is
     /// relative to `t00`, and is 0 without a camera.
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {

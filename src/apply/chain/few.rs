@@ -1,10 +1,10 @@
 //! Schemes with few captures. The angles of these schemes are optimized for a method's task.
 //!
-//! A method may need no more than a few linear functionals w·t of a pixel's matrix. The relevant error is
-//! then tr M C with M = Σ w wᵀ ([`Objective::metric`]), where C is the error covariance of the estimate.
-//! Below rank 16, the estimator is linear. The expected squared error of this estimator is minimal for the
-//! second moment of the matrices of the training variants. The same linear estimator is optimal for every
-//! functional.
+//! A method may need only a few linear functionals w·t of a pixel's matrix t. The relevant error is then tr M
+//! C with M = Σ w wᵀ ([`Objective::metric`]), where C is the error covariance of the estimate. For schemes
+//! with a rank below 16, a linear estimator is used. The expected squared error of this estimator is minimal
+//! for matrices with the second moment of the training variants. The same linear estimator is optimal for
+//! every functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -18,7 +18,7 @@ use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
     pub slice: &'static str,
-    /// Name of the method that uses no other slice.
+    /// Name of the method that uses only this slice.
     pub method: &'static str,
     pub baselines: Vec<&'static str>,
     /// Weights of the 16 elements, row-major, for each functional.
@@ -28,8 +28,9 @@ pub struct Task {
 /// Statistics of a slice's matrices over the training variants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Σ t tᵀ / Σ T00², where the sums include all pixels, bins and wavelengths. The quotient is the second
-    /// moment of matrices with T00 = 1, weighted by squared brightness.
+    /// Σ t tᵀ / Σ T00², where t is a matrix as a vector, and the sums include all pixels, bins and
+    /// wavelengths. The quotient is the second moment of matrices with T00 = 1, weighted by squared
+    /// brightness.
     pub moment: Moment,
     /// Root mean square of T00.
     pub brightness: f64,
@@ -78,7 +79,7 @@ impl Expected {
 pub enum Choice {
     /// Angles optimized for the task's functionals.
     Task,
-    /// Angles optimized for the error of all elements.
+    /// Angles optimized for the error of all matrix elements.
     All,
     /// Angles of dual rotating retarders.
     Dual,
@@ -103,7 +104,7 @@ fn search(seed: u64) -> Search {
 }
 
 /// Chooses a scheme of `captures` captures for the expected matrices. The noise of the readings has the
-/// standard deviation `sigma`, relative to T00. All elements are ideal and rotate.
+/// standard deviation `sigma`, relative to T00. All optical elements are ideal and rotate.
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.
@@ -136,7 +137,7 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
 }
 
 /// Returns the scheme L-QRPR, or L-QRPR-P if the sensor has a polarizer array. The angles of these schemes
-/// minimize the least-squares error of all elements (Baek & Heide 2021, sec. 4).
+/// minimize the least-squares error of all matrix elements (Baek & Heide 2021, sec. 4).
 ///
 /// # Errors
 /// [`SchemeError`] if `captures` is 0.

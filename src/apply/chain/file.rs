@@ -61,7 +61,7 @@ pub enum Sample {
 }
 
 impl Sample {
-    /// Returns the sample's name in rig files.
+    /// Returns the sample's name in chain files and rig files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Air => "air",

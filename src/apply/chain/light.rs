@@ -16,7 +16,8 @@ pub struct Light {
 }
 
 impl Light {
-    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
+    /// Converts a slice to light. The axes of the slice are rows, columns, separately captured axes, Stokes
+    /// elements and wavelengths.
     ///
     /// # Errors
     /// [`ChainError::Axes`] or [`ChainError::Image`] if the slice is not an image.
@@ -65,8 +66,8 @@ fn is_stokes(kind: AxisKind) -> bool {
     matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn)
 }
 
-/// Returns the index of value `i` of a slice in the matrices. The last axes of the slice are Stokes elements
-/// and wavelengths.
+/// Converts the index `i` of a value in a slice to the index of this value in the matrices. The last axes of
+/// the slice are Stokes elements and wavelengths.
 fn place(i: usize, elements: usize, lanes: usize) -> usize {
     let (lane, rest) = (i % lanes, i / lanes);
     (rest / elements * lanes + lane) * 16 + rest % elements

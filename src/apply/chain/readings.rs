@@ -41,8 +41,8 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through the true elements. The values of the slice are captured. The standard errors
-    /// of the slice are kept unchanged.
+    /// Captures a slice through the true elements. Only the values of the slice are captured. The standard
+    /// errors of the slice are kept unchanged.
     ///
     /// # Errors
     /// [`ChainError`] if the detector refuses its settings or the light.
@@ -98,7 +98,7 @@ impl<'a> Readings<'a> {
         Ok((Slice { mean, error }, count))
     }
 
-    /// Reconstructs whole matrices and the errors of the matrices. Returns the number of pixels for which
+    /// Reconstructs complete matrices and the errors of the matrices. Returns the number of pixels for which
     /// saturated readings were used.
     fn matrices(
         &self,

@@ -93,7 +93,7 @@ fn perfect_rigs_return_the_slice() {
 
 /// Optical errors that are known exactly are compensated. Reconstruction with nominal optics does not
 /// compensate optical errors. Retardance of the wrong sign (a retarder with exchanged axes) reverses the
-/// handedness. The resulting error of the matrices is much larger than the tolerance above.
+/// handedness. The resulting error of the matrices is much larger than the tolerance for known optics.
 #[test]
 fn only_known_optical_errors_are_compensated() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
@@ -159,8 +159,8 @@ fn leaking_polarizers_bias_in_closed_form() {
 }
 
 /// Compares the scatter over 150 seeds with the estimated errors. χ²/n is 1 within 5 standard errors, which
-/// are computed from the spread of the squares over seeds. Every bias is at most 5 times the bias's standard
-/// error plus a tenth of a standard error of the data. The test covers:
+/// are computed from the spread of the squares over seeds. The limit for every bias is the sum of 5 standard
+/// errors of the bias and a tenth of a standard error of the data. The test covers:
 /// - a camera,
 /// - a polarizer array,
 /// - a counter,

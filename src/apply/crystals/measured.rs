@@ -4,8 +4,8 @@
 //! A metal reflects the light through the slab to the camera, so M = C M₀. The slab's matrix is C = M M₀⁻¹,
 //! where M₀ is measured without the slab.
 //!
-//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is an
-//! error of the intensity, which does not change a decomposition. The variance of an element therefore
+//! All elements of a matrix are estimated from the same samples. An error that is common to all elements is
+//! an error of the intensity, which does not change a decomposition. The variance of an element therefore
 //! excludes the common error: σ² - (m_ij σ₀₀/m₀₀)². The remaining errors are assumed to be independent.
 //! Finite differences propagate the remaining errors, with steps of one standard error, as in
 //! `polarimetry::decompose::maps::errors`.

@@ -1,6 +1,6 @@
-//! Measures the retardance of crystals (Baek & Heide 2021, Fig. 7). Epipolar and non-epipolar light of slabs
-//! of quartz and calcite is decomposed. The result is compared with the theoretical retardance 2π L (n_e(ψ) -
-//! n_o)/λ.
+//! Measures the retardance of crystals (Baek & Heide 2021, Fig. 7). The matrices of epipolar and non-epipolar
+//! light of quartz and calcite slabs are decomposed. The measured retardance is compared with the theoretical
+//! retardance 2π L (n_e(ψ) - n_o)/λ.
 //!
 //! A decomposition gives a retardance between 0 and π, so the true retardance is folded to this range. Three
 //! wavelengths together determine the number of whole waves ([`predicted::order`]).
@@ -12,7 +12,8 @@
 //! - light from the plate next to the observed point.
 //!
 //! The learned error is added to the standard errors so that half of the errors are within 0.6745 standard
-//! errors. The fraction of errors within two stated errors therefore tests the learned error on other slabs.
+//! errors. The test slabs then show whether the learned error is correct: the report states the fraction of
+//! errors within two standard errors.
 
 pub mod faces;
 pub mod measured;
@@ -55,7 +56,7 @@ const MOST_WAVES: f64 = 12.0;
 /// Maximum error of a correct path difference, in wavelengths.
 const NEAR_WAVES: f64 = 0.1;
 
-/// Number of standard deviations that contain half of normally distributed errors.
+/// Limit, in standard deviations, below which half of normally distributed absolute errors are.
 const HALF: f64 = 0.6745;
 
 /// Returns the variant without the slab ([`Truth::Slice`]).

@@ -1,10 +1,10 @@
 //! Computes the theoretical retardance of every pixel, δ = 2π L (n_e(ψ) - n_o)/λ, along the ray inside the
 //! slab.
 //!
-//! The path length L inside the slab is computed from layers of the scene. The layers are for a ray that is
-//! refracted with the mean index n̄ at 550 nm. For this ray, the optical path length minus the geometric
-//! length is (n̄ - 1) L. Snell's law at the visible face gives the direction. At other wavelengths, L is
-//! inversely proportional to the cosine of the angle to the normals of the faces.
+//! The path length L inside the slab is computed from layers of the scene. The layers are computed for a ray
+//! that is refracted with the mean index n̄ at 550 nm. For this ray, the optical path length minus the
+//! geometric length is (n̄ - 1) L. Snell's law at the visible face gives the direction. At other wavelengths,
+//! L is inversely proportional to the cosine of the angle to the normals of the faces.
 
 use super::mineral::Mineral;
 use crate::error::ApplyError;
@@ -109,10 +109,10 @@ impl Slab {
 }
 
 /// Returns the absolute optical path difference at [`MIDDLE`], below `most` metres, whose folded retardances
-/// are closest to the measured retardances. Distances are in units of `sigma`. The retardances at one
-/// wavelength do not determine the number of whole waves, but the retardances at three wavelengths do. The
-/// retardance at a wavelength is assumed to be proportional to the birefringence perpendicular to the optic
-/// axis, divided by the wavelength.
+/// are closest to the measured retardances. Differences between retardances are in units of `sigma`. The
+/// retardances at one wavelength do not determine the number of whole waves, but the retardances at three
+/// wavelengths do. The retardance at a wavelength is assumed to be proportional to the birefringence
+/// perpendicular to the optic axis, divided by the wavelength.
 pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most: f64) -> f64 {
     const STEPS_A_WAVE: f64 = 100.0;
     let ratio = |nm: f64| mineral.birefringence(nm, 0.0) / mineral.birefringence(MIDDLE, 0.0);

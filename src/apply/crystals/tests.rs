@@ -18,7 +18,7 @@ const NM: [f64; 3] = [450.0, 550.0, 660.0];
 /// The properties of the light and of the slab in a test case.
 #[derive(Clone, Copy)]
 struct Case {
-    /// Retardance of the plate behind the slab, in addition to that of a mirror.
+    /// Retardance of the plate behind the slab, in addition to the retardance of a mirror.
     plate: f64,
     epipolar: bool,
     /// Excess of the slab's thickness over the thickness in the truth map, as a fraction.
@@ -148,8 +148,8 @@ fn plate_retardance_is_compensated() {
     }
 }
 
-/// Slabs that are 3 % thicker than the true thickness are detected, because errors exceed the estimated
-/// errors.
+/// Slabs that are 3 % thicker than the thickness in the truth map are detected, because the actual errors
+/// exceed the estimated errors.
 #[test]
 fn a_wrong_thickness_is_detected() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));

@@ -110,7 +110,7 @@ impl Bench {
     }
 }
 
-/// Returns the second moment E[t tᵀ] of all lit matrices of the training variants. The mean is not
+/// Returns the second moment E[t tᵀ] of the bright matrices of the training variants. The mean is not
 /// subtracted, and the matrices are normalized to T00 = 1. Matrices whose T00 is below a hundredth of the
 /// mean T00 are ignored, because the noise exceeds a twentieth of their T00.
 pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {

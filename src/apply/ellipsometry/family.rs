@@ -30,8 +30,8 @@ pub(super) struct Family {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub scheme: Scheme,
-    /// Second moment of the prior. If `None`, the estimator is the least-squares estimator. Below rank 16, it
-    /// has the minimum norm.
+    /// Second moment of the prior. If `None`, the estimator is the least-squares estimator. For a scheme with
+    /// a rank below 16, it is the estimator with the minimum norm.
     pub prior: Option<Moment>,
 }
 

@@ -7,9 +7,10 @@
 //! application, the true matrices are known. Errors are computed with respect to the true matrices and to the
 //! pseudo truth. The difference between these two errors is due to the error of the pseudo truth.
 //!
-//! The renderer computes the light without detector noise. The detector noise is 5e-4 of an intensity, as in
-//! the paper, and the seeds select this noise. Angles and the prior are learned from the training variants.
-//! The prior is the second moment of the matrices, whose principal components the paper shows.
+//! The renderer computes the light without detector noise. As in the paper, the standard deviation of the
+//! detector noise is 5e-4 of the mean T00. The seeds select this noise. Angles and the prior are learned from
+//! the training variants. The prior is the second moment of the matrices, whose principal components the
+//! paper shows.
 
 mod bench;
 mod errors;
@@ -48,7 +49,8 @@ const METRICS: [Metric; 10] = [
     metric("error, 36 captures", UNIT),
 ];
 
-/// Index and number of captures of each metric that measures an error with respect to the truth.
+/// For each metric that measures an error with respect to the truth: the metric's index, and the number of
+/// captures.
 const CURVE: [(usize, usize); 5] = [(5, 7), (6, 10), (7, 20), (8, 25), (9, 36)];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
@@ -164,7 +166,7 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     Ok(Judged { values, found: Some(found) })
 }
 
-/// Returns the metrics of the bound. Of the properties of the variant, the brightness of gold alone affects
+/// Returns the metrics of the bound. The brightness of gold is the only property of the variant that affects
 /// these metrics.
 fn judge_bound(bench: &Bench, array: bool) -> Judged {
     let mut values = [f64::NAN; METRICS.len()];

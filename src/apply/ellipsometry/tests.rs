@@ -1,5 +1,5 @@
 //! Tests with known matrices. Errors match closed forms, priors reduce the error on similar data, and a
-//! planted error is detected.
+//! deliberate error is detected.
 
 use super::*;
 use crate::isolation::tests::mean;
@@ -99,8 +99,8 @@ fn priors_help_only_for_known_materials() {
     assert!((a / b - 1.0).abs() < 0.1, "{a} against {b}");
 }
 
-/// A deliberate error in one element of the mirror's pixels changes no metrics except those of this element
-/// and these pixels.
+/// A deliberate error in one element of the mirror's pixels changes only the metrics of this element and
+/// these pixels.
 #[test]
 fn a_planted_error_is_localized() {
     let bench = Bench::new(&observations(5, 6, 0..1, 1)[0]).expect("a bench");

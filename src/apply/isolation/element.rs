@@ -3,8 +3,8 @@
 
 use std::fmt;
 
-/// The light component by origin. The origin is one of three sets of projector pixels: all pixels, the pixels
-/// near a camera pixel's epipolar line, or all other pixels.
+/// The light component, selected by the origin of the light. The origin is one of three sets of projector
+/// pixels: all pixels, the pixels near a camera pixel's epipolar line, or all other pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
     /// Light from all projector pixels.
@@ -15,8 +15,8 @@ pub enum Space {
     NonEpipolar,
 }
 
-/// The light component by travel time, in bins. Bins are counted from the pixel's first light, or from the
-/// emission.
+/// The light component, selected by travel time in bins. Bins are counted from the pixel's first light, or
+/// from the emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
     /// Light at all times.
@@ -40,8 +40,8 @@ pub struct Element {
     pub index: [usize; 2],
     /// Whether the sign is inverted.
     pub negative: bool,
-    /// Whether the value is √(Σ squares) over rows 1 and 2, or over columns 1 and 2. These elements mix when
-    /// the camera or the projector rotates about its axis.
+    /// Whether the value is the root of the sum of squares over rows 1 and 2, or over columns 1 and 2. These
+    /// elements mix when the camera or the projector rotates about its axis.
     pub magnitude: bool,
 }
 

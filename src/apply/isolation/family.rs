@@ -15,7 +15,7 @@ pub enum Family {
     /// The magnitude of the paper's element ([`Element::magnitude`]). The magnitude does not depend on the
     /// azimuth of the planes of incidence.
     NamedAnyAzimuth,
-    /// The paper's element in any one bin of travel time.
+    /// The paper's element in one bin of travel time. The bin is learned.
     NamedAtATime {
         /// Whether the sign is learned.
         either: bool,
@@ -44,8 +44,8 @@ impl Isolation {
 }
 
 impl Family {
-    /// Returns the elements with positive sign, and whether signs are learned. The named element keeps its
-    /// own sign.
+    /// Returns the elements of the family with positive sign, and whether signs are learned. The named
+    /// element keeps its own sign.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

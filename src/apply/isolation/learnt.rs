@@ -12,7 +12,7 @@ pub(super) struct Learnt {
     detector: Shown,
     /// Threshold of the detector. Values of at least `threshold` are classified as positive.
     pub threshold: f64,
-    /// Element for the image of the share of the light component in all light.
+    /// Element for the image that shows the light component's share of all light.
     image: Shown,
     /// Gain of the image.
     pub gain: f64,
@@ -53,8 +53,8 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Replaces `best` by a candidate if the candidate is better. If `either` is true, positive and negative
-/// signs are tried.
+/// Replaces `best` by a candidate if the candidate is better. If `either` is true, the function tests the
+/// candidate with both signs.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -115,7 +115,8 @@ impl Learnt {
         self.detector.values(seen).unwrap_or_default()
     }
 
-    /// Returns the image of the share of the light component in all light, before multiplication by the gain.
+    /// Returns the image that shows the light component's share of all light, before multiplication by the
+    /// gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
         self.image.values(seen).unwrap_or_default()
     }

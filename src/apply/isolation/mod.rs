@@ -7,8 +7,8 @@
 //!
 //! The criterion for a detector is the area under the ROC curve. The criterion for an image is the cosine
 //! between the image and the component's share of each pixel's light. This cosine determines the residual at
-//! the best gain. (Shares are used because a few bright pixels and fireflies would dominate the light
-//! itself.) Thresholds and gains are also learned from the training variants.
+//! the best gain. (The criterion uses shares, because a few bright pixels and fireflies would dominate a
+//! cosine with the light itself.) Thresholds and gains are also learned from the training variants.
 
 pub mod element;
 mod family;

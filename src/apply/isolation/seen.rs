@@ -23,15 +23,16 @@ pub const PATHS: &str = "paths";
 /// Numbers of bins after a pixel's first light at which early and late light are separated.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// Fraction of the value in a pixel's brightest bin. The first light must reach this fraction.
+/// The first light of a pixel is in the first bin whose value is at least this fraction of the pixel's
+/// brightest bin.
 const FIRST: f64 = 0.1;
 
 pub struct Seen {
     pub variant: u64,
     pub width: usize,
     pub height: usize,
-    /// Images of each light component, summed over wavelengths: `[element 4 i + j][pixel]`. Intensities have
-    /// a single image.
+    /// Images of each light component, summed over wavelengths: `[element 4 i + j][pixel]`. A component of
+    /// intensities has a single image.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
     /// Ground truth of each task.
     pub truth: Vec<Truth>,
@@ -57,7 +58,7 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
 /// A function that returns whether a bin of a pixel is included.
 type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
 
-/// Returns `[element][pixel]`, summed over the bins that `keep` selects.
+/// Returns images `[element][pixel]`, summed over wavelengths and over the bins that `keep` selects.
 fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
         let value = |pixel: usize| {

@@ -26,12 +26,12 @@ pub struct Task {
 }
 
 impl Task {
-    /// Returns the same task, restricted to the pixels of `region`.
+    /// Returns this task, restricted to the pixels of `region`.
     pub(crate) const fn within(self, region: Region) -> Self {
         Self { region: Some(region), ..self }
     }
 
-    /// Returns the task with the paper's element for the light component.
+    /// Returns this task with `element` as the paper's element for the light component.
     pub(crate) const fn named(self, element: Element) -> Self {
         Self { named: Some(element), ..self }
     }

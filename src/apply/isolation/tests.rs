@@ -1,5 +1,5 @@
-//! Tests with pixels that each contain one kind of light. The kinds differ in one known way. Every family
-//! separates the kinds that the family's dimensions resolve.
+//! Tests with pixels that each contain mainly one kind of light. The kinds differ in one known way. Every
+//! family separates the kinds that the family's dimensions resolve.
 
 use super::element::{Element, Space};
 use super::*;
@@ -15,7 +15,7 @@ use std::ops::Range;
 pub(crate) struct Kind {
     pub path: Path,
     pub bright: f64,
-    /// Elements 4 i + j relative to (0,0), without (0,0).
+    /// Indices 4 i + j of elements, and their values relative to (0,0). The element (0,0) is not listed.
     pub shares: &'static [(usize, f64)],
     pub epipolar: bool,
     /// Number of bins between the pixel's first light and this light.
@@ -38,8 +38,8 @@ pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
 
-/// Returns variants of a synthetic scene whose pixels contain the kinds of light in turn. The brightness
-/// varies at random between pixels by a factor of ten.
+/// Returns variants of a synthetic scene. The main kind of light alternates from pixel to pixel. The
+/// brightness varies at random between pixels by a factor of ten.
 pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
     let mut r = random(33);
     let n = SIZE[0] * SIZE[1];
@@ -85,7 +85,7 @@ pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
         .collect()
 }
 
-/// Returns the mean of a metric of a method over variants.
+/// Returns a method's score by a metric, averaged over variants.
 pub(crate) fn mean(scores: &[Score], method: &str, metric: &str) -> f64 {
     let mine: Vec<f64> =
         scores.iter().filter(|s| s.method == method && s.metric == metric).map(|s| s.value).collect();
@@ -110,20 +110,21 @@ const METHODS: [Isolation; 8] = [
     Isolation::new("azimuth", "", Family::NamedAnyAzimuth),
 ];
 
-/// Returns the area under the ROC curve of each method, for a scene with a plain kind of light and `kind`.
+/// Returns the area under the ROC curve of each method, for a scene with two kinds of light: a plain kind and
+/// `kind`.
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     METHODS.iter().map(|m| (m.method.name, mean(&outcome.scores, m.method.name, "it: area"))).collect()
 }
 
-/// Range of the areas of methods that cannot separate the kinds. The test uses 4 variants with 240 pixels of
-/// either kind. An area of one half then has a standard error of √(1/12 · 2/960) = 0.013. The best of many
-/// uninformative candidates is also uninformative on other variants.
+/// Range of the area under the ROC curve for methods that cannot separate the kinds. The test uses 4 variants
+/// with 240 pixels of each kind. An area of one half then has a standard error of √(1/12 · 2/960) = 0.013.
+/// The best of many uninformative candidates is also uninformative on other variants.
 const NONE: Range<f64> = 0.43..0.57;
 
-/// Asserts that the methods in `separating` have areas above `least`, and that all other methods have areas
-/// in `none`.
+/// Asserts that the methods in `separating` have areas under the ROC curve above `least`, and that all other
+/// methods have areas in `none`.
 pub(crate) fn assert_only(table: &[(&str, f64)], separating: &[&str], least: f64, none: &Range<f64>) {
     for (name, a) in table {
         let good = if separating.contains(name) { *a > least } else { none.contains(a) };

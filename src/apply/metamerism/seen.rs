@@ -1,4 +1,4 @@
-//! The slices and fruit pixels of one variant, and the interface of scores.
+//! The slices and fruit pixels of one variant, and the trait that all scores implement.
 
 use crate::error::ApplyError;
 use crate::isolation::seen::within;

@@ -1,5 +1,5 @@
-//! Tests with real and fake fruit that differ in one known property. Each score detects no property other
-//! than the one that the score measures.
+//! Tests with real and fake fruit that differ in one known property. Each score detects only the property
+//! that the score measures.
 
 use super::*;
 use crate::isolation::tests::{assert_only, mean};
@@ -72,9 +72,9 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
     METHODS.iter().map(|m| (m.method.name, mean(m.method.name))).collect()
 }
 
-/// Range of the areas of scores without information. For 640 pixels of each kind, the standard error of an
-/// area of one half is √(1/12 · 2/640) = 0.0161. The range also applies to classifiers that are trained on
-/// noise.
+/// Range of the area under the ROC curve for scores without information. For 640 pixels of each kind, the
+/// standard error of an area of one half is √(1/12 · 2/640) = 0.0161. The range also applies to classifiers
+/// that are trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], separating: &[&str]) {

@@ -1,4 +1,4 @@
-//! Computes angles between directions. The errors of normals are such angles.
+//! Computes angles between directions. The error of a normal is its angle to the true normal.
 
 /// Returns the angle between two directions in degrees, computed as atan2(|a × b|, a · b). The atan2 formula
 /// is also accurate near 0 and 180°. The result for zero vectors is NaN.

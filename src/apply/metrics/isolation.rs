@@ -48,8 +48,8 @@ pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Returns the threshold for which the decision "at least the threshold" has the largest F1 on these scores.
-/// The threshold is the score of a positive. Of several equally good thresholds, the largest is returned.
-/// Returns `None` without positives.
+/// The threshold is the score of a positive pixel. Of several equally good thresholds, the largest is
+/// returned. Returns `None` without positives.
 pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     let mut all: Vec<(f64, bool)> = positive.iter().map(|v| (*v, true)).collect();
     all.extend(negative.iter().map(|v| (*v, false)));
@@ -90,8 +90,8 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
 }
 
 /// Returns the cosine between image and light as vectors of pixels. With the best gain, the residual is √(1 -
-/// cosine²) of the light. Unlike [`correlation`], the cosine requires an image that is dark where the light
-/// is dark. The result is NaN if image or light is zero.
+/// cosine²) times the norm of the light. Unlike [`correlation`], the cosine requires an image that is dark
+/// where the light is dark. The result is NaN if image or light is zero.
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
@@ -120,8 +120,8 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Returns an image and its light. The light has the value 2 in every second of 8 columns, over a
-    /// background.
+    /// Returns an image and its light. The light has the value 2 in every second of 8 columns. The image is
+    /// the sum of the light and a background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();

@@ -2,8 +2,9 @@
 //! has a higher score than a negative. A tie contributes one half.
 //!
 //! The variance of the area is computed with the equation of DeLong, DeLong & Clarke-Pearson (1988, eq. 5).
-//! The placements are computed from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one
-//! object, the variance is estimated by bootstrap over groups.
+//! The equation uses placements, which are fractions of the other class with lower or higher scores. The
+//! placements are computed from ranks (Sun & Xu 2014). For dependent scores, such as pixels of one object,
+//! the variance is estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -129,8 +130,8 @@ mod tests {
         approx::assert_relative_eq!(a.error, (2.0 * (1.0 / 32.0) / 2.0_f64).sqrt(), epsilon = 1e-12);
     }
 
-    /// Areas and their errors agree with the closed form 1 - (1 - d)²/2. The positives are uniform on 0..1
-    /// and the negatives on -d..1-d.
+    /// Areas and their errors agree with the closed form 1 - (1 - d)²/2. The positives are uniformly
+    /// distributed on 0..1, and the negatives are uniformly distributed on -d..1-d.
     #[test]
     fn delong_intervals_cover_the_closed_form() {
         let d = 0.3;

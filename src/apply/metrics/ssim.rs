@@ -8,7 +8,7 @@
 
 use crate::map::Map;
 
-/// Edge of the window, pixels.
+/// Side length of the window in pixels.
 pub const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 const K1: f64 = 0.01;

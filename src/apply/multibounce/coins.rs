@@ -1,11 +1,11 @@
 //! Coins of four metals in front of a mirror (Fig. 13). Section 6.4 of the paper states that "specular
 //! interreflection often flips the circular polarization".
 //!
-//! The captions name no elements for coins. The elements that the captions name for corresponding light of
-//! the disco ball are used instead. Each reflection by metal reverses the handedness of circular
-//! polarization. The sign of (3,3) therefore separates odd from even numbers of reflections. Light is
-//! epipolar if camera and projector view the scene directly. Light is also epipolar if the two devices view
-//! the scene via the mirror. Light is not epipolar if one device views the scene directly and one device
+//! The paper's captions name no elements for coins. This application uses the elements that the captions name
+//! for the corresponding light of the disco ball. Each reflection by metal reverses the handedness of
+//! circular polarization. The sign of (3,3) therefore separates odd from even numbers of reflections. Light
+//! is epipolar if camera and projector view the scene directly. Light is also epipolar if the two devices
+//! view the scene via the mirror. Light is not epipolar if one device views the scene directly and one device
 //! views the scene via the mirror.
 
 use super::methods::{METHODS, application};

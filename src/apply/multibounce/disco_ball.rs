@@ -16,8 +16,8 @@ fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
-/// Returns pixels of the walls on one diagonal of the ball's centre. With `side` = 1, the pixels are to the
-/// upper right or lower left. With `side` = -1, the pixels are on the other diagonal.
+/// Returns the pixels of the walls on one diagonal through the ball's centre. With `side` = 1, the pixels are
+/// to the upper right or lower left. With `side` = -1, the pixels are on the other diagonal.
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];

@@ -6,7 +6,7 @@
 //! The paper names an element of the tensor for each kind of light. This application compares each element
 //! with the renderer's labels, as a detector and as an image of the isolated light. The sign of an element is
 //! the paper's sign, or is learned from the training variants. One baseline is the best element of space and
-//! polarization. The remaining baselines use polarization, space, time or intensity alone.
+//! polarization. Each of the remaining baselines uses only one of polarization, space, time and intensity.
 
 mod coins;
 mod disco_ball;

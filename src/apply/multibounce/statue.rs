@@ -3,10 +3,10 @@
 //! metallic surfaces as T(s,s,3,3,t2)".
 //!
 //! The paper shows two times, but does not state how these times were chosen. This application learns the bin
-//! of travel time of each task, as for all free parameters. Every reflection by metal reverses the handedness
-//! of circular polarization. Light from the statue's gold leaf therefore has a negative (3,3), whether the
-//! light is seen directly or via the mirror (three reflections). The caption's positive (3,3) cannot isolate
-//! this light.
+//! of travel time of each task from the training variants, like all free parameters. Every reflection by
+//! metal reverses the handedness of circular polarization. Light from the statue's gold leaf therefore has a
+//! negative (3,3), whether the light is seen directly or via the mirror (three reflections). The caption's
+//! positive (3,3) cannot isolate this light.
 
 use super::methods::any;
 use crate::application::{Application, Plan, Size, Truth, itself};

@@ -1,8 +1,8 @@
 //! Weights and biases of the descattering equation of Baek & Heide (2021). As in the paper, the parameters
 //! are optimized with L-BFGS (Liu & Nocedal 1989; crate argmin).
 //!
-//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The loss depends on the biases through the
-//! sum Σ Wₑ bₑ and in no other way. The problem therefore has the same minimum as linear least squares
+//! The mean of (Σₑ Wₑ (xₑ + bₑ) - y)² is minimized over W and b. The loss depends on the biases only through
+//! the sum Σ Wₑ bₑ. The problem therefore has the same minimum as linear least squares
 //! ([`super::least_squares`]), but is not convex. The paper states no starting point. This implementation
 //! starts from the unprocessed image: W = 1 for M00, W = 0 for the other elements, and b = 0.
 

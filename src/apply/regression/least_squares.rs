@@ -19,8 +19,8 @@ const LOADING: f64 = 1e-10;
 /// Ratio of variance to squared mean. A variance with a smaller ratio is due to rounding errors.
 const ROUNDING: f64 = 1e-13;
 
-/// Fraction of the noise covariance that is subtracted. The fraction is relative to the largest fraction for
-/// which the result is positive definite.
+/// Ratio of the subtracted fraction of the noise covariance to the largest fraction for which the result is
+/// positive definite.
 const TAKEN: f64 = 0.95;
 
 /// Number of bisection steps in the search for the largest fraction.
@@ -60,9 +60,9 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     (ridge(&all, best), best)
 }
 
-/// Fits by least squares. A fraction of the noise covariance of the features is subtracted, as large as the
-/// result stays positive definite. The function also returns the subtracted fraction. Errors of different
-/// features are treated as independent.
+/// Fits by least squares. A fraction of the noise covariance of the features is subtracted first. The
+/// fraction is `TAKEN` times the largest fraction for which the result is positive definite, and at most 1.
+/// The function also returns this fraction. Errors of different features are treated as independent.
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
     let stays_positive = |share: f64| (&c.xx - DMatrix::from_diagonal(&c.noise) * share).cholesky().is_some();

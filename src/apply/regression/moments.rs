@@ -81,7 +81,7 @@ impl Moments {
         self.noise += &other.noise;
     }
 
-    /// Returns the sum of all `parts` except the one with index `left_out`.
+    /// Returns the sum of all `parts` except the part with index `left_out`.
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
         parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
@@ -116,8 +116,8 @@ impl Moments {
         if mean < 0.0 { 0.0 } else { mean }
     }
 
-    /// Returns the means and covariances for a fit with a free offset. The covariances are those of the
-    /// features, and those of the features with y.
+    /// Returns the means and covariances for a fit with a free offset. The result contains the covariances of
+    /// the features, and the covariances of the features with y.
     pub fn centred(&self) -> Centred {
         let n = self.count;
         let mean = &self.x / n;

@@ -31,8 +31,8 @@ enum Features {
     /// out of the epipolar plane (O'Toole, Raskar & Kutulakos 2012).
     EpipolarPhotograph,
     /// Active polarization descattering (Treibitz & Schechner 2009). The features are two images, captured
-    /// with a parallel and a crossed analyzer. The illumination has this Stokes element (1 horizontal, 3
-    /// right circular).
+    /// with a parallel and a crossed analyzer. The illumination is polarized in the given Stokes element (1:
+    /// horizontal, 3: right circular).
     ///
     /// Let S be the light from the objects and B the light from the medium, with degrees of polarization p_S
     /// and p_B. Then I_max = S (1 + p_S)/2 + B (1 + p_B)/2 and I_min = S (1 - p_S)/2 + B (1 - p_B)/2. Hence S
@@ -67,7 +67,7 @@ const fn new(name: &'static str, source: &'static str, features: Features, solve
     Descattering { method: Method { name, source }, features, solver }
 }
 
-/// All methods. The methods of Sunstone come first. The baselines begin at index [`BASELINES`].
+/// All methods. The methods that learn W and b come first. The baselines begin at index [`BASELINES`].
 pub(super) const METHODS: [Descattering; 11] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
@@ -159,7 +159,7 @@ impl Descattering {
     }
 }
 
-/// Fits every window of consecutive features, and returns the fit of least loss.
+/// Fits every window of consecutive features, and returns the fit with the least loss.
 fn best_window(all: &Moments) -> Option<Linear> {
     let bins = all.x.len();
     let windows = (0..bins).flat_map(|from| (from + 1..=bins).map(move |to| (from, to)));

@@ -1,9 +1,9 @@
 //! Imaging through scattering media (Baek & Heide 2021, section 6.3, Fig. 12 and the equation for W and b).
 //!
 //! The camera receives light from the milk, T_b, and light from the objects behind the milk, T_o. For each
-//! wavelength, every method is a linear estimate of the image without milk from several features of a pixel.
-//! Methods differ in the features. The gains and offsets of all methods, including the baselines, are learned
-//! from the training variants alone.
+//! wavelength, every method estimates the image without milk as a linear function of several features of a
+//! pixel. Methods differ in the features. The gains and offsets of all methods, including the baselines, are
+//! learned only from the training variants.
 //!
 //! The features contain noise from the render, as captures contain noise. Noise in the features makes learned
 //! weights too small (see [`crate::regression::least_squares`]). Ridge regression and the errors-in-variables

@@ -1,4 +1,4 @@
-//! Tests each method with a synthetic tank. For this tank, the method removes the backscatter exactly.
+//! Tests each method with a synthetic tank for which the method removes the backscatter exactly.
 
 use super::descattering::{along_and_across, weighed};
 use super::*;

@@ -28,8 +28,8 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// All methods. The first method is that of Baek & Heide (2021), and the last method is the pseudo truth of
-/// Baek & Heide.
+/// All methods. The first method is the method of Baek & Heide (2021), and the last method is the pseudo
+/// truth of Baek & Heide.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",

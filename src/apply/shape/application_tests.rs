@@ -103,7 +103,7 @@ fn gray_code_ties_on_a_diffuse_object() {
 
 /// A method has no errors if the method does not use the light that causes the errors. Two thirds of the
 /// light come from neighbouring columns, off the epipolar lines. Gray code and phase shift fail. The results
-/// of the epipolar codes, Sunstone's method and the scan of the sprayed twin do not change.
+/// of the epipolar codes, Sunstone's method and the scan of the sprayed sphere do not change.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn light_from_neighbouring_columns_affects_only_methods_that_use_it() {

@@ -1,5 +1,5 @@
-//! T(s, u) is the light from projector column u to camera pixel s. This module simulates captures under
-//! patterns of columns.
+//! Simulates captures under patterns of projector columns, from T(s, u), the light from projector column u to
+//! camera pixel s.
 //!
 //! Light is linear in the drive. If a pattern P is equal in all rows, the capture is therefore I(s) = Σ_u
 //! T(s, u) P(u). T(s, u) is a sum over all projector rows. For epipolar structured light, the sum is
@@ -59,8 +59,8 @@ pub enum CodeError {
 
 impl ColumnLight {
     /// Returns the light of a coarser projector. Each column of the coarser projector combines `n` columns,
-    /// and the last column may combine fewer. In any scene, stripes that are narrower than a camera pixel's
-    /// footprint lose contrast. Codes therefore need columns that are about as wide as camera pixels.
+    /// and the last column may combine fewer columns. In any scene, stripes that are narrower than a camera
+    /// pixel's footprint lose contrast. Codes therefore need columns that are about as wide as camera pixels.
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
         let columns = light.channels.div_ceil(n);

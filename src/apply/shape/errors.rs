@@ -10,7 +10,7 @@ pub struct Errors {
     /// Mean of the absolute errors, in degrees for normals and in metres for depths. The mean is NaN if there
     /// are no pixels.
     pub mean: f64,
-    /// Median of the absolute errors, or the lower one of two middle values.
+    /// Median of the absolute errors. For an even number of errors, the lower of the two middle values.
     pub median: f64,
     /// Fraction of pixels that have an estimate, among the pixels with a known truth.
     pub coverage: f64,
@@ -35,8 +35,8 @@ fn inside(mask: Option<&Map>, pixel: usize) -> bool {
     mask.is_none_or(|m| m.data.get(pixel).is_some_and(|v| *v != 0.0))
 }
 
-/// Returns the angles between normals, in degrees, over the pixels of `mask` that have a true normal. Without
-/// a mask, all pixels are used.
+/// Returns the errors of normals, as angles to the true normals in degrees, over the pixels of `mask` that
+/// have a true normal. Without a mask, all pixels are used.
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = normals.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).enumerate();
     let of = |(i, (n, t)): (usize, (&[f64], &[f64]))| {
@@ -45,8 +45,8 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     summary(pairs.filter_map(of))
 }
 
-/// Returns the absolute differences of depths, in metres, over the pixels of `mask` that have a true depth.
-/// Without a mask, all pixels are used.
+/// Returns the errors of depths, as absolute differences in metres, over the pixels of `mask` that have a
+/// true depth. Without a mask, all pixels are used.
 pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = depth.data.iter().zip(&truth.data).enumerate();
     let of = |(i, (z, t)): (usize, (&f64, &f64))| (t.is_finite() && inside(mask, i)).then(|| (z - t).abs());

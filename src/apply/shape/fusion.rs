@@ -16,7 +16,7 @@ use crate::map::Map;
 use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 
-/// Cauchy's constant for 95 % efficiency under normal errors.
+/// Cauchy's constant for 95 % efficiency with normally distributed errors.
 const CAUCHY: f64 = 2.385;
 
 /// Number of updates of the robust weights.

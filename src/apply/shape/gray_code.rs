@@ -1,11 +1,11 @@
-//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982). There is one pattern for each bit of the
+//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982). The code has one pattern for each bit of the
 //! column's index, and the inverse of each pattern.
 //!
 //! The Gray code of i is i ⊕ ⌊i/2⌋, so neighbouring columns differ in one bit. A bit is determined by
 //! comparing the capture of a pattern with the capture of the inverse pattern. Neither albedo nor a constant
-//! background affects this threshold. The contrast |I - Ī|/(I + Ī) of a bit measures the reliability of the
-//! bit. If the light of a stripe spreads over many stripes, narrow codes lose contrast and bits are random. A
-//! pixel with a bit below the minimum contrast has no column. This rule is the simplest form of the
+//! background affects this comparison. The contrast |I - Ī|/(I + Ī) of a bit measures the reliability of the
+//! bit. If the light of a stripe spreads over many stripes, narrow stripes lose contrast and their bits are
+//! random. A pixel with a bit below the minimum contrast has no column. This rule is the simplest form of the
 //! classification of Xu & Aliaga (2007).
 
 use super::column_light::{CodeError, Decoded, Patterns};
@@ -36,7 +36,8 @@ pub(super) fn with_inverses(columns: usize, bit: impl Fn(usize, usize) -> bool) 
     Patterns::from_fn(2 * bits(columns), columns, |k, u| f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1))))
 }
 
-/// Returns the bits and the minimum contrast, from captures of patterns and inverse patterns.
+/// Returns the bits of a pixel and the minimum contrast of these bits, from captures of patterns and inverse
+/// patterns.
 pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     let mut least = 1.0_f64;
     let bits = captures.chunks_exact(2).map(|pair| {
@@ -61,7 +62,8 @@ pub fn patterns(columns: usize) -> Patterns {
     with_inverses(columns, |k, u| gray_bit(u, n - 1 - k))
 }
 
-/// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
+/// Decodes captures of [`patterns`]. A pixel has no column if the contrast of a bit is below
+/// `least_contrast`.
 ///
 /// # Errors
 /// Returns an error if the number of captures does not match the patterns.
@@ -101,8 +103,8 @@ mod tests {
     }
 
     /// Indirect light from a column half an image away may be brighter than the direct light. In this case,
-    /// exactly those bits are wrong in which the two columns differ. The decoded column is then the column of
-    /// the indirect light.
+    /// the wrong bits are exactly the bits in which the two columns differ. The decoded column is then the
+    /// column of the indirect light.
     #[test]
     fn brighter_indirect_light_is_decoded_as_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);

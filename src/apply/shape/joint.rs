@@ -1,10 +1,10 @@
-//! Optimizes scan and polarization jointly, as in Baek & Heide (2021, section 8.1). With all light, the
-//! method is that of Baek et al. (2018).
+//! Optimizes scan and polarization jointly, as in Baek & Heide (2021, section 8.1). With all light, this is
+//! the method of Baek et al. (2018).
 //!
-//! The unknowns are the depths and, for each pixel, the correct one of the two candidate normals from
-//! polarization. The normals of the current surface select the candidates. Then the least-squares surface is
-//! fitted to the depths and the selected normals ([`super::fusion`]). These two steps are repeated at most
-//! ten times, until no selection changes.
+//! The unknowns are the depths, and the choice between the two candidate normals from polarization in each
+//! pixel. The normals of the current surface select the candidates. Then the least-squares surface is fitted
+//! to the depths and the selected normals ([`super::fusion`]). These two steps are repeated at most ten
+//! times, until no selection changes.
 //!
 //! Normals of the surface are fitted to windows and do not resolve curvature within a window. Polarization
 //! yields a normal for each pixel. The final normals are therefore the means of surface normals and

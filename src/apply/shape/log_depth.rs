@@ -55,8 +55,8 @@ impl LogDepth {
     }
 
     /// Returns the least-squares values. The iteration begins at `start` and stops when the residual is below
-    /// `tolerance` times the norm of the right side. There are at most four iterations per pixel. Pixels
-    /// without any weight keep their start value.
+    /// `tolerance` times the norm of the right-hand side. The maximum number of iterations is four times the
+    /// number of pixels. Pixels without any weight keep their start value.
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
         let mut diagonal: Vec<f64> = self.values.iter().map(|v| v.weight).collect();

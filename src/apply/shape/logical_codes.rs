@@ -2,14 +2,14 @@
 //! Veeraraghavan & Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
 //!
 //! Strong indirect light from the surroundings of a wide stripe inverts the bits of the stripe's pixels.
-//! Every pattern is therefore combined by exclusive OR with one fine pattern, the base. The base is also
-//! projected alone. All projected patterns then have narrow stripes. For narrow stripes, long-range indirect
+//! Every pattern is therefore combined by exclusive OR with one fine pattern, the base. The base itself is
+//! also projected. All projected patterns then have narrow stripes. For narrow stripes, long-range indirect
 //! light is the same under a pattern and its inverse. Decoding combines the bits with the bit of the base by
 //! exclusive OR.
 //!
 //! The base of XOR-02 has stripes of 2 columns. The base of XOR-04 has stripes of 4 columns, which are more
 //! robust to short-range blur. [`consensus`] keeps columns on which two of three codes agree: XOR-02, XOR-04
-//! and the conventional Gray code. The ensemble of Gupta et al. contains a fourth code, all of whose stripes
+//! and the conventional Gray code. The ensemble of Gupta et al. contains a fourth code, in which all stripes
 //! are wide. The fourth code is omitted.
 
 use super::column_light::{CodeError, Decoded, Patterns};
@@ -26,7 +26,7 @@ pub enum Base {
 }
 
 impl Base {
-    /// Returns the index of the base in a code of `bits` bits.
+    /// Returns the index of the bit that is the base in a code of `bits` bits.
     fn bit(self, bits: usize) -> usize {
         match self {
             Self::Xor02 => 0,
@@ -45,7 +45,8 @@ pub fn patterns(columns: usize, base: Base) -> Patterns {
     })
 }
 
-/// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
+/// Decodes captures of [`patterns`]. A pixel has no column if the contrast of a bit is below
+/// `least_contrast`.
 ///
 /// # Errors
 /// Returns an error if the number of captures does not match the patterns.
@@ -111,7 +112,7 @@ mod tests {
 
     /// The indirect light is 1.5 times as bright as the direct light. The indirect light is spread widely
     /// around a column a quarter of the image away. The Gray code is wrong in many columns, and the XOR codes
-    /// are wrong in no column.
+    /// are correct in all columns.
     #[test]
     fn long_range_light_does_not_flip_bits() {
         let n = 256;

@@ -40,8 +40,8 @@ pub enum Method {
     StructuredLight(Code, Light),
     /// Shape from polarization alone, which yields normals but no depth (Atkinson & Hancock 2006).
     Polarization(Light),
-    /// Joint optimization of structured light and polarization. The light is all light (Baek et al. 2018) or
-    /// epipolar light (Baek & Heide 2021).
+    /// Joint optimization of structured light and polarization. The method uses all light (Baek et al. 2018)
+    /// or epipolar light (Baek & Heide 2021).
     Joint(Code, Light),
 }
 
@@ -70,13 +70,14 @@ impl Method {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
     pub rig: Rig,
-    /// T(s, u) of all light, summed over rows.
+    /// T(s, u) of all light, summed over projector rows.
     pub columns: ColumnLight,
     /// T(s, u) of the epipolar band.
     pub epipolar_columns: ColumnLight,
     /// Mueller images of all light, with 16 channels, row by row.
     pub mueller: Map,
-    /// Mueller images of the epipolar band. If the rig is time-gated, the images are those of one time bin.
+    /// Mueller images of the epipolar band. If the rig is time-gated, the images contain the light of one
+    /// time bin.
     pub epipolar_mueller: Map,
     /// Mask of the object: 1 inside, 0 outside.
     pub mask: Map,

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 /// Number of captures of the first period.
 const STEPS: usize = 3;
 
-/// Number of sets of periods that [`periods`] tries.
+/// Number of sets of periods that [`periods`] compares.
 const TRIES: usize = 96;
 
 /// Returns the code vector (cos φ_1, sin φ_1, cos φ_2, …, cos φ_F) of a column coordinate.
@@ -45,9 +45,9 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns. The result is
-/// the best of several pseudorandom sets, which are the same on every call. Gupta & Nayar also choose the
-/// periods by search.
+/// Returns `count` periods with a large [`margin`] over the columns. The periods differ from `mean` by at
+/// most a twelfth of `mean`. The result is the best of several pseudorandom sets, which are the same on every
+/// call. Gupta & Nayar also choose the periods by search.
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -71,7 +71,7 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     })
 }
 
-/// Decodes captures of [`patterns`]. Pixels with less than `least_contrast` have no column.
+/// Decodes captures of [`patterns`]. A pixel has no column if its contrast is below `least_contrast`.
 ///
 /// # Errors
 /// Returns an error if the number of captures does not match the patterns, if there are no periods, or if
@@ -140,8 +140,8 @@ mod tests {
     }
 
     /// For a period of the image's width, the indirect light causes a bias of 13 columns (see `phase_shift`).
-    /// For micro phase shifting, the same light causes a bias below 1e-6 columns. For periods of 16, a
-    /// Gaussian of σ = 20 is attenuated by exp(-2π²·400/256) = 4e-14.
+    /// For micro phase shifting, the same light causes a bias below 1e-6 columns. For periods of 16 columns,
+    /// a Gaussian with σ = 20 columns is attenuated by exp(-2π²·400/256) = 4e-14.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn smooth_indirect_light_does_not_bias() {
@@ -170,8 +170,8 @@ mod tests {
         assert!(right > 200, "{right}");
     }
 
-    /// Noise σ in three captures of amplitude ½ changes the phase by σ√(2/3)/½. The test uses 300 × 256
-    /// pixels and a tolerance of five standard errors.
+    /// Noise with standard deviation σ in three captures of amplitude ½ causes an RMS phase error of
+    /// σ√(2/3)/½. The test uses 300 × 256 pixels and a tolerance of five standard errors.
     #[test]
     #[ignore = "slow: tools/check --all"]
     fn column_noise_matches_theory() {

@@ -16,8 +16,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Returns the periods in projector columns. The first period is the image's width. Each further period is a
-/// quarter of the previous period, down to at most 16 columns.
+/// Returns the periods in projector columns. The first period is the width of the projector image. Each
+/// further period is a quarter of the previous period, but at least 8 columns. The last period is at most 16
+/// columns.
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
     while all.last().is_some_and(|p| *p > 16.0) {
@@ -44,7 +45,7 @@ pub(super) fn sinusoid(u: usize, period: f64, phase: f64) -> f64 {
     0.5 + 0.5 * (TAU * (u as f64 + 0.5) / period - phase).cos()
 }
 
-/// Returns the coordinate closest to `near` that has the phase `phase` in period `period`.
+/// Returns the coordinate closest to `near` at which a sinusoid of period `period` has the phase `phase`.
 pub(super) fn unwrap(phase: f64, period: f64, near: f64) -> f64 {
     let turn = phase / TAU;
     period * (turn + (near / period - turn).round())
@@ -61,8 +62,9 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
 /// `least_contrast`.
 ///
 /// # Errors
-/// Returns an error if the number of captures does not match the patterns. Also returns an error if the
-/// periods do not decrease from at least the image's width.
+/// Returns an error if the number of captures does not match the patterns. Also returns an error if the first
+/// period is shorter than the image's width, if a period is shorter than 2 columns, or if the periods do not
+/// decrease.
 pub fn decode(
     captures: &Map,
     columns: usize,
@@ -149,9 +151,10 @@ mod tests {
         assert!(bias(16.0).abs() < 1e-9);
     }
 
-    /// The indirect light is as bright as the direct light and comes from 80 columns away. The period of 256
-    /// is then biased by 36 columns. This bias exceeds half of the next period of 64 columns, so the number
-    /// of whole periods of 64 columns is wrong. All columns are wrong by exactly 64.
+    /// The indirect light is as bright as the direct light and comes from 80 columns away. The column
+    /// computed from the period of 256 columns is then biased by 36 columns. This bias exceeds half of the
+    /// next period of 64 columns, so the number of whole periods of 64 columns is wrong. All columns are
+    /// wrong by exactly 64.
     #[test]
     fn biased_long_periods_unwrap_incorrectly() {
         let n = 1024;
@@ -162,8 +165,8 @@ mod tests {
         }
     }
 
-    /// White noise σ changes the column by P/(2π)·σ√2/(A·2), where A is half the light. The test uses 500
-    /// × 256 pixels and a tolerance of five standard errors of the RMS.
+    /// White noise with standard deviation σ causes an RMS column error of P/(2π)·σ√2/(A·2), where A is half
+    /// the light. The test uses 500 × 256 pixels and a tolerance of five standard errors of the RMS.
     #[test]
     fn column_noise_matches_theory() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);

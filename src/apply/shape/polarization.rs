@@ -11,8 +11,8 @@
 //! d × x, so angles increase counter-clockwise in the image.
 //!
 //! If the projector is near the camera, one specular reflection reverses the handedness of circular
-//! polarization, so T33 = -T00. Diffuse light is not circularly polarized (Baek et al. 2018). T00 + T33 is
-//! therefore the diffuse light alone.
+//! polarization, so T33 = -T00. Diffuse light is not circularly polarized (Baek et al. 2018). T00 + T33
+//! therefore contains only the diffuse light.
 
 use super::zenith;
 use crate::map::Map;

@@ -13,8 +13,8 @@ use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Distance in pixels from a pixel of the object. Pixels outside the object are searched up to this distance
-/// to find the direction of the outline.
+/// Maximum distance in pixels, along rows and columns, between a pixel at the outline and the outside pixels
+/// that determine the outward direction.
 const REACH: isize = 3;
 
 /// A pixel with resolved neighbours, and the zenith angle of the pixel.

@@ -15,8 +15,8 @@ pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
     pub inputs: Inputs,
-    /// Input of the methods. T(s, u) is that of the same statue after spraying with matte paint. All other
-    /// inputs are those of the unsprayed statue.
+    /// Input of the methods. T(s, u) belongs to the same statue after spraying with matte paint. All other
+    /// inputs belong to the unsprayed statue.
     pub sprayed: Inputs,
     /// True depth in metres, and true normals in the camera's frame. Pixels that the statue does not cover
     /// completely are NaN.

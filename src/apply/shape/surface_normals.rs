@@ -2,15 +2,15 @@
 //!
 //! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a|. (n·P
 //! = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera.) The vector a is fitted to a
-//! window by weighted least squares. The weights are those of Tukey's biweight at 4.685 robust standard
-//! deviations (1.4826 medians of the absolute residuals; Huber 1981). Neighbours beyond an edge therefore do
-//! not affect the fit.
+//! window by weighted least squares. The weights follow Tukey's biweight function with a limit of 4.685
+//! robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981). Neighbours beyond an
+//! edge therefore do not affect the fit.
 
 use crate::map::Map;
 use crate::pinhole::Pinhole;
 use nalgebra::{Matrix3, Vector3};
 
-/// Tukey's constant for 95 % efficiency under normal errors.
+/// Tukey's constant for 95 % efficiency with normally distributed errors.
 const TUKEY: f64 = 4.685;
 
 /// Number of updates of the robust weights.
@@ -71,8 +71,8 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     Some(plane)
 }
 
-/// Returns the normals of a depth map in the camera's frame. Depths are z along the axis, in metres. A normal
-/// is NaN if too few depths are known. The depth of the central pixel of a window must be known.
+/// Returns the normals of a depth map in the camera's frame. Depths are z along the camera's axis, in metres.
+/// A normal is NaN if too few depths are known. The depth of the central pixel of a window must be known.
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);
     let mut points = Vec::new();

@@ -77,7 +77,7 @@ pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
 
 /// Returns a camera of `size` × `size` pixels and a projector of `columns` columns. The camera is to the left
 /// of the origin, and the projector is 60 mm to the right of the camera. Camera and projector are directed at
-/// a point 0.2 m away.
+/// a point at a distance of 0.2 m.
 pub fn rig(size: usize, columns: usize) -> Rig {
     let toward = |x: f64, n: usize| Pinhole {
         resolution: [n, n],
@@ -114,7 +114,7 @@ impl Shape {
         }
     }
 
-    /// Returns the plane through (0, 0, 0.22) with this normal.
+    /// Returns the plane with this normal through the point (0, 0, 0.22), in metres.
     pub fn plane(camera: &Pinhole, normal: Vector3<f64>) -> Self {
         let n = normal.normalize();
         Self::seen(camera, |o, d| {
@@ -123,7 +123,7 @@ impl Shape {
         })
     }
 
-    /// Returns the sphere of radius `r`, in metres, about (0, 0, 0.22).
+    /// Returns the sphere of radius `r` with the centre (0, 0, 0.22), both in metres.
     pub fn sphere(camera: &Pinhole, r: f64) -> Self {
         Self::seen(camera, |o, d| {
             let q = o - Vector3::new(0.0, 0.0, 0.22);

@@ -2,15 +2,15 @@
 //! of a coaxial rig in each bin of travel time by the light's change of circular polarization.
 //!
 //! Each specular reflection reverses the handedness of circular light, and diffuse surfaces depolarize the
-//! light. Hence -T33 > 0 is "circular-inverting" light, and T33 > 0 is "circular-keeping" light. The
-//! handedness of s3 is defined looking toward the source for each of the two directions (CONVENTIONS.md).
+//! light. Light with -T33 > 0 is therefore "circular-inverting", and light with T33 > 0 is
+//! "circular-keeping". The handedness of s3 is defined looking toward the source for each of the two
+//! directions (CONVENTIONS.md).
 //!
-//! The renderer's labels are the ground truth. Positives are bins of pixels in which most of the light had no
-//! reflections other than specular reflections. The number of reflections is odd for inverting light and even
-//! for keeping light. With s' = s, an even number of reflections occurs between two sides of a crease within
-//! one pixel, and nowhere else. All longer paths end at their start point, after an odd number of
-//! reflections. Thresholds, and signs that physics does not determine, are learned from the training
-//! variants.
+//! The renderer's labels are the ground truth. A bin of a pixel is positive if most of its light underwent
+//! only specular reflections. The number of reflections is odd for inverting light and even for keeping
+//! light. With s' = s, an even number of reflections occurs only between two sides of a crease within one
+//! pixel. All longer paths end at their start point, after an odd number of reflections. Thresholds, and
+//! signs that physics does not determine, are learned from the training variants.
 
 mod judge;
 mod score;

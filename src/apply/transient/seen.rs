@@ -32,9 +32,8 @@ pub(super) struct Seen {
     pub pixels: Pixels,
     /// Places that are lit according to the labels.
     pub lit: Vec<usize>,
-    /// Light in W/(m² sr nm) that had no reflections other than specular reflections. The first list contains
-    /// light after an odd number of reflections. The second list contains light after an even number of
-    /// reflections.
+    /// Light in W/(m² sr nm) after only specular reflections. The first list contains light after an odd
+    /// number of reflections. The second list contains light after an even number of reflections.
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }
@@ -64,7 +63,7 @@ impl Seen {
         Ok(Self { variant: o.variant, pixels, lit, labelled, all })
     }
 
-    /// Returns the light at a place after specular reflections alone. `target` selects odd or even numbers of
+    /// Returns the light at a place after only specular reflections. `target` selects odd or even numbers of
     /// reflections.
     pub(super) fn light(&self, target: Target, place: usize) -> f64 {
         self.labelled[usize::from(target == Target::Keeping)][place]

@@ -1,4 +1,4 @@
-//! Tests with known light paths. Scores detect the intended differences and nothing else.
+//! Tests with known light paths. Scores detect only the intended differences.
 
 use super::*;
 use crate::isolation::tests::mean;
@@ -19,7 +19,7 @@ struct Differs {
     /// Whether specular light differs from diffuse light in linear polarization. The input light is
     /// horizontally polarized.
     linear: bool,
-    /// Factor of the brightness of specular light.
+    /// Brightness of specular light, relative to diffuse light.
     bright: f64,
     /// Whether a pixel contains inverting and keeping light in different bins.
     mixed: bool,
@@ -90,8 +90,8 @@ const KEEPING: &str = "area under the curve, keeping";
 
 /// The light is physically plausible. Circular polarization then separates all kinds, and one pair of
 /// captures is sufficient for the same separation. Linear polarization separates specular from diffuse light,
-/// but does not separate odd from even numbers of reflections. Intensity separates no kinds. Without time,
-/// all kinds are mixed.
+/// but does not separate odd from even numbers of reflections. Intensity separates no kinds. Without
+/// resolution in time, all kinds are mixed.
 #[test]
 fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);

@@ -33,7 +33,7 @@ pub struct State {
     /// The free parameter on which each device parameter depends. Indices count the free parameters of
     /// all devices.
     pub ties: Vec<Vec<Tie>>,
-    /// Number of free device parameters. With two devices, six parameters of `relative` follow.
+    /// Number of free device parameters. With two devices, the six parameters of `relative` come after them.
     pub free: usize,
     /// Pose from camera to projector.
     pub relative: Pose,
@@ -43,17 +43,17 @@ pub struct State {
 
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Standard deviation of a measured coordinate in pixels, by device. If the value is infinite, the device
-    /// is ignored.
+    /// For each device, the standard deviation of a measured coordinate in pixels. A device with an infinite
+    /// value is ignored.
     pub sigma: Vec<f64>,
-    /// Huber's threshold in standard deviations of a coordinate. If the value is infinite, the loss is
-    /// that of least squares.
+    /// Huber's threshold in standard deviations of a coordinate. If the threshold is infinite, the loss is
+    /// half the squared residual.
     pub huber: f64,
-    /// True for each corner that is excluded, by view and corner.
+    /// For each view and corner, whether the corner is excluded from the fit.
     pub out: Vec<Vec<bool>>,
 }
 
-/// The normal equations of the least-squares problem at a state.
+/// The normal equations of the least-squares problem, linearized at a state.
 #[derive(Clone, Debug)]
 pub struct Normal {
     pub(super) shared: DMatrix<f64>,
@@ -229,7 +229,7 @@ fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     m
 }
 
-/// Returns Huber's loss of a distance, and the weight of the squared distance.
+/// Returns Huber's loss for a distance, and the weight of the squared distance.
 fn huber(r: f64, bound: f64) -> (f64, f64) {
     if r <= bound || r.is_nan() { (0.5 * r * r, 1.0) } else { (bound * (r - 0.5 * bound), bound / r) }
 }

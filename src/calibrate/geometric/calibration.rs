@@ -63,13 +63,13 @@ pub struct Quality {
     pub views: usize,
     /// Number of corners that a robust fit excluded as outliers.
     pub outliers: usize,
-    /// Root mean square of the residual distances in pixels, by device.
+    /// For each device, the root mean square of the residual distances in pixels.
     pub rms_px: Vec<f64>,
-    /// Standard deviation of a measured coordinate in pixels, by device.
+    /// For each device, the standard deviation of a measured coordinate in pixels.
     pub sigma_px: Vec<f64>,
-    /// Standard errors of the camera's parameters by name.
+    /// Standard errors of the camera's parameters, with the parameter names as keys.
     pub camera_errors: BTreeMap<String, f64>,
-    /// Standard errors of the projector's parameters by name.
+    /// Standard errors of the projector's parameters, with the parameter names as keys.
     pub projector_errors: Option<BTreeMap<String, f64>>,
     /// Standard errors of the projector's pose in the projector's frame: three angles (radians) and three
     /// lengths (metres).
@@ -77,9 +77,9 @@ pub struct Quality {
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Poses from board to camera, by view: rotation vector (radians) and translation (metres).
+    /// For each view, the pose from board to camera: rotation vector (radians) and translation (metres).
     pub poses: Vec<[f64; 6]>,
-    /// Standard errors of the pose changes, by view: rotation (radians) and translation (metres).
+    /// For each view, the standard errors of the pose change: rotation (radians) and translation (metres).
     pub poses_errors: Vec<[f64; 6]>,
     /// Images of the views.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -157,7 +157,7 @@ fn six(c: &nalgebra::Matrix6<f64>) -> [f64; 6] {
 }
 
 impl Calibration {
-    /// Creates the calibration of a fit. `files` are the names of the images.
+    /// Creates a calibration from a fit. `files` are the names of the images.
     pub fn new(fit: &Fit, files: Vec<String>) -> Self {
         let named = |d: usize| {
             let names = fit.devices[d].names().into_iter().map(str::to_owned);

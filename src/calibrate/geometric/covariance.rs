@@ -79,11 +79,11 @@ impl Root {
         Some((shared.clone(), own?)).filter(|_| finite)
     }
 
-    /// Returns how well the least determined combination of shared parameters is determined, from 0 (not at
-    /// all) to about 1. Also returns the coefficients of this combination.
+    /// Finds the combination of shared parameters that the measurements determine worst. Returns how well it
+    /// is determined, from 0 (not at all) to about 1, and the coefficients of this combination.
     ///
-    /// The result is the smallest singular value of the root with its singular vector. Columns of the
-    /// root are scaled by the square root of the information that known poses would give.
+    /// The result is the smallest singular value of the root with its singular vector. Each column of the
+    /// root is divided by the square root of the information that known poses would give.
     pub fn least_known(&self) -> Option<(f64, DVector<f64>)> {
         let scale = self.lengths.map(|d| if d > 0.0 { d.recip() } else { 0.0 });
         let svd = (&self.shared * DMatrix::from_diagonal(&scale)).try_svd(false, true, 1e-16, 10_000)?;
@@ -111,7 +111,7 @@ impl Root {
 
 impl Covariance {
     /// Returns tr(C N), which is the effective number of parameters that a subset of the measurements
-    /// determines. N are the normal equations of the subset.
+    /// determines. N is the matrix of the subset's normal equations.
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
         for v in 0..part.own.len() {

@@ -8,7 +8,7 @@ use optics::distortion::Distortion;
 use optics::distortion::fisheye::Fisheye;
 use optics::distortion::opencv::Opencv;
 
-/// Lens models, by OpenCV's number of coefficients.
+/// Lens models, named after OpenCV's number of coefficients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
     Pinhole,

@@ -1,8 +1,8 @@
 //! Epipolar planes, which pass through the centres of both devices. An angle about the baseline identifies a
 //! plane.
 //!
-//! Each plane intersects the camera's image and the projector's image in one line each. With lens distortion,
-//! the lines of intersection are curved.
+//! Each plane intersects the camera's image in one line and the projector's image in another line. With lens
+//! distortion, the lines of intersection are curved.
 
 use super::device::Device;
 use super::pose::Pose;
@@ -136,8 +136,8 @@ mod tests {
     }
 
     proptest! {
-        /// A point is on the same epipolar plane in both devices, and its projector pixel
-        /// illuminates the epipolar line of its camera pixel.
+        /// Both devices assign a point to the same epipolar plane, and its projector pixel illuminates the
+        /// epipolar line of its camera pixel.
         #[test]
         fn both_devices_assign_a_point_to_the_same_plane(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
             let planes = planes();

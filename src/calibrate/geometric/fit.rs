@@ -1,5 +1,5 @@
 //! Fits devices to corners. The steps are the initial estimate, bundle adjustment, the estimation of noise
-//! and covariances, and notes.
+//! and covariances, and notes on poorly determined parameters.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -38,19 +38,19 @@ pub struct Fit {
     /// Poses from board to camera, one per view.
     pub poses: Vec<Pose>,
     /// Covariance of all device parameters in the order of [`Device::parameters`], camera first. The entries
-    /// of fixed parameters are 0. With a projector, the six parameters of a change of `relative` follow
+    /// of fixed parameters are 0. With a projector, the six parameters of a change of `relative` come last
     /// ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each view's pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
-    /// Standard deviation of a measured coordinate in pixels, by device.
+    /// For each device, the standard deviation of a measured coordinate in pixels.
     pub sigma: Vec<f64>,
-    /// Root mean square distance between measured and fitted points in pixels, by device, computed
-    /// as in OpenCV.
+    /// For each device, the root mean square distance between measured and fitted points in pixels, as OpenCV
+    /// computes it.
     pub rms: Vec<f64>,
     /// View and corner indices, from 0, of the corners that the robust fit excluded.
     pub outliers: Vec<(usize, usize)>,
-    /// Poorly determined parameters, one sentence each.
+    /// Descriptions of poorly determined parameters, one sentence for each parameter.
     pub notes: Vec<String>,
 }
 
@@ -61,8 +61,9 @@ const OUTLIER: f64 = 4.5;
 const HUBER: f64 = 1.5;
 /// RMS of the residual distances, in pixels, below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
-/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. The cost function
-/// of rational lenses has flat valleys, in which many steps with small gains barely change the projection.
+/// The iteration stops if a step reduces the cost by less than this fraction, for an initial estimate
+/// (`ROUGH`) or a fit (`FINE`). The cost function of rational lenses has flat valleys, in which many steps
+/// with small gains barely change the projection.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
 /// Maximum RMS of the residual distances in a valid fit, relative to the image width.
@@ -231,7 +232,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
     }
 }
 
-/// Sets fixed parameters to their values.
+/// Sets fy/fx to 1 and the principal point to the image centre, unless they are free or an initial device is
+/// given.
 fn hold(mut device: Device, setup: &Setup) -> Device {
     if setup.start.is_some() {
         return device;
@@ -282,7 +284,7 @@ fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Re
     Ok(state)
 }
 
-/// Returns the residual distances of a device in pixels, by view and corner.
+/// Returns the residual distance of a device in pixels, for each view and corner.
 fn distances(state: &State, views: &[Vec<Corner>], device: usize) -> Vec<((usize, usize), f64)> {
     let mut all = vec![];
     for (v, corners) in views.iter().enumerate() {

@@ -27,7 +27,7 @@ pub struct ImageError {
 const MOST: usize = 1 << 30;
 
 impl Image {
-    /// Creates an image from values row by row, or returns `None` unless there are width × height values.
+    /// Creates an image from its values row by row. Returns `None` unless there are width × height values.
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
         (width.checked_mul(height) == Some(values.len())).then_some(Self { width, height, values })
     }
@@ -122,7 +122,7 @@ fn extension(path: &Path) -> String {
 }
 
 /// Returns whether a JPEG file is truncated within its last scan. The decoder would fill the missing part of
-/// the image.
+/// the image without an error.
 fn is_cut_off(jpeg: &[u8]) -> bool {
     let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
     let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
@@ -261,7 +261,7 @@ mod tests {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
 
-    /// Returns a JPEG of 24 × 16 pixels, with an EXIF orientation unless it is 0.
+    /// Returns a JPEG of 24 × 16 pixels, with an EXIF orientation unless `orientation` is 0.
     fn jpeg(colours: bool, orientation: u8) -> Vec<u8> {
         let grey = image::GrayImage::from_fn(24, 16, |x, y| image::Luma([smooth(x, y)]));
         let mut photo = DynamicImage::ImageLuma8(grey);

@@ -1,4 +1,5 @@
-//! Tests stated uncertainties with z-scores over many repetitions, simulated outliers, and degenerate views.
+//! Tests the stated uncertainties with z-scores over many repetitions. Also tests simulated outliers and
+//! degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -103,7 +104,7 @@ fn setups(devices: &[Device]) -> Vec<Setup> {
     devices.iter().map(|d| Setup::new(d.size, d.model)).collect()
 }
 
-/// The z-scores of the errors, by parameter class.
+/// The z-scores of the errors, for each parameter class.
 #[derive(Default)]
 struct Classes(ZScores);
 

@@ -58,7 +58,7 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
     f.iter().all(|x| x.is_finite()).then_some(f)
 }
 
-/// Returns focal lengths and principal point. The estimated skew is ignored.
+/// Returns the focal lengths and the principal point. The estimated skew is ignored.
 fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>, Vector2<f64>)> {
     if homographies.len() < 3 {
         return None;

@@ -86,8 +86,8 @@ struct Unknown {
 
 /// Cached predictions of a sample's intensities, for the fitted numbers on which these intensities depend.
 ///
-/// Numerical derivatives change one number at a time, and most numbers do not affect this sample. The last
-/// predictions are therefore cached.
+/// Numerical derivatives change one number at a time, and most numbers do not affect this sample. The most
+/// recent predictions are therefore cached.
 struct Predictions {
     own: Vec<usize>,
     kept: RefCell<VecDeque<Kept>>,

@@ -76,7 +76,7 @@ fn sample_along(
     }
 }
 
-/// Over repetitions with different truths and noise, the ratio of actual to stated error has variance 1
+/// Over repetitions with different true values and noise, the ratio of actual to stated error has variance 1
 /// for every parameter.
 #[test]
 #[ignore = "slow: tools/check --all"]

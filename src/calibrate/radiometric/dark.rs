@@ -27,7 +27,7 @@ pub struct Dark {
     /// Variance between frames at the shortest exposure in DN².
     pub variance: PixelMap,
     pub variance_sigma: PixelMap,
-    /// Dark current in DN/s. The estimate needs at least two exposures.
+    /// Dark current in DN/s. `None` unless the dark frames have at least two exposures.
     pub rate: Option<PixelMap>,
     pub rate_sigma: Option<PixelMap>,
 }

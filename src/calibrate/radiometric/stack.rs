@@ -43,11 +43,11 @@ impl Stack {
         })
     }
 
-    /// Adds a frame, rows from the top.
+    /// Adds a frame, given by its readings in DN, row by row from the top.
     ///
     /// # Errors
     /// Returns [`RadiometricError::Size`] if the number of pixels differs from that of the stack. Returns
-    /// [`RadiometricError::Setting`] if a number exceeds the format.
+    /// [`RadiometricError::Setting`] if a reading exceeds the maximum of the format.
     pub fn add(&mut self, frame: &[u32]) -> Result<(), RadiometricError> {
         if frame.len() != self.mean.len() {
             return Err(RadiometricError::Size { found: frame.len(), want: self.mean.len() });

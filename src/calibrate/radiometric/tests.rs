@@ -1,5 +1,5 @@
-//! Tests with simulated cameras of known imperfections. Fitted values are compared with the truth, and actual
-//! errors with stated errors.
+//! Tests with simulated cameras of known imperfections. Fitted values are compared with true values, and
+//! actual errors with stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::RadiometricError;
@@ -97,7 +97,8 @@ impl Camera {
     }
 }
 
-/// Over repetitions with different truths and 400 pixels, all errors agree with the stated standard errors.
+/// Over repetitions with different true values and 400 pixels, all errors agree with the stated standard
+/// errors.
 #[test]
 fn stated_errors_match_actual_errors() {
     let one = |repeat: u32| {

@@ -14,9 +14,9 @@ use super::zero::Temporal;
 
 /// Returns the aligned mean of captures whose pixels have known time zeros.
 ///
-/// The grid extends from `before_ps` before the light to `after_ps` after the light, with `per_bin`
-/// points per bin. If all time zeros have the same phase, the grid has 1 point per bin. Returns `None` if
-/// there are no time zeros or if the grid is too small.
+/// The grid extends from `before_ps` before the arrival of the light to `after_ps` after the arrival, with
+/// `per_bin` points per bin. If all time zeros have the same phase, the grid has 1 point per bin. Returns
+/// `None` if there are no time zeros or if the grid is too small.
 pub fn aligned(
     found: &Temporal,
     captures: &[Capture],

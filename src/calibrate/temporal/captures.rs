@@ -12,7 +12,7 @@ const LONGEST_PS: f64 = 1e12;
 /// The counter that recorded the histograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counter {
-    /// The rule for when the diode is armed.
+    /// The rule that determines when the diode is armed.
     pub mode: Mode,
     pub bin_ps: f64,
     /// Number of bins in the laser's period.
@@ -30,8 +30,8 @@ pub struct Capture<'a> {
     pub pixel: usize,
     /// Travel time of light to the plane and back in ps. The travel time is the optical path divided by c.
     pub travel_ps: f64,
-    /// Counts by bin from the start of the period. In free-running mode the counts must cover the
-    /// whole period.
+    /// Counts of each bin, from the start of the period. In free-running mode the counts must cover the whole
+    /// period.
     pub counts: &'a [u32],
     pub pulses: u64,
 }

@@ -14,8 +14,8 @@ pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
 
-/// Half width of the response in standard deviations of the Gaussian part, and length of the tail in time
-/// constants.
+/// The response is truncated after `SIGMAS` standard deviations of the Gaussian part and `TAUS` time
+/// constants of the tail.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
 /// Minimum significance of a pulse in standard deviations. Without a pulse, noise exceeds this threshold in
@@ -75,8 +75,8 @@ pub(super) struct Local {
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
-    /// Afterpulses per pulse and bin for an afterpulse probability of 1. The list is empty if afterpulses are
-    /// not fitted.
+    /// Number of afterpulses per pulse in each bin, for an afterpulse probability of 1. The list is empty if
+    /// afterpulses are not fitted.
     after: Vec<f64>,
     mode: Mode,
     bin_ps: f64,
@@ -282,8 +282,8 @@ impl Prepared {
         (score, information)
     }
 
-    /// Returns the detections per pulse in a bin due to the pulse's light, and their variance. Returns `None`
-    /// if the diode was not armed.
+    /// Returns the number of detections per pulse that the pulse's light causes in a bin, and the variance of
+    /// this number. Returns `None` if the diode was not armed.
     pub fn light(&self, i: usize, local: &Local, after_pulsing: f64) -> Option<[f64; 2]> {
         let (n, armed) = (*self.n.get(i)?, *self.armed.get(i)?);
         if armed <= n {

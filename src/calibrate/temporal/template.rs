@@ -10,7 +10,8 @@ pub struct Template {
     pub step_ps: f64,
     /// Delay of the first grid point after the arrival of the light, in ps.
     pub first_ps: f64,
-    /// Fraction of the light that is detected in a bin whose centre is delayed to each grid point.
+    /// For each grid point, the fraction of the light that is detected in a bin with its centre at this
+    /// delay.
     pub share: Vec<f64>,
     /// Standard errors of the fractions, or NaN for fractions that are interpolated from neighbours.
     pub sigma: Vec<f64>,

@@ -44,8 +44,8 @@ fn counter(spad: &Spad) -> Counter {
     }
 }
 
-/// Returns the counts of light with `photons` per pulse that arrives at `at_ps`, and the arrival time rounded
-/// to the simulation's grid.
+/// Returns the simulated counts for `photons` photons per pulse that arrive at `at_ps`, and the arrival time
+/// rounded to the simulation's grid.
 fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u32>, f64) {
     let fine = Spad { bin_ps: spad.bin_ps / FINE as f64, bins: FINE * BINS, ..spad.clone() };
     let place = (at_ps / fine.bin_ps).floor().rem_euclid(fine.bins as f64);
@@ -61,7 +61,7 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
-    /// Simulated captures, given by pixel, travel time in ps, and counts.
+    /// Simulated captures. Each capture consists of the pixel, the travel time in ps, and the counts.
     taken: Vec<(usize, f64, Vec<u32>)>,
 }
 

@@ -18,7 +18,7 @@ const NARROWEST: f64 = 1e-9;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     log: bool,
-    /// Low end of the axis, or the exponent of the low end to base ten if the axis is logarithmic.
+    /// Value at the low end of the axis, or the base-10 logarithm of this value if the axis is logarithmic.
     low: f64,
     high: f64,
 }
@@ -194,8 +194,8 @@ pub fn marks(axis: &ChartAxis, scale: &Scale, default: impl FnOnce(&Scale) -> Ma
     Marks { major: Ticks { marks, exponent: 0 }, minor: vec![] }
 }
 
-/// Returns a label with the power of ten that the ticks factor out. If a bracketed unit ends the label, the
-/// power is inserted before the unit.
+/// Returns an axis label that contains the power of ten factored out of the tick labels. If a bracketed unit
+/// ends the label, the power is inserted before the unit.
 pub fn label(text: &str, ticks: &Ticks) -> String {
     let text = text.trim();
     let unit = text.strip_suffix(']').and_then(|t| t.rsplit_once('['));

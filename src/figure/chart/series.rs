@@ -19,7 +19,7 @@ pub struct ChartAxis {
     pub log: bool,
     /// Values at the low and high ends, in the units of the label. By default, the axis contains all points.
     pub range: Option<(f64, f64)>,
-    /// Values with names, which replace the numeric tick labels.
+    /// Values with names. The names replace the numeric tick labels.
     pub named: Vec<(f64, String)>,
 }
 

@@ -98,7 +98,8 @@ impl Scribe {
         (x * self.scale, y * self.scale)
     }
 
-    /// Returns the rectangle with edges rounded to pixel boundaries. Images have the same rounded edges.
+    /// Returns the rectangle with edges rounded to pixel boundaries. The edges of images are rounded in the
+    /// same way.
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));

@@ -116,7 +116,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     Ok(Pixels { width, height, values, encoded: false, to_rgb, notes })
 }
 
-/// Returns the layer of a channel, and the last part of its name in capitals.
+/// Returns the layer of a channel, and the last part of the channel's name in capitals.
 fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
     let name = channel.name.to_string();
     let (layer, last) = name.rsplit_once('.').unwrap_or(("", &name));

@@ -31,7 +31,7 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Fails temporarily: of ten requests, two consecutive requests and the response to a third request are
+    /// Fails temporarily. Of ten requests, two consecutive requests and the response to a third request are
     /// lost.
     Flaky(Arc<AtomicU64>),
     /// Fails permanently after a number of changes.

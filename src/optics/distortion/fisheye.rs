@@ -1,5 +1,5 @@
 //! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`). The image radius is a polynomial of
-//! the angle.
+//! the angle from the optical axis.
 
 use glam::DVec2;
 

@@ -1,9 +1,10 @@
 //! The product of the Mueller matrices along a path, in the most compact exact form.
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
-//! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ. After a depolarizing interaction, the
-//! product is the outer product of a column (camera side) and a row (projector side). The column and the row
-//! together have 8 numbers instead of 16. Usually, only two numbers of the column and the row are non-zero.
+//! interaction)`. A depolarizing interaction has the matrix f·e₀e₀ᵀ with a factor f per wavelength. After a
+//! depolarizing interaction, the product is the outer product of a column (camera side) and a row (projector
+//! side). The column and the row together have 8 numbers instead of 16. Usually, only the first number of the
+//! column and the first number of the row are non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -16,7 +17,8 @@ use glam::Vec3A;
 /// along the current ray to the camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// A factor times a frame rotation (cos 2θ, sin 2θ), before any polarizing or depolarizing interaction.
+    /// A factor times a frame rotation (cos 2θ, sin 2θ), for a path without polarizing or depolarizing
+    /// interactions so far.
     Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// A general Mueller matrix.
     Full(Mueller),
@@ -368,7 +370,7 @@ mod tests {
     }
 
     /// Verifies that a product built from both ends equals a product built from one end, for every position
-    /// at which the parts meet.
+    /// at which the two parts are joined.
     #[test]
     fn products_from_both_ends_equal_products_from_one() {
         let d = Vec3A::Z;

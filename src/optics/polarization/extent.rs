@@ -1,7 +1,8 @@
 //! The block of a Mueller matrix that can be non-zero. Only the block that can be non-zero is stored.
 
-/// The part of a finished product that can be non-zero: the first `rows` rows and the first `cols` columns,
-/// 1 or 4 of each. The product maps projector-frame Stokes vectors to camera-frame Stokes vectors.
+/// The part of a finished product that can be non-zero. The part consists of the first `rows` rows and the
+/// first `cols` columns (1 or 4 each). The product maps projector-frame Stokes vectors to camera-frame Stokes
+/// vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Number of outgoing Stokes elements: 1 or 4.

@@ -1,4 +1,4 @@
-//! Ends paths. The functions append to a list the elements of a finished [`Chain`] that can be non-zero.
+//! Ends paths. These functions append the elements of a finished [`Chain`] that can be non-zero to a list.
 
 use super::chain::{Chain, rotate_row, row_times_block};
 use super::extent::Extent;
@@ -29,9 +29,9 @@ impl Chain {
         Extent { rows: rows as u32, cols: cols as u32 }
     }
 
-    /// Ends the path as [`Self::finish`] does, after one more non-depolarizing interaction, a factor, and a
-    /// rotation (cos 2θ, sin 2θ) of the frame of incident light. The chain is not copied. `d_out` and `frame`
-    /// are as in [`Self::push`].
+    /// Ends the path as [`Self::finish`] does, after one more interaction. The interaction is followed by a
+    /// factor and a rotation (cos 2θ, sin 2θ) of the frame of incident light. The chain is not copied.
+    /// `d_out` and `frame` are as in [`Self::push`].
     #[inline]
     pub fn finish_scattered(
         &self,

@@ -17,8 +17,9 @@ pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
 
 /// Returns the unit vector perpendicular to `d` in the plane of `d` and `axis`.
 ///
-/// If `axis` and `d` are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if
-/// `d` is within 25.8° of z. An arbitrary perpendicular vector would depend on the rounding errors of `d`.
+/// If `axis` and `d` are parallel (sine of the angle up to 1e-6), the world's z axis replaces `axis`. In this
+/// case, if `d` is within 25.8° of z, the x axis replaces `axis` instead. An arbitrary perpendicular vector
+/// would depend on the rounding errors of `d`.
 #[inline]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     let x = axis - d * axis.dot(d);

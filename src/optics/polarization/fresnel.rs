@@ -1,8 +1,8 @@
 //! Fresnel's equations as Mueller matrices. The s direction is the first basis axis of all Stokes vectors.
 //!
 //! In that basis, reflection and refraction at a smooth isotropic interface have block form (Collett 2005,
-//! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs
-//! are those of Mitsuba 3, and the tests compare with numbers from Mitsuba 3.
+//! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs are
+//! those of Mitsuba 3. The tests compare with numbers from Mitsuba 3.
 
 use super::complex::Complex;
 use super::mueller::Mueller;
@@ -55,9 +55,9 @@ impl FresnelBlock {
     }
 }
 
-/// Returns the Mueller block for reflection by a conductor with the complex relative index `n + i·k` (k ≥ 0
-/// absorbs). `cos_i` is the cosine of the angle of incidence, in 0..1. The block maps the incoming s-frame
-/// to the outgoing s-frame.
+/// Returns the Mueller block for reflection by a conductor with the complex relative index `n + i·k` (k > 0
+/// for absorption). `cos_i` is the cosine of the angle of incidence, in 0..1. The block maps the incoming
+/// s-frame to the outgoing s-frame.
 #[inline]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
@@ -83,8 +83,9 @@ pub struct DielectricFresnel {
     pub transmission: FresnelBlock,
 }
 
-/// Returns the Mueller blocks of a smooth dielectric interface. `eta` is the index on the far side divided
-/// by the index on the side of incidence. `cos_i` is the cosine of the angle of incidence, in 0..1.
+/// Returns the Mueller blocks of a smooth dielectric interface. `eta` is the refractive index on the far side
+/// divided by the refractive index on the side of incidence. `cos_i` is the cosine of the angle of incidence,
+/// in 0..1.
 #[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
     dielectric_per_lane(Spectral::splat(cos_i), eta)

@@ -77,8 +77,8 @@ impl Mueller {
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
     }
 
-    /// Multiplies the matrix by R(θ) on the left, which rotates the outgoing frame by θ (M' = R(θ_out) M
-    /// R(-θ_in)). The arguments are cos 2θ and sin 2θ.
+    /// Multiplies the matrix by R(θ) on the left. This multiplication rotates the outgoing frame by θ (M' =
+    /// R(θ_out) M R(-θ_in)). The arguments are cos 2θ and sin 2θ.
     #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));

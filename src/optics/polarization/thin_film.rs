@@ -11,8 +11,8 @@
 //!
 //! > r_i = (ρ + r_j e^{2iβ_j}) / (1 + ρ r_j e^{2iβ_j}),  β_j = 2π q_j d_j/λ.
 //!
-//! Signs are those of [`super::fresnel::conductor`], which is the case without films. Films are flat,
-//! homogeneous and much thinner than the coherence length of the light.
+//! The signs are those of [`super::fresnel::conductor`], which computes the reflection without films. Films
+//! are flat, homogeneous and much thinner than the coherence length of the light.
 
 use super::complex::Complex;
 use super::fresnel::FresnelBlock;
@@ -24,7 +24,7 @@ use std::f32::consts::TAU;
 pub struct Film {
     /// Real part of the refractive index.
     pub n: Spectral,
-    /// Extinction coefficient k, where k ≥ 0 absorbs.
+    /// Extinction coefficient k, which is positive for absorption.
     pub k: Spectral,
     /// Thickness divided by the vacuum wavelength.
     pub waves: Spectral,
@@ -73,7 +73,7 @@ impl Layer {
 
 /// Returns the Mueller block for reflection by `films` (outermost first) on a substrate of index n + i·k.
 ///
-/// Light arrives from vacuum, or all indices are relative to the index outside. `cos_i` is the cosine of the
+/// All indices are relative to the index of the medium outside (1 for vacuum). `cos_i` is the cosine of the
 /// angle of incidence, in 0..1. The block maps the incoming s-frame to the outgoing s-frame. Phases are
 /// accurate to 10⁻⁶ of a period per 10 wavelengths of optical thickness.
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
@@ -147,8 +147,8 @@ mod tests {
         }
     }
 
-    /// Verifies that each wavelength lane has a separate thickness in wavelengths: a quarter wavelength in
-    /// one lane, zero in another.
+    /// Verifies that each wavelength lane has its own thickness in wavelengths (a quarter wavelength in one
+    /// lane, zero in another).
     #[test]
     fn lanes_are_independent() {
         let at = |lambda: f32| {

@@ -7,7 +7,7 @@
 //! Visible normals are sampled by inverting the cumulative distribution of their slope (Heitz & d'Eon 2014).
 //! The inversion uses Newton's method in the domain of erf (Jakob 2014, "An improved visible normal sampling
 //! routine for the Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007). The
-//! rational G1 deviates by up to 0.35 %.
+//! rational G1 deviates from the exact G1 by up to 0.35 %.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};

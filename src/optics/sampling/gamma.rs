@@ -3,8 +3,8 @@
 //! ln Γ(x) = (x - 1/2) ln x - x + ln(2π)/2 + 1/(12x) - 1/(360x³) + 1/(1260x⁵) - 1/(1680x⁷) + 1/(1188x⁹) -
 //! 691/(360360x¹¹) + ….
 //!
-//! The error is below the first omitted term, 1/(156x¹³), which is 1.2·10⁻¹⁴ at x = 8. The identity Γ(x + 1)
-//! = x Γ(x) increases smaller arguments to at least 8.
+//! The error is below the first omitted term, 1/(156x¹³), which is 1.2·10⁻¹⁴ at x = 8. For a smaller
+//! argument, the identity Γ(x + 1) = x Γ(x) is applied until the argument is at least 8.
 
 /// Returns ln Γ(x) for x > 0, with an error of 2·10⁻¹⁴ plus rounding.
 pub fn ln_gamma(x: f64) -> f64 {

@@ -1,11 +1,12 @@
 //! Low-discrepancy point sets in the unit square: scrambled (0, m, 2)-nets in base 2.
 //!
-//! A (0, m, 2)-net in base 2 has 2^m points. Every box of area 2^-m whose sides are powers of two contains
-//! exactly one point (Niederreiter 1992). The nets therefore reduce the variance of integrands that vary
-//! slowly in at least one direction. This module provides the nets of Sobol's first two dimensions, scrambled
-//! digit by digit (Owen 1995) and in random order. [`super::stream::Stream`] selects a random net for each
-//! pair of numbers and applies a random digital shift. The random numbers are therefore uniform, and
-//! estimates are unbiased for any number of nets.
+//! A (0, m, 2)-net in base 2 has 2^m points. Every elementary box (area 2^-m, sides that are powers of two,
+//! position a multiple of the sides) contains exactly one point (Niederreiter 1992). The nets therefore
+//! reduce the variance of integrands that vary slowly in at least one direction. This module provides the
+//! nets of Sobol's first two dimensions, scrambled digit by digit (Owen 1995). The points of each net are in
+//! random order. [`super::stream::Stream`] selects a random net for each pair of numbers and applies a random
+//! digital shift. The random numbers are therefore uniform, and estimates are unbiased for any number of
+//! nets.
 
 use super::mix::mix;
 use rand_core::Rng;

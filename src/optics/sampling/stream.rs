@@ -128,7 +128,8 @@ impl Stream {
     }
 
     /// Returns the stream of a sample whose first numbers are stratified over the sample's group. The
-    /// stratified numbers are the first two, and several after each call of [`Self::vertex`].
+    /// stratified numbers are the first two numbers, and the first `PER_VERTEX` numbers after a call of
+    /// [`Self::vertex`] for each of the first `VERTICES` vertices.
     #[inline]
     pub fn stratified(seed: u64, pixel: u32, sample: u32, group: Group) -> Self {
         let mut stream = Self::new(seed, pixel, sample);
@@ -216,8 +217,8 @@ mod tests {
     use super::*;
 
     /// Verifies that forks of equal streams are equal, and independent of the further numbers of the original
-    /// stream. The covariance of 100,000 pairs of numbers is 0 within 5 sigma. A cloned stream would have a
-    /// covariance of 1/12.
+    /// stream. The covariance of 100,000 pairs of numbers (one from each stream) is 0 within 5 sigma. A
+    /// cloned stream would have a covariance of 1/12.
     #[test]
     fn forks_are_independent() {
         const N: u32 = 100_000;

@@ -109,8 +109,8 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// For rays along the axis and for rays through a pinhole, frames of the bench equal frames of
-    /// [`simulate`].
+    /// Verifies that frames of the bench equal frames of [`simulate`], for rays along the axis and for rays
+    /// through a pinhole.
     #[test]
     fn frames_equal_the_simulated_batch() {
         let layout = Layout { height: 4, width: 6, times: 1, lanes: 1 };

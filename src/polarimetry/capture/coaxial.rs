@@ -2,9 +2,9 @@
 //! beamsplitter and a pair of galvo mirrors.
 //!
 //! According to Baek & Heide (2021, eqs. 12 and 14), the scene receives G B_t Q p, and the detector measures
-//! [L Q B_r G' …]_0. In these equations, p is the source, and Q and L are polarizing elements. The shared
-//! optics are part of the states of generator and analyzer. The galvo's matrix G depends on the ray's
-//! direction.
+//! [L Q B_r G' …]_0. In these equations, p is the source, and Q and L are polarizing elements. The states of
+//! generator and analyzer include the matrices of the shared optics. The galvo's matrix G depends on the
+//! ray's direction.
 
 use super::element::{Mueller, Ray, diattenuator, retarder};
 use super::spectral_value::SpectralValue;
@@ -79,7 +79,7 @@ impl Coaxial {
         self.transmission.matrix(nm)
     }
 
-    /// Returns B_r, which is the matrix of the arm times the mirror image.
+    /// Returns B_r, which is the matrix of the arm times the matrix of a mirror image.
     pub fn reflection(&self, nm: f64) -> Mueller {
         self.reflection.matrix(nm) * mirror_image()
     }
@@ -200,7 +200,8 @@ mod tests {
         Galvo { n: SpectralValue::Same(0.0596), k: SpectralValue::Same(3.5974) }
     }
 
-    /// The matrix of the return path, traced mirror by mirror, agrees with reciprocity.
+    /// Verifies that the matrix of the return path, computed mirror by mirror, equals the matrix from
+    /// reciprocity ([`Galvo::inward`]).
     #[test]
     fn the_return_path_is_the_reversed_forward_path() {
         let galvo = silver();
@@ -212,8 +213,8 @@ mod tests {
         }
     }
 
-    /// Perfect undeflected mirrors rotate the frame and have no other effect. The s axes of the two mirrors
-    /// are perpendicular, and the two mirror images cancel.
+    /// Verifies that perfect undeflected mirrors rotate the frame and have no other effect. The s axes of the
+    /// two mirrors are perpendicular, and the two mirror images cancel.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();

@@ -12,8 +12,8 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
 
 pub const ELEMENTS: usize = 16;
-/// Fraction of the largest singular value. Smaller singular values are rounding errors and are treated as
-/// zero.
+/// Threshold of a singular value, as a fraction of the largest singular value. Smaller singular values are
+/// rounding errors and are treated as zero.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -115,7 +115,8 @@ impl DesignMatrix {
         Ok(SMatrix::from_fn(|i, j| product[(i, j)]))
     }
 
-    /// Returns tr (AᵀA)⁻¹, which is the sum of var/σ² over the 16 elements of the least-squares estimate.
+    /// Returns tr (AᵀA)⁻¹, which is the sum of the variances of the 16 elements of the least-squares estimate
+    /// for noise of unit variance.
     ///
     /// # Errors
     /// Returns an error if the captures do not determine a Mueller matrix.
@@ -149,8 +150,8 @@ impl DesignMatrix {
     }
 }
 
-/// Returns A⁺ = (AᵀA)⁺Aᵀ for any rank, which yields the matrix of minimum norm among all least-squares
-/// solutions. Singular values below 1e-6 of the largest are treated as zero.
+/// Returns A⁺ = (AᵀA)⁺Aᵀ for any rank. A⁺ maps intensities to the least-squares solution of minimum norm.
+/// Singular values below 1e-6 of the largest are treated as zero.
 ///
 /// The function uses the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong if a singular
 /// value is exactly zero.
@@ -169,14 +170,15 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     inverse * a.transpose()
 }
 
-/// Returns the lower bound of Σ var/σ² for K captures with ideal elements. The bound is 1600/K for an
-/// intensity sensor. For a polarizer array, the bound is 400/K, or 440/K behind quarter-wave plates.
+/// Returns the lower bound of tr (AᵀA)⁻¹ for K captures with ideal elements. The trace is the sum of the
+/// variances of the 16 elements for noise of unit variance. The bound is 1600/K for an intensity sensor. For
+/// a polarizer array, the bound is 400/K, or 440/K behind quarter-wave plates.
 ///
 /// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal generator and analyzer states are
 /// therefore spread evenly over the sphere (a spherical 2-design; Foreman, Favaro & Aiello 2015).
 ///
 /// - Behind a polarizer, g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), whose inverse has trace 40. If
-///   generator and analyzer have such states, the bound is 1600/K.
+///   generator and analyzer states both have this form, the bound is 1600/K.
 /// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before a retarder rotates this matrix. The
 ///   direction n on the sphere (initially s3) is not measured. If n is spread evenly over the sphere, the
 ///   mean is diag(1, ⅓, ⅓, ⅓), whose inverse has trace 10. The bound is therefore 400/K.
@@ -204,7 +206,7 @@ mod tests {
         matrix(&Scheme::drr(captures, array).expect("a scheme"))
     }
 
-    /// The error variances of dual rotating retarders equal the published values.
+    /// Verifies that the error variances of dual rotating retarders equal the published values.
     #[test]
     fn dual_rotating_retarders_have_known_variances() {
         for (captures, want) in [(36, 196.0), (25, 2054.0)] {
@@ -213,7 +215,7 @@ mod tests {
         }
     }
 
-    /// The design matrix agrees with the product of the elements' matrices.
+    /// Verifies that the design matrix agrees with the product of the elements' matrices.
     #[test]
     fn rows_are_the_matrix_product() {
         let scheme = Scheme::qrpr(5, true).expect("a scheme");
@@ -234,8 +236,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig applies beamsplitter and galvo on the outgoing and returning paths, in the order of Baek
-    /// & Heide (2021, eqs. 12 and 14). The test uses an off-axis direction.
+    /// Verifies that a coaxial rig applies beamsplitter and galvo on both paths, in the order of Baek & Heide
+    /// (2021, eqs. 12 and 14). The test uses an off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
@@ -265,7 +267,7 @@ mod tests {
         }
     }
 
-    /// Least squares recovers the input for every scheme of full rank.
+    /// Verifies that least squares recovers the input for every scheme of full rank.
     #[test]
     fn without_noise_recovery_is_exact() {
         let schemes = [
@@ -288,7 +290,7 @@ mod tests {
         }
     }
 
-    /// The stated minimum number of captures is sufficient, and one capture fewer is not.
+    /// Verifies that the stated minimum number of captures is sufficient, and that one capture fewer is not.
     #[test]
     fn the_minimum_number_of_captures_suffices() {
         for (array, least) in [(false, 16), (true, 8)] {

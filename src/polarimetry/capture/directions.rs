@@ -1,5 +1,5 @@
 //! Directions in which light passes the elements of a rig, per pixel. Light passes through a camera's
-//! pinhole, or in the direction of a galvo scanner.
+//! pinhole, or travels in the direction of a galvo scanner.
 
 use super::element::Ray;
 use super::simulate::Layout;
@@ -36,8 +36,8 @@ impl Directions {
         Ray { nm, incidence: tx.hypot(ty).atan(), azimuth: ty.atan2(tx) }
     }
 
-    /// Returns the rays of all pixels of a layout. Rows are from the top, and wavelengths are last. If all
-    /// rays are axial, returns one ray per wavelength.
+    /// Returns the rays of all pixels of a layout. The rays are sorted by row (from the top), column and
+    /// wavelength. If all rays are axial, returns one ray per wavelength.
     pub fn rays(&self, layout: Layout, wavelengths_nm: &[f64]) -> Vec<Ray> {
         if *self == Self::Axial {
             return wavelengths_nm.iter().copied().map(Ray::axial).collect();

@@ -1,9 +1,9 @@
 //! Polarizers and retarders of a rig as Mueller matrices in f64. The matrices include imperfections. Learning
-//! uses their derivatives with respect to angles and retardances.
+//! uses the derivatives of the matrices with respect to angles and retardances.
 //!
 //! Signs are those of [`optics::polarization::elements`]. Angles are counter-clockwise from the frame's x
-//! axis when looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With
-//! R(θ) = exp(2θG), the derivative with respect to θ is 2(M'G - GM'), where M' = R(-θ) M R(θ).
+//! axis when looking toward the source. Light along the slow axis lags. An element at angle θ is R(-θ) M
+//! R(θ). With R(θ) = exp(2θG), the derivative with respect to θ is 2(M'G - GM'), where M' = R(-θ) M R(θ).
 
 use super::spectral_value::SpectralValue;
 use nalgebra::{Matrix4, Vector4};
@@ -24,7 +24,8 @@ pub enum ElementKind {
         retardance: Setting,
         /// Deviation from the nominal retardance in radians, as a function of wavelength.
         error: SpectralValue,
-        /// Number of additional whole waves. An oblique ray also changes the retardance of the whole waves.
+        /// Number of additional whole waves. For an oblique ray, the retardance of these whole waves also
+        /// changes.
         order: u32,
         /// Mean refractive index, for oblique rays.
         index: f64,
@@ -41,7 +42,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// Returns the value at capture `k`.
+    /// Returns the value in capture `k`.
     ///
     /// # Panics
     /// Panics if `k` is out of range. [`super::scheme::Scheme`] ensures that every capture has a value.
@@ -71,7 +72,8 @@ pub struct Element {
     pub angle: Setting,
     /// Angle of the axis in radians when the stage reads zero.
     pub axis_offset: f64,
-    /// Transmittance. The transmittance of a polarizer is that of light along the polarizer's axis.
+    /// Transmittance. The transmittance of a polarizer is the transmittance for light that is polarized along
+    /// the polarizer's axis.
     pub transmittance: SpectralValue,
 }
 
@@ -219,7 +221,7 @@ impl Element {
         rotator(-theta) * self.unturned(set, ray) * rotator(theta)
     }
 
-    /// Returns the Mueller matrix at a capture with its derivatives. When an oblique plate rotates, its
+    /// Returns the Mueller matrix in a capture, with its derivatives. When an oblique plate rotates, its
     /// retardance changes. The derivatives with respect to angle neglect this change, which is of second
     /// order in the angle of incidence.
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
@@ -282,7 +284,7 @@ mod tests {
         (0..4).all(|i| (0..4).all(|j| (a[(i, j)] - f64::from(b[i][j])).abs() < 1e-6))
     }
 
-    /// The signs agree with those of the renderer's elements.
+    /// Verifies that the signs of the Mueller matrices agree with those of the renderer's elements.
     #[test]
     fn signs_match_the_renderer() {
         let ray = Ray::axial(550.0);
@@ -296,7 +298,7 @@ mod tests {
         }
     }
 
-    /// The derivatives agree with central differences.
+    /// Verifies that the derivatives of the Mueller matrices agree with central differences.
     #[test]
     fn derivatives_match_finite_differences() {
         let ray = Ray { nm: 550.0, incidence: 0.0, azimuth: 0.4 };
@@ -324,9 +326,9 @@ mod tests {
         }
     }
 
-    /// For a ray in the plane of the fast axis, obliquity lengthens the path and has no other effect. In the
-    /// plane of the slow axis, obliquity also lowers the extraordinary index. The reference is computed from
-    /// the k_z of the two waves in a plate with indices 1.5499 and 1.5501.
+    /// Verifies the retardance of oblique rays. In the plane of the fast axis, obliquity lengthens the path
+    /// and has no other effect. In the plane of the slow axis, obliquity also lowers the extraordinary index.
+    /// The reference is computed from the k_z of the two waves in a plate with indices 1.5499 and 1.5501.
     #[test]
     fn oblique_retardance_matches_wave_optics() {
         let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);

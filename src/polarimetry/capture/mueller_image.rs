@@ -1,5 +1,5 @@
-//! Known Mueller matrices in the order that capture simulation needs. The order is rows and columns of
-//! pixels, with a ray per wavelength.
+//! Known Mueller matrices in the order that capture simulation needs. The order is row, column, separate
+//! capture and wavelength.
 //!
 //! An array of matrices or a slice of a stored tensor can have its axes in any order. [`simulate`] expects
 //! rows, columns, axes of separate captures, and wavelengths. A [`MuellerImage`] holds the reordered matrices
@@ -46,7 +46,7 @@ pub enum ImageError {
         shape: Vec<usize>,
         found: usize,
     },
-    /// Binning and superpixels need two rows and two columns.
+    /// Binning and superpixels need at least two rows and two columns.
     #[error(
         "an image of {height} x {width} pixels is too small for binning or demosaicking, which need at least 2 x 2 pixels; remove \
          `binning` and `demosaic`"
@@ -112,7 +112,7 @@ impl MuellerImage {
     /// `wavelengths_nm` is empty, all light has the wavelength [`DEFAULT_NM`].
     ///
     /// # Errors
-    /// [`ImageError`] if a wavelength is invalid, if lengths do not match `shape`, or if there are no
+    /// Returns [`ImageError`] if a wavelength is invalid, if lengths do not match `shape`, or if there are no
     /// matrices.
     pub fn of_array(
         matrices: Vec<f64>,
@@ -140,8 +140,8 @@ impl MuellerImage {
     /// is the width of the slice's time bins in picoseconds.
     ///
     /// # Errors
-    /// The same errors as [`Self::of_array`], and [`ImageError::Parts`] if the slice resolves bounces,
-    /// components or labels.
+    /// Returns the same errors as [`Self::of_array`], and [`ImageError::Parts`] if the slice resolves
+    /// bounces, components or labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -200,8 +200,8 @@ impl MuellerImage {
         })
     }
 
-    /// Returns the shape of the pixels that are captured with a layout. Binning and superpixels halve rows
-    /// and columns.
+    /// Returns the lengths of the image's axes, with the rows and columns of the layout `captured`. Binning
+    /// and superpixels halve rows and columns.
     pub fn captured_shape(&self, captured: Layout) -> Vec<usize> {
         let mut shape = self.shape.clone();
         for (axis, len) in [(self.y, captured.height), (self.x, captured.width)] {
@@ -235,7 +235,7 @@ impl MuellerImage {
     /// Returns the noise model of a detector for this image. A photon counter receives the image's time bins.
     ///
     /// # Errors
-    /// [`ImageError`] if the detector cannot capture this image.
+    /// Returns [`ImageError`] if the detector cannot capture this image.
     pub fn noise_of(&self, detector: Detector) -> Result<Noise, ImageError> {
         match detector {
             Detector::Cmos { camera, demosaic } => {
@@ -267,7 +267,7 @@ impl MuellerImage {
     /// Simulates all captures of a scheme as described for [`simulate`].
     ///
     /// # Errors
-    /// The same errors as [`simulate`].
+    /// Returns the same errors as [`simulate`].
     pub fn capture(&self, scheme: &Scheme, noise: &Noise, seed: u64) -> Result<Captured, DetectorError> {
         simulate(&self.matrices, self.layout, scheme, &self.rays, noise, seed)
     }

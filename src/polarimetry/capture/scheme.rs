@@ -95,7 +95,7 @@ pub struct Motor {
 pub struct Scheme {
     /// Name of the scheme in tables.
     pub name: String,
-    /// Stokes vector of the source. The vector [1, 0, 0, 0] is unpolarized.
+    /// Stokes vector of the source. The vector [1, 0, 0, 0] describes unpolarized light.
     pub source: [f64; 4],
     generator: Vec<Element>,
     analyzer: Vec<Element>,
@@ -151,8 +151,8 @@ impl Scheme {
         [of(&self.generator), of(&self.analyzer)]
     }
 
-    /// Returns the number of measurements per pixel. The number is K, or 4K (by capture) with a polarizer
-    /// array.
+    /// Returns the number of measurements per pixel. The number is K, or 4K with a polarizer array (sorted by
+    /// capture).
     pub fn measurements(&self) -> usize {
         self.captures * self.sensor.channels()
     }
@@ -202,7 +202,7 @@ impl Scheme {
         }
     }
 
-    /// Returns all variable settings in radians, by motor, then by capture.
+    /// Returns all variable settings in radians, sorted by motor and then by capture.
     pub fn parameters(&self) -> Vec<f64> {
         self.motors()
             .into_iter()
@@ -282,9 +282,10 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Returns quad rotating polarizers and retarders at angles that are not optimized. The retarders are
-    /// those of [`Scheme::drr`]. The polarizers step by the golden angle and by twice the golden angle, so no
-    /// two captures are equal. Use the scheme as a starting point for learning instead of for measurements.
+    /// Returns quad rotating polarizers and retarders at angles that are not optimized. The retarders are set
+    /// to the same angles as in [`Scheme::drr`]. The polarizers step by the golden angle and by twice the
+    /// golden angle, so no two captures are equal. Use the scheme as a starting point for learning instead of
+    /// for measurements.
     ///
     /// # Errors
     /// Returns an error if `captures` is 0.

@@ -41,8 +41,8 @@ use std::path::Path;
 /// Reads a scheme from a CSV file if the extension is `csv`, or else from a TOML file.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read or is not a valid scheme. The error states the file, the line,
-/// the column and the fix.
+/// Returns [`InputError`] if the file cannot be read or is not a valid scheme. The error states the file, the
+/// line, the column and the fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
     let fix = "create a scheme file: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;
@@ -56,7 +56,7 @@ pub fn load(path: &Path) -> Result<Scheme, InputError> {
 /// Parses a scheme from TOML text. `path` is used in messages.
 ///
 /// # Errors
-/// The same errors as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text { path, text: text.into() };
     let file: SchemeFile = document::parse(path, text, |message| {

@@ -1,10 +1,11 @@
 //! Simulates captures. For each capture of a scheme, the simulation computes a detector's readings of known
 //! Mueller matrices.
 //!
-//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore use the
-//! same model, and differences between the two results are due to noise alone. Rays are given per wavelength
-//! along the optical axis, or per pixel and wavelength. In the second case, the simulation includes errors of
-//! plates and mirrors that depend on direction. An example is the error of the galvo of a coaxial rig.
+//! The forward model consists of one [`DesignMatrix`] per wavelength. Simulation and reconstruction therefore
+//! use the same model, and differences between the known and the reconstructed matrices are due to noise
+//! alone. Rays are given per wavelength along the optical axis, or per pixel and wavelength. In the second
+//! case, the simulation includes errors of plates and mirrors that depend on direction. An example is the
+//! error of the galvo of a coaxial rig.
 //!
 //! Readings are in the units of the matrices, after subtraction of the dark signal. Saturated readings are
 //! NaN. Every number depends on the seed, the pixel and the measurement, but not on the number of threads.
@@ -26,7 +27,7 @@ use rayon::prelude::*;
 pub struct Layout {
     pub height: usize,
     pub width: usize,
-    /// Number of time bins, or number of other separate images.
+    /// Number of time bins, or of other images that are captured separately.
     pub times: usize,
     /// Number of wavelengths.
     pub lanes: usize,
@@ -40,7 +41,7 @@ impl Layout {
     }
 }
 
-/// The detector model between light and readings.
+/// The model of the detector, which converts intensities to readings.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Noise {
     /// No noise.
@@ -100,7 +101,7 @@ impl Captured {
 /// matrices) as zero.
 ///
 /// # Errors
-/// [`DetectorError`] in the following cases:
+/// Returns [`DetectorError`] in the following cases:
 /// - Lengths do not match `layout`.
 /// - Settings are invalid or do not fit the layout.
 /// - Values are not finite.
@@ -181,7 +182,7 @@ fn rows_of(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
     (0..design.a.nrows()).map(of).collect()
 }
 
-/// The rows of one measurement. If every pixel has its own ray, the last row is cached.
+/// The rows of one measurement. If every pixel has its own ray, the most recently computed row is cached.
 struct Rows<'a> {
     job: &'a Job<'a>,
     m: usize,
@@ -341,8 +342,8 @@ impl Job<'_> {
     }
 }
 
-/// Returns the four channels of a raw frame. If a channel has no valid pixel, the channel is marked as
-/// saturated.
+/// Returns the four channels of a raw frame. A position of a channel is marked as saturated if no valid pixel
+/// contributes to this position.
 fn taken_apart(raw: &Exposed, method: Method) -> Result<Vec<Exposed>, DetectorError> {
     let radiance = demosaic(&raw.radiance, raw.width, raw.height, method)?;
     let variance = demosaic_variance(&raw.variance, raw.width, raw.height, method)?;

@@ -1,4 +1,4 @@
-//! A number that may depend on the wavelength. The number has one value, or an interpolated table.
+//! A number that may depend on the wavelength. The number is given as one value or as an interpolated table.
 
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ impl SpectralValue {
     /// Checks that values are within `low..=high`, that wavelengths ascend and that the table has rows.
     ///
     /// # Errors
-    /// Returns a text if a check fails. In a message, the text follows the name of the field.
+    /// Returns the text of the fault if a check fails. In a message, the text follows the name of the field.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
         let ok = match self {

@@ -1,22 +1,22 @@
-//! States that a generator creates and an analyzer detects. The derivatives of the states are with respect to
-//! every setting.
+//! States that a generator creates and an analyzer detects. The module also computes the derivatives of the
+//! states with respect to every setting.
 //!
 //! The generator state is the Stokes vector g = E_n … E_1 p that illuminates the scene. The analyzer state is
-//! the row vector a that weights the returning Stokes vector. A capture of T is therefore a·T·g. Derivatives
-//! are propagated element by element. With v = E v', the derivative is ∂v = E ∂v' for settings of earlier
-//! elements, and (∂E) v' for settings of E.
+//! the row vector a by which the returning Stokes vector is multiplied. The intensity of a capture of T is
+//! therefore a·T·g. Derivatives are propagated element by element. With v = E v', the derivative is ∂v = E
+//! ∂v' for settings of earlier elements, and (∂E) v' for settings of E.
 
 use super::element::{Jet, Quantity, Ray, Set, Stokes, diattenuator, rotator};
 use super::scheme::{ARRAY_DEG, Scheme, Sensor, Side};
 use nalgebra::Matrix4;
 
-/// A state with its derivatives with respect to the motors on the same side of the scene.
+/// A state, with its derivatives with respect to the motors on the same side of the scene.
 #[derive(Clone, Debug)]
 pub struct StateJet {
     pub value: Stokes,
-    /// First derivatives. Each derivative has the motor's index in [`Scheme::motors`].
+    /// First derivatives. Each derivative is stored with the motor's index in [`Scheme::motors`].
     pub first: Vec<(usize, Stokes)>,
-    /// Second derivatives. Each derivative has the indices of two motors in ascending order.
+    /// Second derivatives. Each derivative is stored with the indices of two motors in ascending order.
     pub second: Vec<(usize, usize, Stokes)>,
 }
 
@@ -86,7 +86,7 @@ pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
     coaxial.map_or(state, |c| c.outward(ray) * state)
 }
 
-/// Returns the rows that weight light from the scene in each channel, for the given analyzer settings.
+/// Returns the rows with which the channels weight light from the scene, for the given analyzer settings.
 pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<Item = Stokes> + use<> {
     let elements_ray = &at_elements(scheme, ray);
     let mut through = Matrix4::identity();
@@ -115,8 +115,8 @@ pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJe
     state
 }
 
-/// Returns the rows that weight an incident Stokes vector in a sensor. There is one row, or four rows for a
-/// polarizer array.
+/// Returns the rows with which a sensor weights an incident Stokes vector. There is one row, or four rows for
+/// a polarizer array.
 fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     match sensor {
         Sensor::Intensity => vec![Stokes::new(1.0, 0.0, 0.0, 0.0)],
@@ -131,8 +131,8 @@ fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     }
 }
 
-/// Returns the smallest set of rows with the same span and the same normal matrix. If the noise is equal
-/// in all channels, this set contains the same information.
+/// Returns the smallest set of rows with the same span and the same normal matrix as `rows`. If the noise is
+/// equal in all channels, this set contains the same information as `rows`.
 fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     if rows.len() == 1 {
         return rows.to_vec();
@@ -144,8 +144,9 @@ fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     used.filter(|(_, v)| **v > 1e-12 * most).map(|(i, v)| eigen.eigenvectors.column(i) * v.sqrt()).collect()
 }
 
-/// Returns the rows a that weight light from the scene in capture `k`. There is one row per channel, with
-/// derivatives up to `orders`. `few` omits redundant channels (see [`crate::reconstruct::loss`]).
+/// Returns the rows a with which the channels weight light from the scene in capture `k`. There is one row
+/// per channel, with derivatives up to `orders`. `few` omits redundant channels (see
+/// [`crate::reconstruct::loss`]).
 pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) -> Vec<StateJet> {
     let mut rows = sensor_rows(&scheme.sensor, ray.nm);
     if few {
@@ -190,7 +191,8 @@ fn transposed(jet: &Jet) -> Jet {
 mod tests {
     use super::*;
 
-    /// States that are computed with derivatives equal states that are computed without derivatives.
+    /// Verifies that states that are computed with derivatives equal states that are computed without
+    /// derivatives.
     #[test]
     fn states_equal_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
@@ -209,8 +211,8 @@ mod tests {
         }
     }
 
-    /// First and second derivatives of the two states agree with central differences. The test covers
-    /// rotating and liquid-crystal schemes.
+    /// Verifies that first and second derivatives of the two states agree with central differences. The test
+    /// covers rotating and liquid-crystal schemes.
     #[test]
     fn derivatives_match_finite_differences() {
         let schemes = [Scheme::qrpr(2, false), Scheme::qrpr(2, true), Scheme::liquid_crystal(2, false)];

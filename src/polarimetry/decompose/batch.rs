@@ -224,9 +224,9 @@ impl Batch {
         }
     }
 
-    /// Returns the properties of matrix `k` of the batch, which equals `m`. Returns `None` if the matrix has
-    /// no decomposition. The retarder's axis is omitted, because its computation is slow. [`Properties::of`]
-    /// returns the axis.
+    /// Returns the properties of matrix `k` of the batch. `m` is this matrix. Returns `None` if the matrix
+    /// has no decomposition. The retarder's axis is omitted, because its computation is slow.
+    /// [`Properties::of`] returns the axis.
     #[inline]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
         if !self.regular[k] {
@@ -241,8 +241,8 @@ impl Batch {
         })
     }
 
-    /// Returns the factors of matrix `k` of the batch, which equals `m`. Returns `None` if the matrix has no
-    /// decomposition.
+    /// Returns the factors of matrix `k` of the batch. `m` is this matrix. Returns `None` if the matrix has
+    /// no decomposition.
     #[inline]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
         if !self.regular[k] {
@@ -279,7 +279,8 @@ mod tests {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
-    /// The results of a batch equal those of single decompositions. The factors reproduce the matrices.
+    /// Verifies that the results of a batch equal those of single decompositions. The factors reproduce the
+    /// matrices.
     #[test]
     fn batch_equals_single_decompositions() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();
@@ -308,7 +309,7 @@ mod tests {
         }
     }
 
-    /// Lanes that need the slow method or have no decomposition do not affect other lanes.
+    /// Verifies that lanes that need the slow method or have no decomposition do not affect other lanes.
     #[test]
     fn irregular_lanes_do_not_affect_others() {
         let good = samples(1, 3).next().expect("a sample").m;

@@ -77,9 +77,9 @@ pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
     eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
 }
 
-/// Returns the realizable matrix with the smallest sum of squared element differences. Returns `None` if an
-/// element is not finite. Negative eigenvalues are set to zero. The result is the nearest matrix, because the
-/// map from M to H preserves lengths up to a factor.
+/// Returns the realizable matrix that is nearest to `m` (smallest sum of squared element differences).
+/// Returns `None` if an element is not finite. Negative eigenvalues are set to zero. The result is the
+/// nearest realizable matrix, because the map from M to H preserves lengths up to a factor.
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
     eigen.eigenvalues.apply(|v| *v = v.max(0.0));
@@ -144,8 +144,8 @@ mod tests {
         assert!(eigenvalues(&diagonal([f64::NAN, 0.0, 0.0, 0.0])).is_none());
     }
 
-    /// The Pauli matrices have the program's order and signs, because H of an optical element is the
-    /// projector onto its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ). The
+    /// Verifies the order and the signs of the Pauli matrices: H of an optical element must be the projector
+    /// onto the element's Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ). The
     /// wrong sign of σ3 would conjugate this factor.
     #[test]
     fn pauli_matrices_follow_the_conventions() {

@@ -171,7 +171,8 @@ mod tests {
         assert!((delta - delta.transpose()).norm() < 1e-10, "{delta}");
     }
 
-    /// Products of the factors reproduce the input, and constructed parameters are recovered.
+    /// Verifies that products of the factors reproduce the input, and that the parameters of constructed
+    /// matrices are recovered.
     #[test]
     fn constructed_factors_are_recovered() {
         for Sample { m, parts, retardance, axis, .. } in samples(2000, 1) {
@@ -199,7 +200,7 @@ mod tests {
         rows
     }
 
-    /// The decomposition reproduces a rotated polarizer (D = 1) before or behind a retarder.
+    /// Verifies that the decomposition reproduces a rotated polarizer (D = 1) before or behind a retarder.
     #[test]
     fn factors_reproduce_polarizers() {
         let (c, s) = (0.6, 0.8);
@@ -218,7 +219,7 @@ mod tests {
         assert_rebuilds(&m, &decompose(&m, DOUBLE).expect("a decomposition"), 1e-12);
     }
 
-    /// Singular and negative depolarizers are reproduced, with the conventions of the module.
+    /// Verifies that singular and negative depolarizers are reproduced, with the conventions of the module.
     #[test]
     fn singular_and_negative_depolarizers() {
         let diagonal = |d: [f64; 4]| {

@@ -244,13 +244,13 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
 pub const WITH_ERRORS: [Quantity; 4] =
     [Quantity::Polarizance, Quantity::Diattenuation, Quantity::Retardance, Quantity::Depolarization];
 
-/// Returns the standard errors of [`WITH_ERRORS`] from the standard errors of the elements. The errors of the
-/// elements are assumed to be independent:
+/// Returns the standard errors of the quantities [`WITH_ERRORS`] from the standard errors of the elements.
+/// The errors of the elements are assumed to be independent:
 ///
 /// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// Each difference spans the standard error of an element. The result is therefore also valid if the quantity
-/// is a nonlinear function of the elements.
+/// Each difference is between the quantities at one standard error above and below an element. The result is
+/// therefore also valid if the quantity is a nonlinear function of the elements.
 ///
 /// # Panics
 /// Panics if the numbers of errors and elements differ, or if they are not a multiple of 16.
@@ -298,8 +298,8 @@ mod tests {
         samples(n, 7).flat_map(|s| s.m.into_iter().flatten()).collect()
     }
 
-    /// Maps of any number of matrices equal the values of single matrices. Values of matrices without a
-    /// decomposition are NaN.
+    /// Verifies that maps of any number of matrices equal the values of single matrices. Values of matrices
+    /// without a decomposition are NaN.
     #[test]
     fn maps_equal_single_matrices() {
         for n in [1_u32, 3, 4, 1023, 1025, 2050] {
@@ -329,8 +329,9 @@ mod tests {
         assert_eq!(maps::<f32>(&[], &Quantity::ALL).1, 0);
     }
 
-    /// Stated errors equal the scatter of quantities that are computed from noisy elements. The test uses
-    /// 4000 samples. The tolerance is 5 standard errors of a standard deviation plus second-order terms.
+    /// Verifies that stated errors equal the scatter of quantities that are computed from noisy elements. The
+    /// test uses 4000 samples. The tolerance is 5 standard errors of a standard deviation plus second-order
+    /// terms.
     #[test]
     fn errors_of_quantities_match_the_scatter() {
         let all = elements(6);

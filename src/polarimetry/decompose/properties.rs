@@ -75,8 +75,8 @@ mod tests {
         m.lane(0).map(|row| row.map(f64::from))
     }
 
-    /// The fast axis of a retarder at θ has the Stokes components cos 2θ, sin 2θ. The retardance of the
-    /// retarder is recovered.
+    /// Verifies that the fast axis of a retarder at θ has the Stokes components cos 2θ, sin 2θ. The computed
+    /// retardance equals the retardance of the retarder.
     #[test]
     fn retarders_have_their_fast_axis() {
         for (theta, delta) in [(0.0_f32, 0.5_f32), (0.4, 1.5), (1.2, 3.0), (0.7, 1e-3)] {
@@ -108,7 +108,7 @@ mod tests {
         assert_abs_diff_eq!(of(m).depolarization, 0.5, epsilon = 1e-12);
     }
 
-    /// A rotator by 45° is a circular retarder with a retardance of π/2.
+    /// Verifies that a rotator by 45° is a circular retarder with a retardance of π/2.
     #[test]
     fn rotators_are_circular_retarders() {
         let r = optics::polarization::elements::rotator(std::f32::consts::FRAC_PI_4);

@@ -3,8 +3,9 @@
 use super::Size;
 use rayon::prelude::*;
 
-/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns away. The mean
-/// is zero if no such pixel exists. Values of unknown pixels must be zero.
+/// Returns, around each pixel, the means of each channel over the `known` pixels that are at most `radius`
+/// rows and columns away. The mean is zero if there is no known pixel in this box. Values of unknown pixels
+/// must be zero.
 pub fn around(
     values: &[f32],
     [height, width]: Size,

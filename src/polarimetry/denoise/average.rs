@@ -111,8 +111,8 @@ fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     (all.collect(), scale)
 }
 
-/// Returns the values of pixels that are not averaged. A value is that of the render, or the mean of two
-/// renders, with its standard error.
+/// Returns the values of pixels that are not averaged. Each value is the value of the render, or the mean of
+/// the values of two renders, with its standard error.
 fn kept(weights: &Weights, renders: &[Values]) -> Values {
     if let [only] = renders {
         return only.clone();

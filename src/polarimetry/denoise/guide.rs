@@ -135,8 +135,8 @@ impl GuideBuilder {
 }
 
 impl GuideBuilder {
-    /// Marks each pixel that has a non-finite entry in `numbers` as unknown. Does not add these numbers
-    /// to the guide.
+    /// Marks each pixel that has a non-finite entry in `numbers` as unknown. Does not add any of `numbers` to
+    /// the guide.
     pub fn look(&mut self, numbers: &[f32]) {
         let channels = self.plan.matrix + self.plan.groups;
         let of_pixel = numbers.len() / (self.size[0] * self.size[1]).max(1);

@@ -25,8 +25,8 @@ use super::{REACH, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of separate partial sums. With this number, the order of summation is the same for every vector
-/// width.
+/// Number of separate partial sums. Because this number is constant, the order of summation is the same for
+/// every vector width.
 pub(super) const LANES: usize = 8;
 
 /// Number of offsets of the window along an axis.

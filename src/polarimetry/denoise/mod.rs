@@ -10,12 +10,13 @@
 //! Means Filtering"). The distances are differences relative to the stored standard errors ([`likeness`]).
 //! Realizable Mueller matrices form a convex cone, so their mean is realizable.
 //!
-//! Stein's unbiased risk estimate determines the strength of each pixel among [`STRENGTHS`] (Stein 1981; Li
-//! et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The square
-//! of the stated error is the propagated variance plus the estimate of the squared bias ([`average`]).
+//! Stein's unbiased risk estimate selects the denoising strength of each pixel from [`STRENGTHS`] (Stein
+//! 1981; Li et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]).
+//! The square of the stated error is the propagated variance plus the estimate of the squared bias
+//! ([`average`]).
 //!
-//! With two renders of one scene, each render is averaged with weights from the other render. Weights and
-//! noise are therefore independent. A contribution is removed if it is far above its surroundings and is
+//! With two renders of one scene, each render is averaged with weights from the other render. The weights are
+//! therefore independent of the noise. A contribution is removed if it is far above its surroundings and is
 //! missing in the second render. The stated error includes the removed amount ([`outliers`]).
 
 pub mod around;

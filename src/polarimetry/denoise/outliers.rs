@@ -1,5 +1,5 @@
-//! Detects outliers. An outlier is a single contribution in one of two renders that is far above all other
-//! values of a pixel.
+//! Detects outliers. An outlier is a pixel of one render whose value is far above the values of its
+//! neighbours and of the same pixel in the other render.
 //!
 //! A rare strong path gives a pixel a value whose standard error is about as large as the value. Relative to
 //! this standard error, the pixel does not differ from other pixels. A weighted mean therefore includes the
@@ -7,7 +7,7 @@
 //! render, but an outlier appears in a single render. A pixel of one render is an outlier if at some
 //! wavelength
 //!
-//! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
+//! > M00(p) > 5 max(M00 of the neighbours of p in both renders, M00(p) in the other render).
 //!
 //! Two further conditions must hold. The standard error of the pixel must be more than a quarter of the
 //! pixel's value, and most of the neighbours must have received light. (If most neighbours are dark, rare

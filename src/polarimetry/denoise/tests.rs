@@ -146,8 +146,9 @@ fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     [(z / n).sqrt(), (after / before).sqrt()]
 }
 
-/// Correctly stated errors pass the test, for an image with edges and gradients and for a uniform image.
-/// Errors that are misstated by a factor of two (variances by a factor of four) fail the test.
+/// Verifies that correctly stated errors pass the statistical test, for an image with edges and gradients and
+/// for a uniform image. Errors that are misstated by a factor of two (variances by a factor of four) must
+/// fail the statistical test.
 #[test]
 fn errors_of_denoised_images_match_actual_errors() {
     for (name, seeds) in [("one", &[1_u64][..]), ("two", &[2, 3])] {
@@ -205,9 +206,9 @@ fn weights_are_nonnegative_and_sum_to_one() {
     }
 }
 
-/// A contribution of a hundred times the light in a single render causes no bright spot. The removal of the
-/// contribution increases the stated errors. With a single render, the contribution remains, because nothing
-/// distinguishes the contribution from a highlight.
+/// Verifies that a contribution of a hundred times the light in a single render causes no bright spot. The
+/// removal of the contribution increases the stated errors. With a single render, the contribution remains,
+/// because nothing distinguishes the contribution from a highlight.
 #[test]
 fn an_outlier_is_removed_and_stated_in_the_error() {
     let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
@@ -291,7 +292,7 @@ fn a_constant_image_is_unchanged_and_its_error_decreases() {
     assert!((middle / (0.1 / (WINDOW as f64).sqrt()) - 1.0).abs() < 0.01, "{middle}");
 }
 
-/// Non-finite values do not spread to other pixels. Empty channels stay empty.
+/// Verifies that non-finite values do not spread to other pixels. Empty channels stay empty.
 #[test]
 fn lost_pixels_do_not_spread() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -342,7 +343,8 @@ fn images_of_any_size_and_brightness_are_denoised() {
     }
 }
 
-/// Two walls of equal brightness have depths that differ by one bin. The arrival times separate the walls.
+/// Verifies that the denoiser separates two walls of equal brightness whose depths differ by one bin. The
+/// denoiser separates the walls by their arrival times.
 #[test]
 fn surfaces_of_different_depth_are_separated() {
     let (size, bins) = ([16, 24], 80);
@@ -371,9 +373,9 @@ fn surfaces_of_different_depth_are_separated() {
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
 
-/// Pixels that are dark at random do not stay black. A tenth of the samples carry light. With 16 samples per
-/// pixel, a sixth of the pixels have no light and a standard error of zero. The mean of the surface over
-/// 1,920 pixels does not change by more than five standard errors.
+/// Verifies that pixels that are dark at random do not stay black. A tenth of the samples carry light. With
+/// 16 samples per pixel, a sixth of the pixels have no light and a standard error of zero. The mean of the
+/// surface over 1,920 pixels does not change by more than five standard errors.
 #[test]
 fn randomly_dark_pixels_do_not_stay_black() {
     let (n, rare) = (16, 0.1);
@@ -405,7 +407,7 @@ fn randomly_dark_pixels_do_not_stay_black() {
     }
 }
 
-/// A single path in a dark image adds no light to other pixels.
+/// Verifies that a single path in a dark image adds no light to other pixels.
 #[test]
 fn a_single_path_in_the_dark_does_not_spread() {
     let n = SIZE[0] * SIZE[1];

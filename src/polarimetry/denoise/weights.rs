@@ -12,8 +12,8 @@
 //!
 //! R of a single pixel is uncertain. R is therefore averaged over the elements (each divided by the variance
 //! of M00) and over a box of pixels. The strength with the smallest R is chosen. The fractions of the
-//! strengths are then averaged again to avoid visible boundaries. The result is again a set of non-negative
-//! weights with sum 1.
+//! strengths are then averaged over neighbouring pixels to avoid visible boundaries. The result is again a
+//! set of non-negative weights with sum 1.
 
 use super::around::around;
 use super::guide::Guide;
@@ -32,8 +32,8 @@ pub struct Weights {
     pub size: Size,
     /// For each render and pixel, the weights of the pixels in the window.
     pub of: Vec<Vec<f32>>,
-    /// The increase of each weight if the pixel's value increases by one standard error. The value is that of
-    /// the render from which the weights are computed.
+    /// The increase of each weight if the pixel's value increases by one standard error. This value is taken
+    /// from the render that determines the weights.
     pub slopes: Vec<Vec<f32>>,
     /// Weight of each render in the mean.
     pub shares: Vec<f32>,
@@ -138,9 +138,9 @@ impl Sums {
         self.common.fill(0.0);
     }
 
-    /// Adds the contribution of a render. The contribution consists of its `values`, weighted by the window,
-    /// and the pixel's variances `own`. The remaining arguments are the render from which the weights are
-    /// computed, its share, and its variances.
+    /// Adds the contribution of a render at pixel `p`. `values`, `share` and `own` are the render's values,
+    /// its weight in the mean, and its variances at the pixel. `from`, `of` and `noise` are the same data for
+    /// the render from which the weights are computed.
     pub fn add(
         &mut self,
         [weights, slopes]: [&[f32]; 2],

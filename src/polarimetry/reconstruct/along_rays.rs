@@ -88,8 +88,8 @@ mod tests {
     use crate::capture::directions::Directions;
     use crate::capture::simulate::{Layout, Noise, simulate};
 
-    /// Reconstruction along each pixel's ray recovers the matrices. Reconstruction along the axis does not
-    /// recover the matrices.
+    /// Verifies that reconstruction along each pixel's ray recovers the matrices. Reconstruction along the
+    /// axis does not recover the matrices.
     #[test]
     fn oblique_plates_are_corrected_along_rays() {
         let mut scheme = Scheme::drr(36, false).expect("a scheme");

@@ -13,8 +13,8 @@ use crate::capture::scheme::Scheme;
 /// The frames in which Mueller matrices are expected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
-    /// Frames that are rotated by any angle. The frames of camera and projector are rotated in this way
-    /// relative to the plane of scattering.
+    /// Frames that are rotated by any angle relative to the plane of scattering. The frames of camera and
+    /// projector are rotated in this way.
     #[default]
     Any,
     /// Frames of the plane of scattering, as in pBRDF tables and in Baek & Heide (2021).
@@ -54,7 +54,7 @@ impl LearningData {
     /// Computes the moments of a data set in the given frames, with `count` folds (0 for none).
     ///
     /// # Errors
-    /// [`DataError::Folds`] if the materials cannot be split into `count` folds.
+    /// Returns [`DataError::Folds`] if the materials cannot be split into `count` folds.
     pub fn new(data: &DataSet, count: usize, frames: Frames) -> Result<Self, DataError> {
         let parted = match count {
             0 => vec![],
@@ -96,8 +96,8 @@ pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
     estimator == Estimator::Prior || template.captures() < template.least_captures()
 }
 
-/// Learns the settings of a template for `objective`, and validates the settings with `folds`. The second
-/// moment of the objective is that of all materials. Each fold learns again with a quarter of the starts and
+/// Learns the settings of a template for `objective`, and validates the settings with `folds`. The objective
+/// must contain the second moment of all materials. Each fold learns again with a quarter of the starts and
 /// without Adam. The optimum of a fold is close to the optimum of all materials. `onlooker` observes the
 /// progress. Pass `&()` for no observer.
 pub fn learn_and_validate(
@@ -136,8 +136,9 @@ mod tests {
     use crate::capture::element::Ray;
     use crate::reconstruct::pca::testing::rows;
 
-    /// Folds affect the result if and only if materials affect the result. Materials affect the result below
-    /// rank 16, and with a prior. The stated spread is the spread over the folds.
+    /// Verifies that folds affect the result if and only if materials affect the result. Materials affect the
+    /// result below rank 16, and with a prior. The stated spread must be nonzero only if the folds affect the
+    /// result.
     #[test]
     fn folds_matter_only_if_materials_do() {
         let moment = |seed: u64| {

@@ -2,10 +2,10 @@
 //! with a prior.
 //!
 //! The estimate is t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5)
-//! has the closed form W = A⁺. The paper leaves the estimator with a prior as future work. This estimator has
-//! the minimum expected squared error of all linear estimators. Consider matrices s·t with T00 = 1, second
-//! moment E[t tᵀ] = S, brightness s and noise σ. Then W = P Aᵀs²/σ² with P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen &
-//! Williams 2006, eq. 2.8, with mean zero).
+//! has the closed form W = A⁺. The paper leaves the estimator with a prior for future work. This estimator
+//! has the minimum expected squared error of all linear estimators. Consider matrices s·t with T00 = 1,
+//! second moment E[t tᵀ] = S, brightness s and noise σ. Then W = P Aᵀs²/σ² with P = (S⁻¹ + AᵀA s²/σ²)⁻¹
+//! (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
 
 use super::second_moment::{Moment, root};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
@@ -70,8 +70,8 @@ mod tests {
         assert!((least.covariance - prior.covariance).amax() < 1e-5 * least.covariance.amax());
     }
 
-    /// With few captures, the prior recovers matrices of the prior's class. The stated covariance equals the
-    /// covariance of the errors.
+    /// Verifies that, with few captures, the prior recovers matrices of the prior's class. The stated
+    /// covariance equals the covariance of the errors.
     #[test]
     fn covariance_of_the_prior_matches_the_error() {
         let mut stream = Stream::new(5, 0, 0);

@@ -81,7 +81,7 @@ impl Capture {
         self.analyzed.iter().map(|a| product(&a.value, &self.generated.value))
     }
 
-    /// Returns the motors. Each motor has the derivatives of all rows with respect to the motor's setting.
+    /// Returns the index of each motor, with the derivatives of all rows with respect to the motor's setting.
     fn derivatives(&self) -> Vec<(usize, Vec<Elements>)> {
         let g = &self.generated;
         let by_generator = g.first.iter().map(|(m, dg)| {
@@ -96,8 +96,8 @@ impl Capture {
         by_generator.chain(by_analyzer).collect()
     }
 
-    /// Returns pairs of motors, each with the second derivatives of all rows with respect to the two
-    /// settings.
+    /// Returns the indices of pairs of motors. Each pair has the second derivatives of all rows with respect
+    /// to the settings of the two motors.
     fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Elements>)> {
         let g = &self.generated;
         let mut out = vec![];

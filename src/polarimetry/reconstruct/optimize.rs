@@ -11,8 +11,8 @@ use vector::Vector;
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
-    /// Returns value and gradient at a point. The value is infinite if the function is undefined at the
-    /// point.
+    /// Returns the value and the gradient of the function at a point. The value is infinite if the function
+    /// is undefined at the point.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
 
     /// Returns whether to stop the search.
@@ -194,8 +194,8 @@ mod tests {
         }
     }
 
-    /// A search ends when the function becomes undefined. The function may become undefined within a line
-    /// search.
+    /// Verifies that a search ends when the function becomes undefined. The function may become undefined
+    /// within a line search.
     #[test]
     fn searches_stop_where_the_function_is_undefined() {
         for (open, stops) in (1..12).flat_map(|open| [(open, false), (open, true)]) {

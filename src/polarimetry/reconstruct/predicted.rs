@@ -38,9 +38,9 @@ pub fn of_counts(
     Ok(predicted(scheme, rays, layout, matrices, variance))
 }
 
-/// Returns the variances that matrices predict, by measurement, then by pixel. The predicted intensity is
-/// averaged over a pixel's neighbours in time, because the estimate of a single bin is as noisy as the
-/// reading.
+/// Returns the variances that follow from matrices, sorted by measurement and then by pixel. The predicted
+/// intensity is averaged over a pixel's neighbours in time, because the estimate of a single bin is as noisy
+/// as the reading.
 ///
 /// `matrices` holds 16 elements per pixel in the order of `layout`. `rays` holds one ray per wavelength, or
 /// one ray per position and wavelength. `variance` returns the variance of a reading from a radiance and a

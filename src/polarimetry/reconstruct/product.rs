@@ -75,8 +75,8 @@ impl<T: Number> Weights<T> {
 
     /// Computes the product with intensities from `plane`. Intensities are read in runs, which is the fastest
     /// way to read memory, and are copied by block. The intensities of a block are then contiguous in the L1
-    /// cache. Without the copy, planes at a distance that is a power of two would compete for the same cache
-    /// sets.
+    /// cache. Without the copy, image planes whose distance in memory is a power of two would compete for the
+    /// same cache sets.
     #[inline(always)]
     fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         let mut finite = true;
@@ -143,7 +143,7 @@ impl<T: Number> Weights<T> {
     }
 }
 
-/// Adds w x to s, per element. This function uses a loop, because the compiler could compile a closure
+/// Adds w·x to s for each element. This function uses a loop, because the compiler could compile a closure
 /// separately, without the caller's target features.
 #[inline(always)]
 fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {

@@ -91,8 +91,8 @@ const FIX: &str = "create a prior: sunstone pbrdf pca --prior prior.toml -o comp
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] unless the matrix is 16 × 16, symmetric and positive semidefinite. The error states the
-/// file, the location and the fix.
+/// Returns [`InputError`] unless the matrix is 16 × 16, symmetric and positive semidefinite. The error states
+/// the file, the location and the fix.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;
     let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;
@@ -166,8 +166,8 @@ mod tests {
         assert!(load(Path::new("/nowhere/p.toml")).expect_err("no file").to_string().contains("cannot read"));
     }
 
-    /// The rotated moment agrees with the moment of 20 000 rotated matrices within 5 standard errors. A
-    /// second rotation does not change the moment.
+    /// Verifies that the rotated moment agrees with the moment of 20 000 rotated matrices within 5 standard
+    /// errors. A second rotation does not change the moment.
     #[test]
     fn rotated_moments_match_rotated_matrices() {
         let t = nalgebra::SVector::<f64, 16>::from_fn(|e, _| (e as f64 * 1.3).cos());

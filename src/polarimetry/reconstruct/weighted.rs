@@ -3,7 +3,8 @@
 //!
 //! The estimate is weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements.
 //! With a prior of second moment s² S and N = Σ a aᵀ/σ_m², the estimate of minimum expected squared error is
-//! t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance is (s⁻² S⁻¹ + N)⁻¹.
+//! t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². Here, a is the row of measurement m in the design matrix. The
+//! covariance is (s⁻² S⁻¹ + N)⁻¹.
 
 use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
@@ -68,9 +69,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// For noise that differs between captures, the estimate is unbiased. The covariance of the estimate is
-    /// the stated covariance, and is at most the covariance of unweighted least squares. The test uses
-    /// chi-squared of all 16 elements together and 20 000 samples.
+    /// Verifies that the estimate is unbiased for noise that differs between captures. The covariance of the
+    /// estimate is the stated covariance, and is at most the covariance of unweighted least squares. The test
+    /// uses chi-squared of all 16 elements together and 20 000 samples.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));
@@ -102,7 +103,8 @@ mod tests {
         assert!((squares / n - 288.0).abs() < 5.0 * (48_000.0_f64 * 2.0 / n).sqrt() * 2.0);
     }
 
-    /// Ignored measurements have no effect. If too few measurements remain, there is no estimate.
+    /// Verifies that ignored measurements have no effect. If too few measurements remain, there is no
+    /// estimate.
     #[test]
     fn saturated_measurements_are_left_out() {
         let design = DesignMatrix::new(&Scheme::drr(36, false).expect("a scheme"), &Ray::axial(550.0));

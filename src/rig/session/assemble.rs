@@ -258,8 +258,8 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     Ok(rig)
 }
 
-/// Creates galvo mirrors behind a simulated card. The voltages of the card set the galvo direction of the
-/// bench.
+/// Creates galvo mirrors that a simulated card drives. The voltages of the card set the galvo direction of
+/// the bench.
 fn analog_galvo(
     wiring: Wiring,
     card: AnalogLimits,

@@ -92,8 +92,8 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Maps a pixel coordinate to the coordinate for a lens without distortion, with pixel centres at + 0.5.
-    /// Returns an infinite coordinate if the distortion cannot be inverted at this pixel.
+    /// Maps a pixel coordinate to the coordinate for a lens without distortion. The centre of the first pixel
+    /// is at (0.5, 0.5). Returns an infinite coordinate if the distortion cannot be inverted at this pixel.
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
         let Some(p) = self.distortion.undistort(DVec2::new(q[0], q[1])) else {
@@ -106,7 +106,7 @@ impl Lens {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// Fundamental matrix F of undistorted pixels with centres at + 0.5.
+    /// Fundamental matrix F for undistorted pixels. The centre of the first pixel is at (0.5, 0.5).
     pub fundamental: Matrix3<f64>,
     pub camera: Lens,
     pub projector: Lens,

@@ -40,8 +40,8 @@ pub struct Run {
 
 /// Intensities of all captures through one mask.
 pub struct Intensities {
-    /// Intensities in the unit of the tensor, by measurement and pixel. The value is NaN for a pixel that was
-    /// not read or that has only saturated readings.
+    /// Intensities in the unit of the tensor, for each measurement and pixel. The value is NaN for a pixel
+    /// that was not read or that has only saturated readings.
     pub values: Vec<f32>,
     /// Variances of the intensities. Infinite for unknown intensities.
     pub variances: Vec<f32>,

@@ -136,7 +136,7 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
 /// Returns the result of `keep` for the last record of each frame on disk. The frames are numbered from 0 and
 /// end before the first missing frame.
 ///
-/// `keep` limits the memory use, because a run can have half a million frames.
+/// `keep` selects the data that stay in memory, because a run can have half a million frames.
 ///
 /// # Errors
 /// Returns the same errors as [`read`].

@@ -14,7 +14,7 @@ use polarimetry::capture::simulate::Layout;
 use serde_json::Value;
 use std::ops::RangeInclusive;
 
-/// Half-width of the region in the middle of a scan, in half points.
+/// Half-width of the region in the middle of a scan, in units of half the distance between points.
 const MIDDLE: usize = 4;
 /// Half-width of the four regions in the other directions, in points.
 const AROUND: usize = 2;

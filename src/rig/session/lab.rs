@@ -19,7 +19,7 @@ pub struct Rig {
     pub name: String,
     /// The clock that all instruments share.
     pub clock: Clock,
-    /// Stages by the name of the element that they carry.
+    /// The stages. The key of each stage is the name of the element that it carries.
     pub stages: BTreeMap<String, Stage>,
     pub projector: Option<Box<dyn PatternProjector>>,
     pub camera: Option<Box<dyn AreaCamera>>,

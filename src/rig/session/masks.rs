@@ -9,8 +9,8 @@
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
 
-/// Maps a pixel (x, y) of a distorted lens to the corresponding pixel of an ideal lens. Pixel centres are at
-/// + 0.5.
+/// Maps a pixel (x, y) of a distorted lens to the corresponding pixel of an ideal lens. The centre of the
+/// first pixel is at (0.5, 0.5).
 pub type Ideal<'a> = &'a (dyn Fn([f64; 2]) -> [f64; 2] + Sync);
 
 /// Epipolar geometry of camera and projector.
@@ -38,8 +38,8 @@ pub struct Shot {
 pub struct Mask {
     pub name: String,
     pub shots: Vec<Shot>,
-    /// For each camera pixel, rows from the top, the index of its frame in `shots`, or `None` if the pixel is
-    /// on no stripe.
+    /// For each camera pixel, row by row from the top, the index of its frame in `shots`, or `None` if the
+    /// pixel is on no stripe.
     pub shot_of: Vec<Option<u32>>,
 }
 
@@ -133,7 +133,7 @@ pub fn stripes(
     Ok(Mask { name: name.to_owned(), shots: (0..count).map(shot).collect(), shot_of })
 }
 
-/// Iterates over the centres of pixels, rows from the top.
+/// Iterates over the centres of pixels, row by row from the top.
 fn pixels([w, h]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..h).flat_map(move |y| (0..w).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
 }

@@ -24,7 +24,7 @@ pub struct MuellerImage {
     pub layout: Layout,
     /// Start and width of the time bins, in ps.
     pub time: Option<(f64, f64)>,
-    /// Counts of reconstructed and rejected pixels.
+    /// Numbers of reconstructed and rejected pixels.
     pub tally: Tally,
 }
 

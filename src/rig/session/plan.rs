@@ -109,7 +109,7 @@ impl MaskPlan {
     }
 }
 
-/// Histograms of scan points, rows from the top.
+/// Histograms of scan points, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScanWork {
     /// Columns and rows.

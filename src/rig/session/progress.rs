@@ -25,7 +25,7 @@ pub struct Progress<'a> {
     pub last: &'a [u32],
     /// Time since the start of this run on the rig's clock.
     pub elapsed: Duration,
-    /// Failed attempts since the start of this run.
+    /// Number of failed attempts since the start of this run.
     pub retries: u32,
 }
 

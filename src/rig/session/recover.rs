@@ -19,7 +19,7 @@ pub struct Tries {
 }
 
 impl Tries {
-    /// Creates the attempts for a new step.
+    /// Creates the full number of attempts for a new step.
     pub fn new(limits: &Limits) -> Self {
         Self { left: limits.retries, wait: Duration::from_secs_f64(limits.backoff_s) }
     }

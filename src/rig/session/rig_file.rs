@@ -91,7 +91,7 @@ pub type Board = (Option<PathBuf>, Th260Settings);
 #[derive(Clone, Debug)]
 pub struct RigPlan {
     pub name: String,
-    /// Stages by the elements that they carry.
+    /// The stages. The key of each stage is the name of the element that it carries.
     pub stages: BTreeMap<String, StageFile>,
     pub projector: Option<(Driver, ProjectorLimits)>,
     /// Flash content, active LEDs and triggers of a DLPC350.

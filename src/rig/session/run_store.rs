@@ -183,6 +183,7 @@ pub fn resume(
 }
 
 /// Writes the metadata of all frames as columns, then writes the manifest, which marks the run as finished.
+///
 /// # Errors
 /// Returns [`DiskError`] if the store cannot be written.
 pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {

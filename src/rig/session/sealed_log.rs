@@ -1,4 +1,5 @@
-//! Logs of records. A CRC-32C follows each record. A record that a crash truncated ends the log.
+//! Logs of records. A CRC-32C follows each record. If a crash truncates a record, the log ends before this
+//! record.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};

@@ -25,7 +25,7 @@ pub struct Steps {
     pub plan: Plan,
     /// Names of the stages in alphabetical order, which is also the order of the angles in the journal.
     pub stage_names: Vec<String>,
-    /// Goals of each stage in degrees, by capture.
+    /// For each stage, the goals of all captures in degrees.
     pub goals: BTreeMap<String, Vec<f64>>,
     /// Masks of a camera plan.
     pub masks: Vec<Mask>,
@@ -227,7 +227,8 @@ pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> 
     limits.move_time(to - from)
 }
 
-/// Returns the goals of all stages by capture. A stage carries the element of the same name.
+/// Returns the goals of each stage for all captures, in degrees. A stage carries the element of the same
+/// name.
 fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failure> {
     let mut goals = BTreeMap::new();
     let elements = scheme.generator().iter().chain(scheme.analyzer());

@@ -256,7 +256,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Rows and logs are read as written. The histogram equals the counted tags.
+        /// Reading returns the rows and logs that were written. The histogram equals the counted tags.
         #[test]
         fn tags_round_trip(points in points(), cut in 0_usize..2000) {
             let folder = tempfile::tempdir().expect("a folder");

@@ -62,7 +62,7 @@ pub fn checksum(numbers: &[u32]) -> u32 {
 
 /// The intact part of a run's store, and the frames of the incomplete chunk in the log.
 pub struct Recovered {
-    /// Number of intact frames, from the first one.
+    /// Number of intact frames, counted from the first frame of the run.
     pub frames: u32,
     part: Vec<u32>,
     /// Time tags of the logged frames, if the run stores time tags.

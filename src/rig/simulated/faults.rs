@@ -1,4 +1,4 @@
-//! Injected faults. Each fault occurs at a given use of an instrument.
+//! Injected faults. Each fault occurs at a given use of an instrument, for example at its third move.
 
 use serde::{Deserialize, Serialize};
 

@@ -43,7 +43,7 @@ pub struct PlayedTensor {
     pub camera: [usize; 2],
     /// Columns and rows of the projector axis s'.
     pub projector: [usize; 2],
-    /// Tensor elements by camera pixel, projector pixel and Mueller element.
+    /// Tensor elements, with the axes camera pixel, projector pixel and Mueller element.
     data: Vec<f32>,
     /// Cached pairs of pattern and image, oldest first.
     kept: Vec<(Vec<f32>, Vec<f32>)>,
@@ -62,7 +62,7 @@ pub struct PlayedScan {
     lanes: usize,
     /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// Number of rows that are read together. The number is that of all rows of a chunk if they fit into
+    /// Number of rows that are read together. This is the number of rows in a chunk if these rows fit into
     /// memory, otherwise 1.
     together: usize,
 }

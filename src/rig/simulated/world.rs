@@ -55,7 +55,7 @@ pub struct World {
     pub emitting: bool,
     /// Time until which the laser has reduced power.
     pub low_until: Duration,
-    /// Number of the run's next frame. All noise uses this number as its key.
+    /// Number of the run's next frame. The noise of all instruments uses this number as its key.
     pub frame: u32,
     pub seed: u64,
     faults: Faults,

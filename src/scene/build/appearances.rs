@@ -25,7 +25,7 @@ pub(super) struct Table<'a> {
     ctx: &'a mut Context,
     file: &'a Located<String>,
     name: &'a str,
-    /// Created materials by name. The last material is the file's material.
+    /// Created materials by name. The last entry is the material that replaces the file's material.
     pub made: Vec<(String, MaterialFile)>,
 }
 
@@ -38,7 +38,7 @@ struct Texels {
 }
 
 impl<'a> Table<'a> {
-    /// Creates the materials for an appearance, under `name` and names that begin with it.
+    /// Creates the materials for an appearance. Their names are `name` and names that begin with `name`.
     pub fn new(ctx: &'a mut Context, file: &'a Located<String>, name: &'a str, a: &Appearance) -> Self {
         let mut out = Self { ctx, file, name, made: vec![] };
         let body = out.material(a);
@@ -96,7 +96,7 @@ impl<'a> Table<'a> {
         body
     }
 
-    /// Returns a blend by area of `a` and `b`. `weight` is the share of `b`, 0..1.
+    /// Returns the area-weighted blend of the materials `a` and `b`. `weight` is the share of `b`, 0..1.
     fn mixed(
         &mut self,
         [first, second]: [&str; 2],
@@ -143,8 +143,8 @@ impl<'a> Table<'a> {
         }))
     }
 
-    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1. Each
-    /// albedo is divided by the area share of its material.
+    /// Returns the area-weighted blend of a diffuse base and a mirror. Their albedos add up to at most 1.
+    /// Each albedo is divided by the area share of its material.
     fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
         let rest = (1.0 - share).max(1e-9);
         let base = MaterialFile::Diffuse(DiffuseFile { albedo: self.albedo(a, |v| v / rest) });
@@ -320,8 +320,8 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns the alpha of an image's texels in all three channels. Alpha is 1 if the image has no alpha
-    /// channel.
+    /// Returns texels whose three channels all contain the alpha of an image. Alpha is 1 if the image has no
+    /// alpha channel.
     fn alphas(&mut self, picture: &Picture) -> Option<Texels> {
         let image = image::load_from_memory(&self.bytes(picture)?).ok()?;
         let alpha = |p: &Rgba<u16>| [f32::from(p.0[3]) / 65535.0; 3];
@@ -351,8 +351,8 @@ impl<'a> Table<'a> {
         ScalarFile::Image(self.image(picture, part, texels, |t| [change(t); 3]))
     }
 
-    /// Creates an in-memory image of modified texels. Returns the original image if its texels cannot be
-    /// read.
+    /// Creates an in-memory image by applying `change` to the texels of an image. Returns the original image
+    /// if its texels cannot be read.
     fn image(
         &mut self,
         picture: &Picture,
@@ -374,7 +374,7 @@ impl<'a> Table<'a> {
         ImageAlbedo { image: self.at(name), ..self.reference(picture, true) }
     }
 
-    /// Returns a reference by which a material uses an image without modification.
+    /// Returns the reference of a material to an unmodified image.
     fn reference(&mut self, picture: &Picture, raw: bool) -> ImageAlbedo {
         let name = self.name_of(picture);
         ImageAlbedo {

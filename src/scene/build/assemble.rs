@@ -34,7 +34,8 @@ pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
 
-/// Builds a scene from text. `path` names the text in messages and is the base of relative paths.
+/// Builds a scene from text. `path` is the file's path in messages, and its folder is the base of relative
+/// paths.
 ///
 /// # Errors
 /// Returns the same errors as [`load`].
@@ -47,8 +48,8 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 /// Builds a variant of a scene from the text of its file ([`syntax::variant`]). See [`from_text`] for `path`.
 ///
 /// # Errors
-/// Returns the same errors as [`load`], or an error if the variant does not exist. For varied values,
-/// locations are in `[vary]`.
+/// Returns the same errors as [`load`], or an error if the variant does not exist. Errors in varied values
+/// are located in `[vary]`.
 pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
     from_variant(path, text, &variant::read(path, text, number)?, number)
 }
@@ -91,15 +92,16 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
 }
 
-/// Maximum number of rounds in which touching objects are moved, and maximum number of contacts per round.
+/// Maximum number of rounds in which touching objects are moved.
 const MOST_ROUNDS: usize = 4;
+/// Maximum number of contacts that are separated per round.
 const MOST_CONTACTS: usize = 16;
 
 /// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch are
 /// moved by the smallest distance that single precision resolves, unless both objects refract.
 ///
 /// # Errors
-/// Returns the same errors as [`load`], except for gaps.
+/// Returns the same errors as [`load`], except the error for a gap, which is part of the result.
 pub(crate) fn with_gaps(
     ctx: &mut Context,
     file: &SceneFile,
@@ -242,7 +244,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     )
 }
 
-/// Checks the names that become folder names or that identify objects.
+/// Checks the scene's name, which becomes a folder name, and the names of objects.
 fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     let names_no_file = |n: &str| n.is_empty() || n == "." || n == ".." || n.contains(['/', '\\', '\0']);
     if let Some(name) = file.name.as_deref().filter(|n| names_no_file(n)) {

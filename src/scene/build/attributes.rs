@@ -20,7 +20,7 @@ pub(crate) struct Asked {
     pub name: Located<String>,
     /// Whether the attribute must have one number per vertex instead of a colour.
     pub number: bool,
-    /// Largest factor by which the attribute is multiplied as an albedo.
+    /// Largest factor by which the attribute is multiplied if it is used as an albedo.
     pub albedo: f64,
 }
 
@@ -64,13 +64,13 @@ impl Attributes {
     }
 }
 
-/// Starts to record the uses of a material. Returns the uses of the outer material, which refers to the new
-/// material.
+/// Starts to record the attributes and images that a material uses. Returns the uses of the outer material,
+/// which refers to the new material.
 pub(super) fn begin(ctx: &mut Context) -> Uses {
     std::mem::take(&mut ctx.attributes.open)
 }
 
-/// Ends a material and adds its uses to those of `outer`, the material that refers to it.
+/// Ends the record of a material and adds its uses to those of `outer`, the material that refers to it.
 pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
     let own = std::mem::replace(&mut ctx.attributes.open, outer);
     if let Uses { asked: Some(asked), images: true, .. } = &own {
@@ -120,8 +120,8 @@ fn join(ctx: &mut Context, more: Asked) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Sets the texture coordinates of a mesh so that they index the values of its attribute. `mirrored`
-/// exchanges the second and third corner of each triangle of the file.
+/// Sets the texture coordinates of a mesh so that they index the values of its attribute. If `mirrored` is
+/// true, exchanges the second and third corner of each triangle of the file.
 pub(super) fn give(
     ctx: &mut Context,
     asked: &Asked,

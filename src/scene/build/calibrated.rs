@@ -1,4 +1,5 @@
-//! `calibration = "FILE"` of a camera or projector: resolution, lens and pose from a calibration file.
+//! Implements `calibration = "FILE"` of a camera or projector, which reads resolution, lens and pose from a
+//! calibration file.
 
 use super::context::Context;
 use super::devices::{pinhole, pinhole_of};
@@ -18,7 +19,7 @@ struct Document {
     projector: Option<Located<ProjectorFile>>,
 }
 
-/// Replaces devices that name a calibration with the devices in the calibration file.
+/// Replaces devices that name a calibration file with the devices in that file.
 ///
 /// The scene hash covers the values taken from the file, not the file's bytes.
 ///

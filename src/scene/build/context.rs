@@ -28,14 +28,14 @@ pub(crate) struct Context {
     /// files.
     pub made: BTreeSet<String>,
     pub wavelengths: Wavelengths,
-    /// Wavelengths to which lists in the file refer. The listed wavelengths differ from `wavelengths` only if
-    /// a material file is built for wavelengths other than its own.
+    /// Wavelengths of the values in lists of the file. The listed wavelengths differ from `wavelengths` only
+    /// if a material file is built for wavelengths other than its own.
     pub listed: Wavelengths,
     pub hash: Sha256,
-    /// Notes for the user, on contents of files that are not used and on corrections.
+    /// Notes for the user about corrections and about unused contents of files.
     pub notes: Vec<String>,
     pub attributes: Attributes,
-    /// Images that have been read, whose texels are in `textures`.
+    /// Images that have been read. Their texels are in `textures`.
     pub images: Images,
     pub textures: Textures,
     /// Names of files that were read.
@@ -76,7 +76,7 @@ impl Context {
         Self { folder: folder.to_owned(), ..self }
     }
 
-    /// Adds files that exist in memory only.
+    /// Sets the files that exist in memory only.
     pub fn with_files(self, memory: BTreeMap<String, Vec<u8>>) -> Self {
         Self { memory, ..self }
     }
@@ -257,7 +257,7 @@ impl Context {
         self.within(**value, value.span(), what, &range)
     }
 
-    /// Does the same as [`Self::number`] for a value with a separate location.
+    /// Checks a value as [`Self::number`] does, with the location as a separate argument.
     pub fn within<T: Copy + PartialOrd + Display>(
         &self,
         value: T,

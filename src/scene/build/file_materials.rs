@@ -14,7 +14,7 @@ use syntax::shape::{MeshFile, ShapeFile};
 /// materials.
 const HEAD: u64 = 1 << 20;
 
-/// Returns the scene with the materials that it uses from mesh files.
+/// Returns the scene after adding the materials that it uses from mesh files.
 ///
 /// # Errors
 /// Returns [`InputError`] at the mesh if a file cannot be read.

@@ -37,8 +37,8 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     Ok(n)
 }
 
-/// Returns n and k of an absorbing substance per wavelength, from its name or from values. In unused lanes, n
-/// is 1.
+/// Returns the refractive index n and the extinction coefficient k of an absorbing substance per wavelength.
+/// The substance is given by name or by values. In unused lanes, n is 1.
 pub(super) fn complex_index(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -70,7 +70,8 @@ pub(super) fn complex_index(
     }
 }
 
-/// Returns n and k of a named substance per wavelength of the scene in f64. Unused rows are zero.
+/// Returns the refractive index n and the extinction coefficient k of a named substance per wavelength of the
+/// scene in f64. Unused rows are zero.
 pub(super) fn constants_f64(
     ctx: &Context,
     name: &str,
@@ -93,7 +94,8 @@ pub(super) fn constants_f64(
     Ok(rows)
 }
 
-/// Returns n and k of a named substance per wavelength in f32. Unused lanes are 0.
+/// Returns the refractive index n and the extinction coefficient k of a named substance per wavelength in
+/// f32. Unused lanes are 0.
 pub(super) fn constants(
     ctx: &Context,
     name: &str,

@@ -106,7 +106,7 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
     Ok(DVec2::new(cx + 0.5, cy + 0.5))
 }
 
-/// Lens distortion, with the location of its keys in the scene file and the fix for error messages.
+/// Lens distortion, with the location of its keys in the scene file and the suggested fix for error messages.
 pub(crate) struct Lens {
     pub(crate) distortion: Distortion,
     pub(crate) span: Option<Range<usize>>,

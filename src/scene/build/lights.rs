@@ -63,8 +63,8 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
     Ok(all)
 }
 
-/// Adds the images of spots built by [`emitters`], and appends image projectors after all other point
-/// emitters.
+/// Adds the projected images to the spots that [`emitters`] built, and appends image projectors after all
+/// other point emitters.
 pub(crate) fn slides(
     ctx: &mut Context,
     list: &[Located<EmitterFile>],

@@ -47,8 +47,8 @@ impl MaterialSet {
         Self::from_text(path, &read(path, "material file")?)
     }
 
-    /// Builds the materials of a material file's text. `path` names the text in messages and is the base of
-    /// relative paths.
+    /// Builds the materials of a material file's text. `path` is the file's path in messages, and its folder
+    /// is the base of relative paths.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -97,7 +97,7 @@ type Named = BTreeMap<String, Located<MaterialFile>>;
 /// Maximum nesting depth of materials.
 const MOST_NESTED: usize = 16;
 
-/// The state of building materials. A material is built before the materials that refer to it.
+/// The state while materials are built. A material is built before the materials that refer to it.
 struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,

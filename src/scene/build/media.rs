@@ -75,7 +75,7 @@ impl MediumSet {
     }
 }
 
-/// Returns the names of the media of a file without building them.
+/// Returns the names of the media of a file without building the media.
 ///
 /// # Errors
 /// Returns the same errors as [`MediumSet::load`].
@@ -154,7 +154,7 @@ fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
     ctx.number(g, "g", COSINES)
 }
 
-/// Converts an error of the scattering theory to an error with a location in the scene file.
+/// Converts an error of the scattering computation to an error with a location in the scene file.
 fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let fix = match e {
         BulkError::Mie(_) => "change the radii, the refractive index or wavelengths_nm",

@@ -1,4 +1,4 @@
-//! Reads the transforms of many copies from a file: text, or NumPy's `.npy`.
+//! Reads the transforms of many copies from a text file or a NumPy `.npy` file.
 
 use super::context::Context;
 use base::locate::{InputError, Located};

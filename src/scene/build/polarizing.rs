@@ -19,8 +19,8 @@ use transport::material::retarder::{Retarder, Tilt};
 use transport::material::sheet::SheetAxis;
 use transport::material::varies;
 
-/// Uniaxial crystals in the optical constants. The constants list each crystal twice: with the suffix `_o`
-/// for the ordinary and `_e` for the extraordinary index.
+/// Names of the uniaxial crystals in the optical constants. The constants list each crystal twice: with the
+/// suffix `_o` for the ordinary and `_e` for the extraordinary index.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
 
 pub(super) fn coated(

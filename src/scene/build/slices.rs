@@ -25,8 +25,8 @@ const MAX_CHUNK: u128 = 1 << 28;
 /// to a relative difference of 2^-53.
 const LEAST_BIN: f64 = 1e-12;
 
-/// Maximum number of projector pixels with epipolar slices: 4096 × 4096. Epipolar slices need 24 bytes of
-/// memory per pixel.
+/// Maximum number of projector pixels in a scene with epipolar slices: 4096 × 4096. Epipolar slices need 24
+/// bytes of memory per pixel.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
 pub(crate) fn build(
@@ -279,8 +279,8 @@ fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     ProjectorSelect::Mask { name: name.to_owned(), weights }
 }
 
-/// Reads an image that drives the projector. The linear brightness of each pixel is the weight of that
-/// projector pixel.
+/// Reads an image as a projector mask. The linear brightness of each pixel is the weight of that projector
+/// pixel.
 fn mask(
     ctx: &mut Context,
     name: &str,

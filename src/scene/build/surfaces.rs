@@ -27,8 +27,9 @@ pub(crate) struct Surfaces<'a> {
     pub boundaries: Vec<Boundary>,
     /// Names of objects, and for each material index the name of the material in the scene file.
     pub called: Names,
-    /// Indices of materials and media by name.
+    /// Indices of materials by name.
     names: &'a BTreeMap<&'a str, u32>,
+    /// Indices of media by name.
     media: &'a BTreeMap<&'a str, u32>,
     /// Area lights of emissive surfaces, and for each material the index of its area light.
     pub shining: (Vec<AreaLight>, Vec<u32>),

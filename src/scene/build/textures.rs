@@ -131,7 +131,8 @@ pub(super) fn scalar(
     Ok(Scalar { value: value as f32, texture })
 }
 
-/// Reads an image of the radiance emitted by a surface. Values are decoded unless the file is linear.
+/// Reads an image of the radiance emitted by a surface. sRGB values are decoded unless the image is declared
+/// as linear (`raw`).
 pub(super) fn radiances(ctx: &mut Context, file: &ImageAlbedo) -> Result<u32, InputError> {
     let channels = if file.raw { Channels::LinearColours } else { Channels::Colours };
     image(ctx, file, channels)
@@ -241,7 +242,7 @@ fn image(ctx: &mut Context, file: &ImageAlbedo, channels: Channels) -> Result<u3
 }
 
 /// Reads the texels of an image. For a colour image, each wavelength receives the red, green or blue value.
-/// Numbers are unchanged.
+/// The values of an image of numbers are unchanged.
 fn read(
     ctx: &mut Context,
     name: &Located<String>,

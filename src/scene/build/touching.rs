@@ -17,15 +17,15 @@ use transport::render::gaps::{Contact, Gap};
 /// Width of a gap that is accepted as sufficient, divided by the minimum width.
 const ENOUGH: f64 = 2.0;
 
-/// Ratio of thickness to displacement below which a whole object is translated. For a thicker object, the
-/// opposite side stays fixed.
+/// Ratio of an object's thickness to its displacement below which the whole object is translated. The
+/// opposite side of a thicker object stays fixed.
 const FLAT: f64 = 8.0;
 
 /// Largest relative change of an object's thickness.
 const MOST_CHANGE: f64 = 0.01;
 
-/// Moves the surface of one of the objects at a gap and returns a note. Returns `None` if neither object can
-/// be moved.
+/// Moves the surface of one of the two objects at a gap and returns a note for the user. Returns `None` if
+/// neither object can be moved.
 pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
     let (width, enough) = (f64::from(gap.width), ENOUGH * f64::from(gap.least));
     // The object to move, and its displacement in metres away from the other object.
@@ -78,7 +78,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     Some(note)
 }
 
-/// Returns the smallest and largest coordinate of an object along a direction, in metres.
+/// Returns the smallest and largest coordinate of an object along the direction `along`, in metres.
 fn extent(
     ctx: &mut Context,
     file: &SceneFile,

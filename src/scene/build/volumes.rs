@@ -31,12 +31,12 @@ enum Inside {
 const POINTS: usize = 96;
 
 impl<'a> Volume<'a> {
-    /// Checks that an object's surfaces are closed. If the normals of a mesh point inward, reverses the mesh
-    /// and adds a note.
+    /// Creates the volume of an object after checking that the object's surface is closed. If the normals of
+    /// a mesh point inward, reverses the mesh and adds a note.
     ///
     /// # Errors
-    /// Returns [`InputError`] at the object if the object's surface is open. The message gives the position
-    /// of an open edge on the mesh.
+    /// Returns [`InputError`] at the object if the object's surface is open. For a mesh, the message contains
+    /// the position of an open edge.
     pub fn new(
         ctx: &mut Context,
         object: &'a Located<ObjectFile>,

@@ -121,7 +121,7 @@ fn a_scene_in_code_equals_the_scene_of_a_file() {
     assert!(a == b, "the renders differ");
 }
 
-/// Encodes a uniform image as a file of the given format.
+/// Returns the bytes of an image encoded in the given file format.
 fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
     import::picture::encoded(&image.into(), format).expect("a picture")
 }
@@ -157,8 +157,8 @@ fn real_numbers_of_images_are_linear() {
     }
 }
 
-/// Tests how an image gives numbers: the undecoded first channel, or the luminance of the colours
-/// (Rec. 709). Colours are decoded unless `raw` is set.
+/// Tests that the numbers of an image are its undecoded first channel, or the Rec. 709 luminance of its
+/// colours. Colours are decoded unless `raw` is set.
 #[test]
 fn numbers_of_images_are_channels_or_luminances() {
     let bytes =

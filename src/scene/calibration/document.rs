@@ -1,4 +1,5 @@
-//! A calibration file as a tree that does not depend on the file's syntax, and errors located in the file.
+//! Represents a calibration file as a tree that does not depend on the file's syntax, and locates errors in
+//! the file.
 
 use super::{npz, yaml};
 use base::locate::InputError;
@@ -7,7 +8,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Maximum size of a text file in bytes. Calibration files usually have a few kilobytes.
+/// Maximum size of a text file in bytes. The usual size of a calibration file is a few kilobytes.
 const LARGEST: u64 = 64 << 20;
 
 const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
@@ -20,7 +21,7 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Reads a file in the format of its extension.
+    /// Reads a file in the format that its extension indicates.
     pub(super) fn load(path: &Path) -> Result<Self, InputError> {
         let failed = |message: String| InputError::new(path, "", None, message, FIX);
         let mut bytes = vec![];
@@ -60,13 +61,14 @@ impl Document {
         Ok(Self { file: path.to_owned(), text: text.into(), root })
     }
 
-    /// Returns an error located at the value that a key path names.
+    /// Returns an error located at the last key of the path `keys`.
     pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
         let named = if keys.is_empty() { String::new() } else { format!("`{}`: ", keys.join(".")) };
         InputError::new(&self.file, self.text.clone(), self.find(keys), format!("{named}{message}"), help)
     }
 
-    /// Returns the location of the last key of a path. The search for each key starts after the previous key.
+    /// Returns the location of the last key of the path `keys`. The search for each key starts after the
+    /// location of the previous key.
     fn find(&self, keys: &[String]) -> Option<std::ops::Range<usize>> {
         let mut span = None;
         let mut from = 0;

@@ -7,14 +7,14 @@ use syntax::device::ExtrinsicsFile;
 /// User settings that supplement or override a calibration file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Name of the camera to read if the file has several: `cam1`, `2` for the keys K2 and D2, or `proj` for
-    /// the key `proj_K`.
+    /// Name of the camera to read if the file has several cameras. Examples are `cam1`, `2` for the keys K2
+    /// and D2, and `proj` for the key `proj_K`.
     pub camera: Option<String>,
     /// Index, from 0, of the target view whose pose is used.
     pub view: Option<usize>,
     /// Width and height in pixels, which override the values in the file.
     pub resolution: Option<[u32; 2]>,
-    /// Length in metres of the unit that the file uses. The default is the unit that the file states, or 1.
+    /// Length, in metres, of the file's unit of length. The default is the unit that the file states, or 1 m.
     pub metres_per_unit: Option<f64>,
     /// Whether four distortion coefficients are interpreted as the coefficients of a fisheye model.
     pub fisheye: bool,
@@ -23,8 +23,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns the index of the view, out of `count` views, whose pose is used. Returns `None` if there is no
-    /// view or none is selected.
+    /// Returns the index of the view whose pose is used, out of `count` views. Returns `None` if there is no
+    /// view, or if no view is selected out of several.
     pub(super) fn view_of(
         &self,
         count: usize,
@@ -55,9 +55,9 @@ pub(super) struct Found {
     pub(super) matrix: [[f64; 3]; 3],
     pub(super) lens: Lens,
     pub(super) size: Option<[u32; 2]>,
-    /// World-to-device transform, in the unit of length that the file uses.
+    /// World-to-device transform, in the file's unit of length.
     pub(super) pose: Option<ExtrinsicsFile>,
-    /// Length of the file's unit in metres, if the file gives the unit.
+    /// Length, in metres, of the file's unit of length, if the file states the unit.
     pub(super) unit: Option<f64>,
     pub(super) notes: Vec<String>,
 }

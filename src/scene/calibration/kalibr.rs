@@ -1,4 +1,4 @@
-//! Reader for Kalibr's camera chains: `cam0`, `cam1`, … with `intrinsics: [fu, fv, pu, pv]`.
+//! Reads Kalibr's camera chains. They contain `cam0`, `cam1`, …, each with `intrinsics: [fu, fv, pu, pv]`.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};

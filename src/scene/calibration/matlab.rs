@@ -1,9 +1,10 @@
-//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them. The reader also
-//! accepts a struct with the properties of either class.
+//! Reads MATLAB's cameraParameters and cameraIntrinsics as written by `jsonencode`. The reader also accepts a
+//! struct with the properties of either class.
 //!
-//! MATLAB counts pixels from 1, so MATLAB's principal point is OpenCV's plus 1. MATLAB's older matrices are
-//! for row vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t. The newer `K`,
-//! and R of rigidtform3d in PatternExtrinsics, are for column vectors.
+//! MATLAB counts pixels from 1, so MATLAB's principal point equals OpenCV's principal point plus 1. MATLAB's
+//! older matrices are for row vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and
+//! x_camera = x_world·R + t. The newer `K`, and R of rigidtform3d in PatternExtrinsics, are for column
+//! vectors.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};

@@ -36,7 +36,7 @@ use syntax::device::{ExtrinsicsFile, PinholeFile, PoseFile, ProjectorFile};
 pub struct Calibration {
     /// The device in scene-file syntax.
     pub device: PinholeFile,
-    /// Notes for the user: values that the file does not contain, and ignored contents.
+    /// Notes for the user about values that the file does not contain and about ignored contents.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Look-up of values in a calibration by name, and conversion to numbers.
+//! Finds values of a calibration by name, and converts them to numbers.
 
 use super::document::Document;
 use base::locate::InputError;
@@ -18,7 +18,7 @@ pub(super) struct Array {
     pub(super) values: Vec<f64>,
 }
 
-/// Normalizes a name: keeps only letters and digits, in lower case.
+/// Normalizes a name to its letters and digits, in lower case.
 fn plain(name: &str) -> String {
     let letters = name.chars().filter(char::is_ascii_alphanumeric);
     letters.map(|c| c.to_ascii_lowercase()).collect()
@@ -52,7 +52,8 @@ impl<'a> Node<'a> {
         Some(self.child(key, value))
     }
 
-    /// Returns the value of the first of `names` that exists. Capitals and underscores are ignored.
+    /// Returns the value of the first of `names` that exists. The comparison ignores case and all characters
+    /// except letters and digits.
     pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
         names.iter().find_map(|name| {
             let mut of = self.table().filter(|(k, v)| plain(k) == plain(name) && !v.is_null());

@@ -31,7 +31,8 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     Ok(Value::Object(out))
 }
 
-/// Converts a small numeric array or a string of an archive to JSON. Returns `None` for any other content.
+/// Converts an array of an archive to JSON if the array is small and numeric, or a string. Returns `None` for
+/// any other content.
 fn array(bytes: &[u8]) -> Option<Value> {
     let mut elements = bytes;
     let header = Header::read(&mut elements).ok()?;

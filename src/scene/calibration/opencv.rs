@@ -1,5 +1,4 @@
-//! Reader for files written with OpenCV (`cv::FileStorage`, JSON, numpy.savez) and ROS, by their common key
-//! names.
+//! Reads files written with OpenCV (`cv::FileStorage`, JSON, numpy.savez) and ROS, by their common key names.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};
@@ -143,7 +142,7 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
     Ok([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 }
 
-/// Checks that a matrix is in OpenCV's form: not transposed, and without skew.
+/// Checks that a camera matrix has OpenCV's form: not transposed, and without skew.
 pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], InputError> {
     if m[2] != [0.0, 0.0, 1.0] || m[1][0] != 0.0 {
         return Err(node.error(
@@ -163,7 +162,7 @@ fn fisheye(camera: &Camera, options: &Options) -> bool {
     options.fisheye || set
 }
 
-/// Returns the lens distortion, in the model that the file names.
+/// Returns the lens distortion in the model that `model` names, or in the model that `fisheye` selects.
 pub(super) fn lens(
     node: &Node,
     model: Option<&str>,

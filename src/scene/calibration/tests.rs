@@ -1,4 +1,4 @@
-//! Tests with one camera in each program's format, and with invalid files.
+//! Tests the readers with one camera in each program's format, and with invalid files.
 
 use super::document::Document;
 use super::*;

@@ -1,4 +1,4 @@
-//! Parses YAML as written by calibration programs to a JSON tree.
+//! Converts the YAML text of calibration programs to a JSON tree.
 
 use saphyr_parser::{Event, Parser, ScalarStyle};
 use serde_json::{Map, Number, Value};

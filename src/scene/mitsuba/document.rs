@@ -1,4 +1,4 @@
-//! Parses a Mitsuba scene: XML, or a Python dictionary as JSON.
+//! Parses a Mitsuba scene in XML, or in JSON as a dump of Mitsuba's Python dictionary.
 
 use super::folders::{Alias, Folders};
 use super::json;

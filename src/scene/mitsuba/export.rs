@@ -61,8 +61,8 @@ impl Export {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
-    /// Converts a scene file. With `wavelength_nm`, the scene is exported only at the given wavelength. Lists
-    /// of values are interpolated between the file's wavelengths.
+    /// Converts a scene file. If `wavelength_nm` is given, the scene is exported only at this wavelength.
+    /// Lists of values are then interpolated between the file's wavelengths.
     ///
     /// # Errors
     /// Returns [`InputError`] if the scene cannot be built, or for a feature that Mitsuba cannot express.
@@ -76,8 +76,8 @@ impl Export {
         export(&mut ctx, &file)
     }
 
-    /// Writes `scene.xml` and the files to which it refers into `folder`, which must be absent or empty
-    /// unless `force` is set.
+    /// Writes `scene.xml` and the files to which it refers into `folder`. The folder must be absent or empty
+    /// unless `force` is true.
     ///
     /// # Errors
     /// Returns [`WriteError`] if a file cannot be written. No file is partially written, even after an error.
@@ -191,7 +191,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     })
 }
 
-/// A shape to export, with its object and its emission.
+/// A shape to export, with its object and its area light.
 struct Shape<'a> {
     object: &'a Located<ObjectFile>,
     placed: Placed,
@@ -230,8 +230,8 @@ fn default(name: &str, value: &str) -> Element {
     Element::new("default").with("name", name).with("value", value)
 }
 
-/// Writes the integrator. Mitsuba's `rr_depth`, like `max_depth`, counts the path segment that starts at the
-/// camera.
+/// Returns the XML element of the integrator. Mitsuba's `rr_depth`, like `max_depth`, counts the path segment
+/// that starts at the camera.
 fn integrator(settings: &Settings) -> Element {
     let path = Element::plugin("integrator", "path")
         .integer("max_depth", settings.max_depth)
@@ -300,8 +300,8 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
     Ok(sensor.transform("to_world", &place).child(film).child(sampler))
 }
 
-/// Writes the projector. Mitsuba's actual irradiance is π times the value that Mitsuba's documentation
-/// states.
+/// Returns the XML element of the projector. The actual irradiance of Mitsuba's projector is π times the
+/// value that Mitsuba's documentation states.
 fn projector_element(
     ctx: &Context,
     p: &Projector,
@@ -424,7 +424,7 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
 }
 
 /// Returns whether a map preserves circles about the z axis and keeps the z axis perpendicular to the
-/// circles. If `all` is true, returns whether the map keeps all angles.
+/// circles. If `all` is true, returns whether the map preserves all angles.
 fn is_similar(map: &DAffine3, all: bool) -> bool {
     let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
     let (rx, ry, rz) = (x.length(), y.length(), z.length());

@@ -1,8 +1,8 @@
 //! Converts emitters and emissive objects to Mitsuba's emitters.
 //!
 //! Mitsuba's emitters are unpolarized, and their only intensity profile is a cone. Images of emitters are
-//! exported for one wavelength, as numbers. Mitsuba's spectral variants would convert image colours to
-//! spectra.
+//! exported for one wavelength, as numbers, because Mitsuba's spectral variants would convert image colours
+//! to spectra.
 
 use super::export_output::{Output, bitmap, device, spectrum};
 use super::files::Contents;
@@ -183,7 +183,7 @@ impl EmitterWriter<'_> {
         Ok(open.child(self.image("radiance", textures, image, scale, at)?))
     }
 
-    /// Converts the image that a point emitter projects. Mitsuba's v coordinate of a projected image points
+    /// Converts the image that a point emitter projects. In Mitsuba, the v axis of a projected image points
     /// down.
     fn slide(
         &mut self,

@@ -20,7 +20,8 @@ pub(super) struct Images<'a> {
 }
 
 impl Images<'_> {
-    /// Writes a grayscale bitmap with the result of `value` for every texel, raw or sRGB-encoded.
+    /// Writes a grayscale bitmap with the result of `value` for every texel. If `raw` is false, Mitsuba
+    /// decodes the bitmap's values from sRGB.
     pub fn grey(
         self,
         name: &str,
@@ -79,7 +80,7 @@ pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 
     ((image.width, image.height), &textures.texels[first..first + count])
 }
 
-/// Converts a linear value to sRGB.
+/// Encodes a linear value in sRGB.
 pub(super) fn encode(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }

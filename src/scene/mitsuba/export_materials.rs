@@ -81,7 +81,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// Returns the indices of the materials to which a material refers in the XML. The materials of a
-    /// `two_sided` are nested in its element and are not returned.
+    /// `two_sided` material are nested in its element and are not returned.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -117,7 +117,7 @@ impl<'a> MaterialWriter<'a> {
         Err(self.ctx.error(self.files[name].span(), message, fix))
     }
 
-    /// Returns the BSDF element of a material, with an id. The BSDF is visible from both sides.
+    /// Returns the BSDF element of a material, with the id `name`. The BSDF is visible from both sides.
     fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, InputError> {
         let open = |kind: &str| Element::plugin("bsdf", kind).with("id", name);
         Ok(match self.table.list[id as usize] {
@@ -334,8 +334,8 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (light enters and leaves through one facet).
-    /// Both BSDFs model interreflection but no polarization.
+    /// Returns Mitsuba's `plastic` for a smooth coat, or `roughplastic` if light enters and leaves through
+    /// one facet. Both BSDFs model interreflection but no polarization.
     fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
@@ -419,8 +419,8 @@ impl<'a> MaterialWriter<'a> {
         self.images(id).grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// Writes a constant spectrum, or a grayscale image in sRGB encoding. Sunstone and Mitsuba decode sRGB
-    /// values.
+    /// Writes a constant spectrum, or a grayscale image in sRGB encoding, which both Sunstone and Mitsuba
+    /// decode.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));
@@ -457,7 +457,7 @@ fn degrees(radians: f32) -> f64 {
     shortest((f64::from(radians).to_degrees()) as f32)
 }
 
-/// Returns an f32 as the f64 with its shortest decimal representation.
+/// Returns the f64 that has the shortest decimal representation of an f32.
 fn shortest(v: f32) -> f64 {
     single(v).parse().unwrap_or(f64::from(v))
 }

@@ -37,12 +37,12 @@ impl Output {
     }
 }
 
-/// Ends of Mitsuba's wavelength range in nanometres. The export adds both ends to all spectra. Beyond the
-/// last pair, Mitsuba's spectra are zero and Sunstone's are constant. A refractive index of zero would make
-/// the reflectance of a metal undefined.
+/// Ends of Mitsuba's wavelength range in nanometres. The export extends all wavelength:value pairs to both
+/// ends. Beyond the last pair, Mitsuba's spectra are zero and Sunstone's are constant. A refractive index of
+/// zero would make the reflectance of a metal undefined.
 const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
-/// Writes a spectrum as a property. A single value is written as a plain number, which Mitsuba's mono
+/// Returns the XML element of a spectrum. A single value is written as a plain number, which Mitsuba's mono
 /// variants use unchanged.
 pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
     let nm = wavelengths.nm();
@@ -74,7 +74,8 @@ pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
-/// Writes an image as a texture. In Mitsuba, the texture coordinate v starts at the top of the image.
+/// Returns the XML element of an image as a texture. In Mitsuba, the texture coordinate v starts at the top
+/// of the image.
 pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
     let upward = Element::new("transform").with("name", "to_uv").child(if image.uv == SAME {
         Element::new("scale").with("x", "1").with("y", "-1")

@@ -24,9 +24,9 @@ pub enum WriteError {
     Io(PathBuf, io::Error),
 }
 
-/// Writes files into a new folder, which is created atomically after all files are written. With `force`,
-/// writes into an existing folder. Each file then atomically replaces a file of the same name, in the order
-/// of `files`. The last file must be the one that refers to the other files.
+/// Writes files into a new folder, which is created atomically after all files are written. If `force` is
+/// true, the folder may already contain files. Each file then atomically replaces a file of the same name, in
+/// the order of `files`. The file that refers to the other files must be the last.
 ///
 /// # Errors
 /// Returns [`WriteError`] if a file cannot be written. After an error, a new folder is not created.
@@ -77,7 +77,7 @@ fn fill(path: &Path, contents: &Contents) -> io::Result<()> {
     }
 }
 
-/// Removes the remains of a failed write and returns the error of that write.
+/// If a write failed, removes its remains. Returns the result of the write.
 fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
     if done.is_err() {
         let _ = remove();

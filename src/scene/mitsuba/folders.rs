@@ -1,4 +1,4 @@
-//! Search folders of a Mitsuba scene, aliases of ids, and relative paths.
+//! Finds files in the search folders of a Mitsuba scene, and defines aliases of ids and relative paths.
 
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -6,15 +6,15 @@ use std::path::{Component, Path, PathBuf};
 /// Maximum size in bytes of an included text file.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// `<alias id="…" as="…"/>`: an additional name of an id.
+/// An additional name of an id, from `<alias id="…" as="…"/>`.
 pub(super) struct Alias {
     pub id: String,
     pub other: String,
     pub span: Range<usize>,
 }
 
-/// Search folders in Mitsuba's order: the folders of `<path>` elements, the last element first, then the
-/// scene's own folder.
+/// Search folders in Mitsuba's order. The folders of `<path>` elements come first, in reverse order of the
+/// elements. The scene's own folder is the last.
 #[derive(Clone)]
 pub(super) struct Folders(Vec<PathBuf>);
 

@@ -28,12 +28,12 @@ use transport::scene::Scene;
 
 #[derive(Clone, Debug)]
 pub struct Import {
-    /// The scene file. The scene has been built once as a check. The values of the scene file have locations
-    /// in the XML.
+    /// The scene file, which has been checked by building the scene. The values of the scene file have
+    /// locations in the XML.
     pub scene: SceneFile,
     pub toml: String,
-    /// Files to write next to the scene file, by name. The files contain shapes that scene files cannot
-    /// express.
+    /// Files to write next to the scene file, by name. The files contain meshes, images and grids that
+    /// replace elements without an equivalent in scene files.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Notes about differences from the Mitsuba scene.
     pub notes: Vec<String>,
@@ -55,7 +55,7 @@ impl From<InputError> for ImportError {
 
 impl Import {
     /// Reads Mitsuba's file `xml` and converts the scene to a scene file for the path `toml`. `parameters`
-    /// are the values of `$name` (Mitsuba's `-D`).
+    /// contains the values of `$name` by name (Mitsuba's `-D`).
     ///
     /// # Errors
     /// Returns [`ImportError`] if the scene has unsupported elements. The error lists each element with file,
@@ -73,8 +73,8 @@ impl Import {
         Self::from_text(xml, &text, toml, parameters)
     }
 
-    /// Converts a scene as [`Self::load`] does, from a text. `xml` names the text in messages and is the base
-    /// of relative paths.
+    /// Converts a scene as [`Self::load`] does, from a text. `xml` is the file's path in messages, and its
+    /// folder is the base of relative paths.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::load`].
@@ -245,7 +245,8 @@ fn run(
     }))
 }
 
-/// Returns the slices of the scene file: the image, and a transient slice if the film has time bins.
+/// Returns the slices of the scene file: an image of Mueller matrices, and a transient slice if the film has
+/// time bins.
 fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     let image = SliceFile::new("mueller").mueller();
     let mut slices = vec![image.clone().into()];
@@ -296,8 +297,8 @@ fn heading(xml: &Path) -> String {
     )
 }
 
-/// Builds the scene with locations in the XML file and file names relative to the scene file. Returns the
-/// notes and, if light is lost in a gap, the gap.
+/// Checks a scene file by building its scene. Errors have locations in the XML file, and file names are
+/// relative to the scene file. Returns the notes and, if light is lost in a gap, the message about the gap.
 fn check(
     importer: &Importer,
     file: &SceneFile,
@@ -330,7 +331,7 @@ fn check(
     })
 }
 
-/// Returns a message if the camera sees a surface that Mitsuba's near or far clipping plane cuts off.
+/// Returns a message if the camera sees a surface that Mitsuba's near or far clipping plane removes.
 fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
     /// Number of test rays per image axis, including the edges of the image.
     const RAYS: u32 = 65;

@@ -10,7 +10,7 @@ use syntax::values::TimeBins;
 
 /// Mitsuba's default near clipping plane in metres.
 const NEAR: f64 = 1e-2;
-/// Mitsuba's default far clipping plane in metres, on which lenses focus by default.
+/// Mitsuba's default far clipping plane in metres. Lenses focus on this plane by default.
 const FAR: f64 = 1e4;
 
 /// Distance in metres that light travels in one picosecond in vacuum.
@@ -23,13 +23,13 @@ const FILTERED: &str = "pixels are averages over their area (box filter); Mitsub
 pub(super) struct Sensor {
     pub camera: PinholeFile,
     pub spp: Located<u32>,
-    /// Bins of travel time, from a film of mitransient.
+    /// Bins of travel time, from a film of Mitsuba's extension mitransient.
     pub time: Option<TimeBins>,
     /// Distances from the device to the near and far clipping planes along the axis, in metres.
     pub clip: [f64; 2],
 }
 
-/// A film: its size in pixels, the rendered window (x, y, width, height) in pixels, and its bins of path
+/// A film, with its size in pixels, the rendered window (x, y, width, height) in pixels, and its bins of path
 /// length.
 struct Film {
     size: [u32; 2],
@@ -161,8 +161,7 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
     Ok((pose, 2.0 * lengths[0]))
 }
 
-/// Returns the pose of a camera. If Mitsuba's image is mirrored, left and right are exchanged and a note is
-/// added.
+/// Returns the pose of a camera. If Mitsuba's image is mirrored, exchanges left and right and adds a note.
 fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     unmirrored(importer, node, place)
@@ -178,7 +177,8 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// Creates a device. Errors in the values of the device are located at the Mitsuba plugin.
+/// Creates a device from its pose, resolution and horizontal field of view in degrees. Errors in the device's
+/// values are located at the Mitsuba plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(node.at(fov_x_deg));
@@ -420,8 +420,8 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Returns the horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm
-/// film.
+/// Returns the horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length for 35
+/// mm film.
 pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, InputError> {
     let source = importer.source;
     let axis = node.text(source, "fov_axis")?.unwrap_or("x").to_lowercase();

@@ -174,7 +174,8 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     Ok(EmitterFile::Environment(Box::new(environment)))
 }
 
-/// Orthonormalizes a linear map that only rotates and mirrors. Returns `None` for other maps.
+/// Orthonormalizes a linear map that is a rotation or a reflection within rounding errors. Returns `None` for
+/// other maps.
 fn directions(map: DMat3) -> Option<DMat3> {
     let off = map.transpose() * map - DMat3::IDENTITY;
     let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
@@ -222,7 +223,8 @@ fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputErro
     Ok(())
 }
 
-/// Refuses a plugin that has both the property `a` and the property `b`, because both have the same meaning.
+/// Refuses a plugin that has both property `a` and property `b`, because the two properties have the same
+/// meaning.
 fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), InputError> {
     if node.get(a).is_some() && node.get(b).is_some() {
         return importer.error(
@@ -234,7 +236,7 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
     Ok(())
 }
 
-/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of a projected image points
+/// Returns the image that an emitter projects, if any. In Mitsuba, the v axis of a projected image points
 /// down.
 fn projected<'a>(
     importer: &Importer<'a>,
@@ -248,13 +250,13 @@ fn projected<'a>(
 
 /// Result of converting a Mitsuba projector.
 enum Projected {
-    /// The projector of the scene file, whose pixels are the axis s' of the transport tensor T.
+    /// The projector of the scene file. Its pixels are the axis s' of the transport tensor T.
     Patterns(Box<ProjectorFile>),
     /// An emitter that projects an image.
     Slide(Box<SlideFile>),
 }
 
-/// Converts Mitsuba's `projector`. Mitsuba's irradiance on the plane at 1 m is π times its `scale` ×
+/// Converts Mitsuba's `projector`. In Mitsuba, the irradiance on the plane at 1 m is π × `scale` ×
 /// `irradiance`.
 fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projected, InputError> {
     let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);

@@ -14,8 +14,8 @@ use transport::geometry::mesh::Mesh;
 
 pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
 
-/// Returns the name and the bytes of the file to which a shape refers. The shape must not emit light or have
-/// `flip_normals`.
+/// Returns the name and the bytes of the file to which a shape refers. Returns an error if the shape has an
+/// emitter, a medium or `flip_normals`.
 fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), InputError> {
     let source = importer.source;
     if node.boolean(source, "flip_normals")?.unwrap_or(false) {
@@ -44,8 +44,8 @@ fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     MeshFile { file: node.at(name), index: 0, flat: false, smooth: false, materials: false }
 }
 
-/// Converts `bsplinecurve` and `linearcurve` to the surface of tubes. `place` transforms the points
-/// to the parent's coordinates, but does not scale the radii.
+/// Converts `bsplinecurve` and `linearcurve` to the surfaces of tubes. `place` transforms the points to the
+/// parent's coordinates, but does not scale the radii.
 pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let kind = if node.kind == "linearcurve" { Kind::Linear } else { Kind::BSpline };
@@ -68,7 +68,7 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
     Ok(made(importer, node, &tubes.mesh))
 }
 
-/// Converts `sdfgrid` to the surface at which the distance is zero.
+/// Converts `sdfgrid` to the surface at which the signed distance is zero.
 pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let normals = match node.text(importer.source, "normals")? {

@@ -55,8 +55,8 @@ pub(super) fn plastic<'a>(
     })
 }
 
-/// Converts `principled` to plastic, blended with metal by `metallic` and with rough glass by
-/// `spec_trans`. Also returns whether the material is opaque.
+/// Converts `principled` to a blend of plastic, metal (with the weight `metallic`) and rough glass (with the
+/// weight `spec_trans`). Also returns whether the material is opaque.
 pub(super) fn principled<'a>(
     importer: &mut Importer<'a>,
     table: &mut Table,
@@ -153,7 +153,7 @@ pub(super) fn principled<'a>(
     Ok((body, opaque))
 }
 
-/// Returns the albedo of the body below a coat: the base colour times a factor, at most 1.
+/// Returns the albedo of the body below a coat: the base colour times `factor`, limited to 1.
 fn body_of(
     importer: &mut Importer,
     node: &Node,

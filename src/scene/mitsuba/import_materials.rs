@@ -1,7 +1,7 @@
 //! Converts Mitsuba's BSDFs to materials of a scene file.
 //!
-//! Mitsuba's opaque BSDFs are black from behind unless they are in `twosided`. Opaque BSDFs outside
-//! of `twosided` become `two_sided` with a front material only.
+//! Mitsuba's opaque BSDFs are black from behind unless they are in `twosided`. Opaque BSDFs outside of
+//! `twosided` become `two_sided` materials without a back material.
 
 use super::import_layered;
 use super::import_surfaces::{
@@ -23,7 +23,7 @@ use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
-/// Names of the supported BSDFs, for messages.
+/// Names of the supported BSDFs. Error messages list these names.
 const KNOWN: &str = "diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, \
     pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, \
     bumpmap, null";
@@ -41,7 +41,7 @@ pub(super) struct MaterialReader {
     pub table: Table,
     /// Name of the material made from each BSDF.
     done: BTreeMap<Key, String>,
-    /// Start bytes of the BSDFs that are being read, outermost first.
+    /// Byte offsets at which the BSDFs that are being read begin, outermost first.
     open: Vec<usize>,
 }
 
@@ -62,8 +62,8 @@ pub(super) struct Made {
 }
 
 impl MaterialReader {
-    /// Returns the name of a BSDF's material. `turned` is set for shapes whose v coordinate Mitsuba
-    /// flips. Errors are reported, not returned.
+    /// Returns the name of a BSDF's material. `turned` is true for shapes whose v coordinate Mitsuba flips.
+    /// Errors are recorded, not returned.
     pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node, turned: bool) -> Made {
         let open = self.open.len();
         if node.broken {
@@ -81,8 +81,8 @@ impl MaterialReader {
         Made { name: self.table.of_bare_shapes(), images: false }
     }
 
-    /// Returns the material of a BSDF. Inside of `twosided`, `both` is set and opaque BSDFs are visible from
-    /// both sides. The material is named after the `outer` element if there is one.
+    /// Returns the material of a BSDF. Inside of `twosided`, `both` is true and opaque BSDFs are visible from
+    /// both sides. If `outer` is given and has an id, this id is the material's name.
     fn material<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -356,7 +356,7 @@ impl MaterialReader {
     }
 }
 
-/// Returns the texture of a bump map. The texture's property can have any name.
+/// Returns the texture of a bump map. The texture can have any property name.
 fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     for child in node.children() {
         let inner = importer.resolve(child)?;
@@ -384,7 +384,7 @@ fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputEr
     Ok(file)
 }
 
-/// Returns the BSDF inside of a `twosided` with exactly one BSDF, which is visible from both sides.
+/// If a plugin is a `twosided` with exactly one BSDF, returns this BSDF, which is visible from both sides.
 fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     if node.kind != "twosided" || node.children().len() != 1 {
         return Ok(None);
@@ -395,7 +395,7 @@ fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&
     Ok(Some(inner))
 }
 
-/// Refuses a `twosided` that transmits light.
+/// Refuses a `twosided` with `allow_transmission`.
 fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     if node.boolean(importer.source, "allow_transmission")? == Some(true) {
         return importer.error(

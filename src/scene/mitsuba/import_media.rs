@@ -189,10 +189,10 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
     }))
 }
 
-/// Default bounding box of a volume: lowest and highest x, y, z.
+/// Default bounding box of a volume: the lowest and highest x, y and z, in the volume's coordinates.
 const UNIT: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 
-/// Writes a grid with a single value of 1 to a file next to the scene file.
+/// Returns a grid with a single value of 1, which is written to a file next to the scene file.
 fn one(importer: &mut Importer, node: &Node, place: DAffine3) -> Located<GridFile> {
     let words = [1_i32, 1, 1, 1, 1].map(i32::to_le_bytes);
     let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);

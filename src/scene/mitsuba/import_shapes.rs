@@ -21,7 +21,7 @@ pub(super) struct Readers {
     pub media: MediumReader,
 }
 
-/// Returns the objects of a shape, or of the shapes in a `merge`.
+/// Returns the objects of a shape, or the objects of all shapes in a `merge` shape.
 pub(super) fn all<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
@@ -204,7 +204,7 @@ fn objects<'a>(
     Ok(vec![object])
 }
 
-/// Returns whether a map scales all directions equally.
+/// Returns whether a map preserves all angles, that is, scales all directions equally.
 fn is_similarity(map: &DAffine3) -> bool {
     let m = map.matrix3;
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
@@ -214,8 +214,8 @@ fn is_similarity(map: &DAffine3) -> bool {
     even(y) && even(z) && square(x, y) && square(y, z) && square(z, x)
 }
 
-/// Returns the map that Mitsuba applies to a sphere with non-uniform scale. The map keeps the centre and the
-/// handedness, and applies the scale along x to all axes.
+/// Returns the map that Mitsuba applies to a sphere with non-uniform scale. The map preserves the centre and
+/// the handedness, and applies the scale along x to all axes.
 fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
     let scale = map.matrix3.x_axis.length();
     let sign = map.matrix3.determinant().signum();

@@ -1,5 +1,5 @@
-//! Converts values that several of Mitsuba's BSDFs use: metals, refractive indices, facets, and values that
-//! can be images.
+//! Converts the values that several of Mitsuba's BSDFs use: metals, refractive indices, facets, and values
+//! that can be images.
 
 use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
@@ -17,7 +17,8 @@ pub(super) const SMOOTH: f64 = 0.001;
 /// Texture coordinate convention of a shape, and whether the current material depends on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coordinates {
-    /// Whether Mitsuba's v coordinate is 1 minus Sunstone's. Mitsuba flips v of OBJ files when it reads them.
+    /// Whether Mitsuba's v coordinate is 1 minus Sunstone's v coordinate. Mitsuba flips v of OBJ files when
+    /// it reads them.
     pub turned: bool,
     pub images: bool,
 }
@@ -46,8 +47,8 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// Returns the metal for Mitsuba's conductor. The defaults η = 0 and k = 1 apply to a conductor without a
-/// material, or with `none`, and reflect all light.
+/// Returns the metal for Mitsuba's conductor. The defaults η = 0 and k = 1 reflect all light. They apply to a
+/// conductor whose `material` is absent or `none`.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -79,7 +80,7 @@ pub(super) fn metal<'a>(
     }
 }
 
-/// Refuses a factor other than 1, because Sunstone's material does not have the factor.
+/// Refuses the factor `name` of a BSDF if it is not 1, because Sunstone's material does not have this factor.
 pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None => Ok(()),
@@ -111,7 +112,7 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
     p.value.number().ok_or_else(error)
 }
 
-/// Returns the refractive indices inside and outside of a dielectric. `default` applies to the inside. The
+/// Returns the refractive indices inside and outside of a dielectric. `inside` is the default inside. The
 /// default outside is air.
 pub(super) fn indices(
     importer: &Importer,
@@ -122,7 +123,7 @@ pub(super) fn indices(
     Ok([at(index(importer, node, "int_ior", inside)?), at(index(importer, node, "ext_ior", 1.000_277)?)])
 }
 
-/// Returns the angle of a sheet in degrees, in Mitsuba's sense of rotation.
+/// Returns the angle of a polarizer or retarder sheet in degrees, in Mitsuba's sense of rotation.
 pub(super) fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError> {
     let Some(p) = node.get("theta") else {
         return Ok(0.0);
@@ -137,7 +138,7 @@ pub(super) struct Facets {
     pub masking: Masking,
 }
 
-/// Returns the GGX facets of a rough surface, with Mitsuba's separable masking.
+/// Returns the facets (GGX or Beckmann) of a rough surface, with Mitsuba's separable masking.
 pub(super) fn facets<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -194,7 +195,8 @@ fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     }
 }
 
-/// Returns the isotropic roughness that is closest to separate roughnesses along texture coordinates u and v.
+/// Returns the isotropic roughness that replaces separate roughnesses along the texture coordinates u and v:
+/// their geometric mean.
 fn round(
     importer: &mut Importer,
     node: &Node,
@@ -226,7 +228,7 @@ fn round(
     Ok(u)
 }
 
-/// A value that varies over a surface.
+/// A texture: a value that varies over a surface.
 enum Pattern {
     Image(ImageAlbedo),
     Checkerboard(CheckerboardFile),
@@ -363,8 +365,8 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// Converts Mitsuba's `bitmap` texture to an image. If `number` is true, the result is an image of numbers,
-/// which are the luminance of the colours as in Mitsuba.
+/// Converts Mitsuba's `bitmap` texture to an image. If `number` is true, the result is an image of numbers.
+/// Each number is the luminance of the colour, as in Mitsuba.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,

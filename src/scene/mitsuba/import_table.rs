@@ -28,7 +28,7 @@ impl Table {
         node.at(name)
     }
 
-    /// Adds a material as [`Self::add`] does, for a material that is black from behind.
+    /// Adds a material as [`Self::add`] does, and makes it black from behind.
     pub fn add_front(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
         let front = self.add(node, &format!("{name}_front"), material);

@@ -18,7 +18,7 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// Whether a spectrum has been read that Mitsuba's RGB variants would convert to a colour.
+    /// Whether the import has read a spectrum that Mitsuba's RGB variants would convert to a colour.
     pub spectral: Cell<bool>,
     /// Files that exist in memory only.
     pub files: &'a BTreeMap<String, Vec<u8>>,
@@ -115,7 +115,7 @@ impl<'a> Importer<'a> {
         relative(&self.to, &self.path(name)).to_string_lossy().into_owned()
     }
 
-    /// Returns the file name that a plugin contains. `what` names the plugin in messages.
+    /// Returns the value of a plugin's `filename`. `what` describes the plugin in messages.
     pub fn filename<'n>(&self, node: &'n Node, what: &str) -> Result<&'n str, InputError> {
         let fix = "add <string name=\"filename\">";
         let missing = || self.source.error(&node.span, format!("the {what} has no filename"), fix);
@@ -156,7 +156,8 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Returns a spectrum (one number, one per wavelength, or a table), or `None` if the property is absent.
+    /// Returns the spectrum of a property (one number, one number per wavelength, or a table), or `None` if
+    /// the property is absent.
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
@@ -202,7 +203,8 @@ impl<'a> Importer<'a> {
         Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
     }
 
-    /// Returns the constant value of a property's plugin, or `None` if the plugin is not uniform.
+    /// Returns the number of a property that is a uniform plugin, or `None` if no plugin has the name of the
+    /// property. A plugin that is not uniform causes an error.
     pub fn uniform(&self, node: &Node, name: &str) -> Result<Option<f64>, InputError> {
         let Some(child) = node.named(name) else {
             return Ok(None);
@@ -216,8 +218,8 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Converts wavelength–value pairs to a table. Outside the pairs, Mitsuba's spectra are zero and
-    /// Sunstone's are constant.
+    /// Converts wavelength–value pairs to a table. Outside the range of the pairs, Mitsuba's spectra are zero
+    /// and Sunstone's spectra are constant.
     fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<SpectrumFile, InputError> {
         self.spectral.set(true);
         let covers =

@@ -1,8 +1,8 @@
 //! Reads a Python dictionary of Mitsuba (`mi.load_dict`), written as JSON, to a tree of plugins.
 //!
-//! A dictionary with a `type` is a plugin. `rgb`, `spectrum` and `ref` are values as in XML. A list of three
-//! numbers is a vector. A list of four rows of four numbers (three rows of three in `to_uv`) is a transform,
-//! as returned by `T.matrix.numpy().tolist()`.
+//! A dictionary with a `type` is a plugin. Dictionaries of type `rgb`, `spectrum` or `ref` are values, as in
+//! XML. A list of three numbers is a vector. A list of four rows of four numbers (three rows of three in
+//! `to_uv`) is a transform, as returned by `T.matrix.numpy().tolist()`.
 
 use super::plugins;
 use super::source::Source;
@@ -15,7 +15,7 @@ use std::ops::Range;
 
 const DEEPEST: usize = 32;
 
-/// Returns the `scene` plugin of a text.
+/// Returns the `scene` plugin that a JSON text contains.
 ///
 /// # Errors
 /// Returns [`InputError`] with a location if the text contains no scene. Errors inside the scene are

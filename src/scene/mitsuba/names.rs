@@ -1,9 +1,9 @@
 //! Names used by both import and export.
 
-/// Name of the `<default>` that holds the wavelengths of a scene, which Mitsuba does not use.
+/// Name of the `<default>` that contains the wavelengths of a scene. Mitsuba ignores this `<default>`.
 pub(super) const WAVELENGTHS: &str = "wavelengths_nm";
 
-/// Name of the `<default>` that holds the projector's resolution, which Mitsuba does not use.
+/// Name of the `<default>` that contains the projector's resolution. Mitsuba ignores this `<default>`.
 pub(super) const PROJECTOR_RESOLUTION: &str = "projector_resolution";
 
 /// Returns the first name of `base`, `base_2`, `base_3`, … that is not taken.
@@ -18,8 +18,8 @@ pub(super) fn free(base: &str, is_taken: impl Fn(&str) -> bool) -> String {
     name
 }
 
-/// Replaces characters other than letters, digits, `_` and `-`, so that the name needs no quotes in XML and
-/// TOML.
+/// Replaces characters other than ASCII letters, digits, `_` and `-` by `_`, so that the name needs no quotes
+/// in XML and TOML.
 pub(super) fn plain(name: &str) -> String {
     if name.is_empty() {
         return "material".into();

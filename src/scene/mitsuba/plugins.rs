@@ -1,4 +1,5 @@
-//! Categories of Mitsuba's plugins (`bsdf`, `shape`, …). Python dictionaries omit the category.
+//! Lists the category (`bsdf`, `shape`, …) of each of Mitsuba's plugins, because Python dictionaries omit the
+//! category.
 
 pub(super) fn tag(plugin: &str) -> Option<&'static str> {
     let found = PLUGINS.iter().find(|(_, names)| names.split(' ').any(|name| name == plugin));

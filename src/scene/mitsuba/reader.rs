@@ -6,7 +6,7 @@
 //! - Nested transforms, in which each operation applies after the previous operations.
 //! - Values separated by spaces or commas.
 //!
-//! Errors are recorded and reading continues.
+//! The parser records errors and continues.
 
 use super::folders::{Alias, Folders, read_text};
 use super::source::{Source, parse};
@@ -22,14 +22,15 @@ const DEEPEST: usize = 32;
 /// Maximum nesting depth of included files, as in Mitsuba.
 const MOST_INCLUDES: usize = 15;
 
-/// Parses `#rrggbb` as older versions of Mitsuba do, with bytes divided by 255 as linear values.
+/// Parses the colour `#rrggbb` as older versions of Mitsuba do: each byte divided by 255 is a linear value.
 fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     let digits = text.trim().strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
     let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok();
     Some([byte(0)?, byte(2)?, byte(4)?].map(|b| f64::from(b) / 255.0))
 }
 
-/// Converts a name to the spelling of Mitsuba 2 and 3: `toWorld` to `to_world`, `intIOR` to `int_ior`.
+/// Converts a name to the spelling of Mitsuba 2 and 3, such as `toWorld` to `to_world` and `intIOR` to
+/// `int_ior`.
 fn snake(name: &str) -> String {
     let mut out = String::new();
     let mut after_lower = false;
@@ -45,8 +46,8 @@ fn snake(name: &str) -> String {
     out
 }
 
-/// Replaces the names in a plugin of a Mitsuba 0.x scene by current names, as Mitsuba 3 does
-/// (`upgrade_from_v1` in `parser.cpp`).
+/// Replaces the names of properties and children in a plugin of a Mitsuba 0.x scene by current names, as
+/// Mitsuba 3 does (`upgrade_from_v1` in `parser.cpp`).
 fn upgrade(node: &mut Node) {
     let diffuse = node.kind == "diffuse";
     let upgraded = |name: &str| match snake(name) {
@@ -117,10 +118,10 @@ pub(super) struct Reader<'s> {
     /// Additional ids of elements.
     pub aliases: Vec<Alias>,
     pub folders: Folders,
-    /// Notes for the user about contents that are interpreted in an unexpected way.
+    /// Notes for the user about contents whose interpretation may be unexpected.
     pub notes: Vec<String>,
     folder: PathBuf,
-    /// Whether the current file is of Mitsuba 0.x, so that its names must be converted.
+    /// Whether the current file has the format of Mitsuba 0.x, so that its names must be converted.
     old: bool,
 }
 
@@ -418,7 +419,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// Reads pairs of wavelength and value, one per line. The character `#` starts a comment.
+    /// Reads a file with one pair of wavelength and value per line. The character `#` starts a comment.
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {
@@ -580,8 +581,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Returns an attribute with `$name` replaced. Longer parameter names have precedence. A backslash
-    /// escapes the dollar sign.
+    /// Returns the value of an attribute after replacing each `$name` by the value of the parameter. If
+    /// several parameter names match, the longest is used. A backslash escapes the dollar sign.
     fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, InputError> {
         let Some(text) = xml.attribute(key) else {
             return Ok(None);

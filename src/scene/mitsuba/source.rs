@@ -1,4 +1,4 @@
-//! The text of a Mitsuba scene, with included files, and the errors found in the texts.
+//! Stores the texts of a Mitsuba scene and its included files, and the errors in these texts.
 //!
 //! Locations are byte offsets into the concatenation of all texts in reading order. One number therefore
 //! identifies both the file and the offset in the file.
@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Maximum number of errors that are reported.
+/// Maximum number of errors that are recorded.
 const MOST_PROBLEMS: usize = 50;
 
 const MOST_NODES: u32 = 4_000_000;
@@ -20,7 +20,7 @@ struct Text {
     text: Arc<str>,
 }
 
-/// All files, beginning with the main file, and all recorded errors.
+/// The texts of all files, beginning with the main file, and all recorded errors.
 #[derive(Default)]
 pub(super) struct Source {
     texts: RefCell<Vec<Text>>,
@@ -120,7 +120,8 @@ pub(super) fn parse<'t>(
     })
 }
 
-/// Returns the byte offset of a line and a column (from 1, in characters).
+/// Returns the byte offset of a position that is given by line and column, both counted from 1. Columns are
+/// in characters.
 fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
     let mut line_start = 0;
     for _ in 1..pos.row {

@@ -1,4 +1,4 @@
-//! The contents of a Mitsuba scene: plugins with typed properties, each with its location.
+//! Represents the contents of a Mitsuba scene as plugins with typed properties. Each property has a location.
 //!
 //! Properties are requested by name. A property that is never requested is an error
 //! ([`Node::finish`]), so no property is ignored silently.
@@ -41,10 +41,10 @@ pub(super) struct Property {
     used: Cell<bool>,
 }
 
-/// A plugin: an element with a type.
+/// A plugin, that is, an XML element with a type.
 #[derive(Debug)]
 pub(super) struct Node {
-    /// XML tag: `bsdf`, `shape`, …
+    /// XML tag, such as `bsdf` or `shape`.
     pub tag: String,
     /// The value of `type`, or `scene` for the root.
     pub kind: String,

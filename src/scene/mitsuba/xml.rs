@@ -3,7 +3,7 @@
 use glam::DAffine3;
 use std::fmt::Write;
 
-/// An XML element: its attributes in order, and its contents.
+/// An XML element with its attributes, in order, and its contents.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     tag: &'static str,
@@ -22,7 +22,7 @@ impl Element {
         Self { tag, attributes: vec![], inside: vec![] }
     }
 
-    /// Creates an element with a plugin type.
+    /// Creates the element of a plugin, whose attribute `type` is `kind`.
     pub fn plugin(tag: &'static str, kind: &str) -> Self {
         Self::new(tag).with("type", kind)
     }
@@ -70,7 +70,7 @@ impl Element {
         self.property("string", name, value)
     }
 
-    /// Adds a child `<transform>` with the row-major matrix of a map.
+    /// Adds a child `<transform>` with the row-major matrix of an affine map.
     pub fn transform(self, name: &str, map: &DAffine3) -> Self {
         let m = map.matrix3;
         let mut value = String::new();
@@ -143,8 +143,8 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// Makes a comment valid: a comment must not contain two adjacent hyphens or end with a hyphen. The
-/// caller adds a space after the text.
+/// Makes the text of a comment valid. An XML comment must not contain two adjacent hyphens or end with a
+/// hyphen. The caller adds a space after the text.
 fn comment(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {

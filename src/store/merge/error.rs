@@ -18,8 +18,8 @@ pub enum MergeError {
         "{first} and {second} are renders of different scenes (`scene_sha256` differs): merge renders of one scene"
     )]
     Scenes { first: PathBuf, second: PathBuf },
-    /// The stores were rendered with different integrators, so some stores may lack light that others
-    /// contain.
+    /// The stores were rendered with different integrators, so one store may contain light that is missing in
+    /// another store.
     #[error(
         "{first} and {second} were rendered with different integrators: merge renders with the same integrator (`sunstone render --integrator`)"
     )]
@@ -60,7 +60,7 @@ impl From<JoinError> for MergeError {
 }
 
 impl MergeError {
-    /// Returns whether the cause is a system error and not the inputs.
+    /// Returns whether the cause is a system error and not an invalid input.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

@@ -1,8 +1,8 @@
 //! Joins the parts of one render tile by tile. The result equals the whole render byte for byte.
 //!
 //! Each tile belongs to one part, so no values are summed. A chunk that belongs to one part is copied. A
-//! chunk that is not aligned with tiles can belong to several parts. If a chunk belongs to several parts, the
-//! chunk is assembled from elements, each of which belongs to one part.
+//! chunk that is not aligned with tiles can belong to several parts. Each element of this chunk belongs to
+//! one part, so the chunk is assembled element by element.
 
 mod error;
 mod set;
@@ -48,8 +48,8 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     TensorStore::create_from(out, &layouts, &attributes(&parts), grid, replace, Some(&origin), fill).map(drop)
 }
 
-/// Returns the attributes of the whole render. Attributes that are common to all parts are kept. All other
-/// attributes are summed over the parts.
+/// Returns the attributes of the whole render. The attributes `discarded_samples`, `rays` and `wall_time_s`
+/// are summed over the parts. All other attributes are common to all parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = all[0].clone();

@@ -55,10 +55,10 @@ fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     Ok(all)
 }
 
-/// Returns the errors and variances of a slice's pixels, estimated from all rounds.
+/// Returns the relative error and the sample count of each lit pixel of a slice, estimated from all rounds.
 ///
 /// A pixel is lit if its total is at least 1 % of the 99th percentile of all totals. The total of a pixel is
-/// M00, summed over all entries of the slice and averaged over wavelengths. The error of a pixel is the
+/// M00, summed over all entries of the pixel and averaged over wavelengths. The error of a pixel is the
 /// standard error of the total divided by the total.
 ///
 /// # Errors
@@ -123,7 +123,7 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     Ok(Survey { lit, tiles, across })
 }
 
-/// Pools all rounds into a new store `out` with additional root attributes `extra`. An existing store is
+/// Pools all rounds into a new store `out`, and adds the root attributes `extra`. An existing store is
 /// replaced only if `replace` is true.
 ///
 /// # Errors

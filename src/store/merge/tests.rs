@@ -1,4 +1,4 @@
-//! Compares pooled values with the values of all samples together.
+//! Compares pooled values with the values that all samples together have.
 
 use super::*;
 use crate::damage::copy;
@@ -41,7 +41,7 @@ fn statistics(values: &[f64]) -> (f32, f32) {
     (mean as f32, if n > 1.0 { (m2 / (n * (n - 1.0))).sqrt() as f32 } else { 0.0 })
 }
 
-/// Writes a store whose elements contain the samples `from..from + n`.
+/// Writes a store whose elements contain the values of the samples with the indices `from..from + n`.
 fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
     let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
         "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
@@ -190,8 +190,8 @@ fn different_scenes_and_equal_seeds_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// Verifies that a store whose row coordinates do not increase is refused when its slice is opened, and
-/// that the message names the store.
+/// Verifies that a slice whose row coordinates do not increase cannot be opened, and that the message
+/// contains the path of the store.
 #[test]
 fn rows_that_do_not_increase_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -210,8 +210,8 @@ fn rows_that_do_not_increase_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// Verifies that a merge that is interrupted at any chunk leaves no store. Verifies that the next merge
-/// resumes the work and gives the same bytes.
+/// Verifies that no store exists after a merge that is interrupted at any chunk. Verifies that the next merge
+/// resumes the work and writes the same bytes as a merge without interruption.
 #[test]
 fn an_interrupted_merge_resumes() {
     let dir = tempfile::tempdir().unwrap();

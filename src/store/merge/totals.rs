@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
-/// Returns the total of every camera element, row-major: M00 summed over all other axes, averaged over
-/// wavelengths.
+/// Returns the total of every camera element, row-major. A total is M00, summed over all other axes and
+/// averaged over wavelengths.
 pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
     let shape = slice.field_layout(Field::TotalStdError)?.shape();
     let mut totals = vec![0.0; shape.iter().product::<u64>() as usize];

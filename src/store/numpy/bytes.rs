@@ -1,4 +1,4 @@
-//! The bytes of an array's elements, either in the file or in memory.
+//! Provides the bytes of an array's elements, either from the file or from memory.
 
 use base::positioned;
 use std::fs::File;
@@ -7,7 +7,8 @@ use std::io;
 #[derive(Debug)]
 pub(super) enum Bytes {
     File(File),
-    /// Elements in memory, reordered to row-major order because the file's array is in column-major order.
+    /// Elements in memory, for an array in column-major order. The elements have been reordered to row-major
+    /// order.
     Memory(Vec<u8>),
 }
 
@@ -25,7 +26,7 @@ impl Bytes {
     }
 }
 
-/// Reorders elements of `size` bytes from column-major to row-major order, or `None` if memory is
+/// Returns elements of `size` bytes, reordered from column-major to row-major order, or `None` if memory is
 /// insufficient.
 pub(super) fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
     let mut out = vec![];

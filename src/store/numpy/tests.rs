@@ -1,4 +1,4 @@
-//! Tests with files written by NumPy and with damaged files.
+//! Tests the reader with files written by NumPy and with damaged files.
 
 use super::*;
 use proptest::prelude::*;
@@ -50,7 +50,8 @@ fn written_arrays_are_read_back() {
     }
 }
 
-/// Verifies that other number types are read, and that unsupported types are refused with a fix.
+/// Verifies that number types other than `f32` are read, and that the error for an unsupported type contains
+/// a fix.
 #[test]
 fn number_types_are_converted_or_refused() {
     let of = |kind: &str, order: &str, data: &[u8]| {
@@ -94,8 +95,8 @@ fn archives_hold_arrays() {
 }
 
 proptest! {
-    /// Verifies that damaged files are refused or read, without panics and without allocations of the
-    /// claimed sizes.
+    /// Verifies that damaged files are refused or read without a panic, and without allocating the size that
+    /// a damaged header states.
     #[test]
     fn damaged_files_never_panic(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
         let mut all = bytes(&example());

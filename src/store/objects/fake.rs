@@ -1,4 +1,4 @@
-//! Object stores in memory, for tests:
+//! Implements object stores in memory for tests:
 //! - `memory://NAME/..` has no faults.
 //! - `flaky://NAME/..` loses responses to conditional puts.
 //! - `mortal://NAME/..` makes a limited number of changes and then fails, like a killed process.
@@ -16,7 +16,7 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 pub(crate) struct Bucket {
     objects: Mutex<BTreeMap<String, (Bytes, u64)>>,
     version: AtomicU64,
-    /// Number of changes that `mortal://` still makes before it fails.
+    /// Number of further changes that `mortal://` makes before it fails.
     life: Arc<AtomicI64>,
     requests: AtomicU64,
 }
@@ -28,7 +28,7 @@ pub(crate) fn memory(name: &str) -> Arc<Bucket> {
     all.entry(name.to_owned()).or_default().clone()
 }
 
-/// Returns the number of changes that `mortal://NAME/..` still makes before it fails.
+/// Returns the number of further changes that `mortal://NAME/..` makes before it fails.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     memory(name).life.clone()
 }
@@ -53,7 +53,7 @@ pub(crate) fn upload(folder: &Path, name: &str, path: &str) {
     }
 }
 
-/// Opens a URL of a test. Returns `None` for other schemes.
+/// Opens a URL with one of the test schemes. Returns `None` for other schemes.
 pub(super) fn open(scheme: &str, address: &Path) -> Option<Arc<dyn ObjectClient>> {
     let kind = match scheme {
         "memory" => Kind::Sound,
@@ -102,7 +102,7 @@ impl Fake {
         format!("{}{key}", self.below)
     }
 
-    /// Counts a request and its changes. Refuses the request after the last allowed change.
+    /// Counts a request and its changes. Refuses the request if no more changes are allowed.
     fn request(&self, changes: i64) -> Result<(), Refusal> {
         self.bucket.requests.fetch_add(1, Ordering::Relaxed);
         if matches!(self.kind, Kind::Mortal) && self.bucket.life.fetch_sub(changes, Ordering::Relaxed) <= 0 {

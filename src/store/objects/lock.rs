@@ -1,10 +1,11 @@
-//! The lock of a store at a URL: an object that only one process can create, and that its holder renews.
+//! Implements the lock of a store at a URL. The lock is an object that only one process can create, and that
+//! its holder renews.
 //!
-//! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock every third
-//! of the lease. A process that finds a lock watches the lock for one lease. If the lock is not renewed
-//! within one lease, the holder has ended. The watching process then takes over the lock with a put that is
+//! The lock is created with a conditional put (`If-None-Match: *`). The holder rewrites the lock three times
+//! per lease. A process that finds a lock watches the lock for one lease. If the lock is not renewed within
+//! one lease, the holder has ended. The watching process then takes over the lock with a put that is
 //! conditional on the watched version (`If-Match`). Clocks of different machines are never compared. A holder
-//! whose last renewal began more than a lease ago does not write.
+//! whose last renewal began more than one lease ago does not write to the store.
 
 use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
@@ -19,12 +20,12 @@ use std::time::{Duration, Instant, SystemTime};
 /// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
 /// Default lease: the time after which a lock without renewal expires. The environment variable
-/// `SUNSTONE_LEASE_S` overrides the lease, in seconds.
+/// `SUNSTONE_LEASE_S` overrides the default, in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
 /// Minimum and maximum lease in seconds.
 const LEASES: [f64; 2] = [1.0, 3600.0];
-/// Number of times that a watched lock is read during one lease.
+/// Number of times that a watching process reads a lock during one lease.
 const LOOKS: u32 = 10;
 
 /// Returns the lease of the locks that this process takes.
@@ -40,7 +41,7 @@ fn believed(seconds: f64) -> Duration {
 /// The reason why a lock was not taken.
 #[derive(Debug)]
 pub(crate) enum NoLock {
-    /// Another process holds the lock. Contains the name of the holder.
+    /// Another process holds the lock. The value is the name of the holder.
     Held(String),
     /// The object store refused the request.
     Refused(Refusal),
@@ -52,12 +53,12 @@ impl From<Refusal> for NoLock {
     }
 }
 
-/// The time until which a lock is certainly held, or `None` after the lock is lost.
+/// The time until which this process certainly holds a lock, or `None` after the lock is lost.
 #[derive(Debug)]
 pub(crate) struct Hold(Mutex<Option<Instant>>);
 
 impl Hold {
-    /// Returns the time, from now, during which the lock is certainly held.
+    /// Returns the remaining time during which the lock is certainly held.
     fn left(&self) -> Duration {
         let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()))
@@ -108,8 +109,8 @@ impl Owner {
             .into()
     }
 
-    /// Returns whether this owner wrote a lock's object. If the response to a put was lost, the repeated
-    /// put finds the object of the first put.
+    /// Returns whether this owner wrote a lock's object, given the object's bytes. If the response to a put
+    /// is lost, the repeated put finds the object of the first put.
     fn wrote(&self, bytes: &[u8]) -> bool {
         parse(bytes)["key"] == self.key.as_str()
     }
@@ -172,7 +173,8 @@ impl Drop for ObjectLock {
     }
 }
 
-/// Creates or takes over the object of a lock. Returns the object's version and the start time of the lock.
+/// Creates the object of a lock, or takes over an expired lock. Returns the object's version and the start
+/// time of the lock.
 fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLock> {
     'free: loop {
         let begun = Instant::now();

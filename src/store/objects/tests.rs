@@ -11,7 +11,7 @@ fn below(address: &str) -> Objects {
     Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
-/// Lease of the tests, long enough for a busy machine to renew the lock.
+/// Lease of the tests. The lease is long enough for a busy machine to renew the lock.
 const LEASE: Duration = Duration::from_millis(1500);
 
 #[test]

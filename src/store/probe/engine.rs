@@ -10,11 +10,11 @@ use tensor::axes::{Axis, AxisKind};
 use tensor::field::Field;
 use tensor::region;
 
-/// Number of sums above which the allocation is tested before it is made, because a failed `vec!` aborts
-/// the process.
+/// Number of sums above which the engine tests whether memory suffices before the allocation, because a
+/// failed `vec!` aborts the process.
 const LARGE: usize = 1 << 25;
 
-/// Maximum number of boxes that are fetched ahead.
+/// Maximum number of boxes whose chunks are fetched in advance.
 const AHEAD: usize = 64;
 
 /// Half-open ranges of entries, one per axis.
@@ -23,12 +23,12 @@ type Ranges = Vec<(usize, usize)>;
 /// Weighted sums for the camera pixels of one block.
 struct Partial {
     mean: Vec<f64>,
-    /// Bound Σ|w|·se on the standard errors of the sums.
+    /// Upper bound Σ|w|·se of the standard error of each sum.
     bound: Vec<f64>,
 }
 
-/// Returns the mean, the standard error and, with a pulse, the light that the pulse shifted out of the
-/// stored time bins.
+/// Returns the mean and the standard error of the result. With a pulse, also returns the mean of the light
+/// that the pulse shifted out of the stored time bins.
 pub(super) fn run(
     plan: &Plan,
     slice: &StoredSlice,
@@ -96,7 +96,7 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-/// Iterates over all boxes that combine one range per axis. The last axis varies fastest.
+/// Iterates over all boxes that consist of one range per axis. The last axis varies fastest.
 fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
     let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
     region::indices(&vec![0; counts.len()], &counts)
@@ -138,8 +138,8 @@ fn gather(
     Ok(partial)
 }
 
-/// Returns the first axis and the number of values of a run. A run combines the trailing axes that are kept
-/// unchanged and lie completely in the box.
+/// Returns the index of the first axis of a run, and the number of values in the run. A run combines the
+/// trailing axes that the probe keeps unchanged and that lie completely in the box.
 fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     let (mut tail, mut run) = (ranges.len(), 1);
     while tail > camera {
@@ -175,7 +175,8 @@ fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec
     all
 }
 
-/// Returns the position of the axis v, and the weights of the box's entries (v, u).
+/// Returns the index of the axis v, and the pattern's weights of the box's entries (v, u). Returns `None` if
+/// no pattern contracts these axes.
 fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     let weights = plan.joint.as_ref()?;
     let v = plan.axes.iter().position(|a| a.kind == AxisKind::V)?;
@@ -184,7 +185,7 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     Some((v, (ranges[v].0..ranges[v].1).flat_map(row).copied().collect()))
 }
 
-/// One box of values, with the targets of the values in the sums.
+/// One box of values, with the targets of these values in the sums.
 struct Walk {
     /// Targets of the entries of all axes except the trailing axes that form a run.
     targets: Vec<Vec<Vec<Share>>>,
@@ -224,8 +225,8 @@ impl Walk {
     }
 }
 
-/// Converts the sums to f32 tensors, and splits off the slot for light that the pulse shifted out of the
-/// stored time bins.
+/// Converts the sums to an f32 tensor. With a pulse, returns the light that the pulse shifted out of the
+/// stored time bins as a second tensor.
 fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
     let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor { name: name.to_owned(), axes, data };
     if !plan.convolved {

@@ -44,7 +44,7 @@ pub enum ProbeError {
 }
 
 impl ProbeError {
-    /// Returns whether the cause is a system error and not the probe.
+    /// Returns whether the cause is a system error and not an invalid probe.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Access(e) => e.is_of_system(),

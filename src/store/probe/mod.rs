@@ -7,8 +7,8 @@
 //!   Σ_{s,s',t} T(s,s',:,:,t).
 //!
 //! All steps are linear, so a probe is one weighted sum. The sum is computed in f64 in a fixed order, so
-//! the result does not depend on the number of threads. Memory contains the result and, per thread, one row
-//! of chunks of camera pixels.
+//! the result does not depend on the number of threads. Memory usage is limited to the result and, per
+//! thread, one row of chunks of camera pixels.
 //!
 //! **Standard errors.** Elements of one camera pixel are estimated from the same samples and may be
 //! correlated in any way. The standard error of a weighted sum over elements of one pixel has the bound

@@ -1,4 +1,5 @@
-//! Parses a probe's arguments: `y=128`, `t=1000:2000`, `stokes_in=s1`, `gaussian:50`, `t,bounces`.
+//! Parses the arguments of a probe, such as `y=128`, `t=1000:2000`, `stokes_in=s1`, `gaussian:50` and
+//! `t,bounces`.
 
 use std::str::FromStr;
 
@@ -26,7 +27,7 @@ fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
     )
 }
 
-/// Parses a finite coordinate, or the name of a Stokes element, a component or a path label.
+/// Parses a finite coordinate, or the name of a Stokes element, a component or a set of path labels.
 fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError> {
     let word = word.trim();
     let labels: &[&str] = match axis {
@@ -106,8 +107,8 @@ pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
     text.split(',').map(|name| axis(text, name)).collect()
 }
 
-/// Parses a Stokes vector: four numbers `s0,s1,s2,s3`, or one of `unpolarized`, `horizontal`, `vertical`,
-/// `plus45`, `minus45`, `right`, `left` (unit power).
+/// Parses a Stokes vector. The text is four numbers `s0,s1,s2,s3`, or the name of a state with s0 = 1:
+/// `unpolarized`, `horizontal`, `vertical`, `plus45`, `minus45`, `right` or `left`.
 ///
 /// # Errors
 /// Returns an error if the text has neither form.

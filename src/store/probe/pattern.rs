@@ -1,4 +1,5 @@
-//! Drive images for the projector, and the projector pixels that each entry of the axes v and u contains.
+//! Represents drive images of the projector, and finds the projector pixels that each entry of the axes v and
+//! u contains.
 
 use tensor::axes::boxes;
 
@@ -22,7 +23,8 @@ impl Pattern {
         self.values.iter().all(|v| *v == 1.0)
     }
 
-    /// Returns the mean drive of a box of pixels, given as (first, last) column and row.
+    /// Returns the mean drive of a box of pixels. `columns` and `rows` are the first and last column and row,
+    /// both included.
     pub(super) fn mean(&self, columns: (u32, u32), rows: (u32, u32)) -> f64 {
         let mut sum = 0.0;
         for y in rows.0..=rows.1 {
@@ -38,8 +40,9 @@ impl Pattern {
 /// entries. `bin` is the number of pixels per bin if known (attribute `projector_bin`). `total` is the number
 /// of pixels along the axis.
 ///
-/// If `bin` is unknown, consecutive integer coordinates are single pixels, and fractional coordinates are
-/// bins that tile the axis from pixel 0. Integer coordinates with gaps are ambiguous and are refused.
+/// If `bin` is unknown, consecutive integer coordinates represent single pixels. Fractional coordinates
+/// represent bins that cover the axis without gaps from pixel 0. Integer coordinates with gaps are ambiguous
+/// and are refused.
 pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec<(u32, u32)>, String> {
     let whole = coords.iter().all(|c| c.fract() == 0.0);
     let consecutive = coords.windows(2).all(|w| w[1] - w[0] == 1.0);

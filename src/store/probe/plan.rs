@@ -1,4 +1,5 @@
-//! Converts a probe of a slice to one weighted sum, with targets and weights for every entry of every axis.
+//! Converts a probe of a slice to one weighted sum. The sum has targets and weights for every entry of every
+//! axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -10,17 +11,17 @@ use tensor::field::Field;
 
 /// Maximum number of elements of a result.
 const MAX_ELEMENTS: u128 = 1 << 30;
-/// Maximum number of time bins of a pulse.
+/// Maximum duration of half a pulse in time bins. A pulse has at most 2 × `MAX_KERNEL` + 1 samples.
 const MAX_KERNEL: f64 = 1e6;
 
-/// An entry's share in the result: the index of the target slot along an axis, and the entry's weight.
+/// An entry's contribution to the result: the index of the target slot along an axis, and the entry's weight.
 pub(super) type Share = (usize, f64);
 
 pub(super) struct AxisPlan {
     pub(super) kind: AxisKind,
     /// Index of the first entry to read.
     pub(super) first: usize,
-    /// Index after the last entry to read.
+    /// Index of the last entry to read, plus 1.
     pub(super) end: usize,
     /// Targets and weights of each of the entries `first..end`.
     pub(super) targets: Vec<Vec<Share>>,
@@ -48,7 +49,7 @@ enum Step {
     Range { first: usize, end: usize, drop: bool },
     /// Contracts the axis with one weight per entry.
     Weights(Vec<f64>),
-    /// Contracts the axis with weight 1 per entry, because the weights are in `joint`.
+    /// Contracts the axis with weight 1 per entry, because `joint` contains the weights.
     Joint,
 }
 
@@ -118,8 +119,8 @@ fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
     AxisPlan { kind, first, end: first + targets.len(), targets, slots: 1 }
 }
 
-/// Returns the plan that convolves time bins with the kernel. Light that leaves the stored bins is added to
-/// the last slot. Light in stored bins that are not selected is ignored.
+/// Returns the plan of the time axis that convolves the time bins with the kernel. Light that leaves the
+/// stored bins is added to the last slot. Light in stored bins that are not selected is ignored.
 fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, keep: bool) -> AxisPlan {
     let slots = if keep { range.len() + 1 } else { 2 };
     let targets = (0..bins)
@@ -146,7 +147,7 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
     AxisPlan { kind: AxisKind::T, first: 0, end: bins, targets, slots }
 }
 
-/// Returns the pulse as pairs of delay (in bins) and weight. The sum of the weights is 1.
+/// Returns the pulse as pairs of delay (in time bins) and weight. The sum of the weights is 1.
 fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeError> {
     let fault = |reason: &str| Err(ProbeError::Pulse { slice: layout.name.clone(), reason: reason.into() });
     let Some((_, bin_ps)) = layout.time.filter(|(_, bin)| *bin > 0.0) else {
@@ -270,7 +271,8 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// Returns the pattern averaged over the pixels of every entry (v, u), or `None` without a contraction.
+/// Returns the mean drive of the pattern over the pixels of every entry (v, u), or `None` if no contraction
+/// is necessary.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,

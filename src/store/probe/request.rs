@@ -1,9 +1,9 @@
-//! Requests to a stored slice: selections, pulses and probes.
+//! Defines requests to a stored slice: selections, pulses and probes.
 
 use super::pattern::Pattern;
 use tensor::axes::AxisKind;
 
-/// The part of one axis to keep.
+/// The part of one axis that a probe keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
     pub axis: AxisKind,
@@ -23,10 +23,10 @@ impl Selection {
 pub enum CoordRange {
     /// The entry nearest to the coordinate. The axis is removed.
     Nearest(f64),
-    /// All entries from the entry nearest to the first coordinate to the entry nearest to the second, both
-    /// included. The axis is kept. Bin edges are also valid coordinates. At a coordinate halfway between two
-    /// entries, a range begins with the later entry or ends with the earlier entry. Infinite values select
-    /// the start and the end of the axis.
+    /// All entries from the entry nearest to the first coordinate to the entry nearest to the second
+    /// coordinate, both included. The axis is kept. Bin edges are also valid coordinates. At a coordinate
+    /// halfway between two entries, a range begins with the later entry or ends with the earlier entry.
+    /// Negative and positive infinity select the start and the end of the axis.
     Between(f64, f64),
 }
 
@@ -56,12 +56,12 @@ pub struct Probe {
     /// Axes to sum over, within their selections. Axes that the slice does not resolve are ignored, because
     /// they are already summed.
     pub sum: Vec<AxisKind>,
-    /// Drive P(s') of every projector pixel, 0..1, with which v and u are contracted.
+    /// Drive P(s') of every projector pixel, 0..1. The probe contracts the axes v and u with this pattern.
     pub pattern: Option<Pattern>,
-    /// Stokes state p' of the light from every projector pixel (projector frame), with which `stokes_in` is
-    /// contracted.
+    /// Stokes state p' of the light from every projector pixel, in the projector frame. The probe contracts
+    /// the axis `stokes_in` with this state.
     pub stokes: Option<[f32; 4]>,
-    /// Pulse with which t is convolved.
+    /// Pulse with which the probe convolves the axis t.
     pub pulse: Option<Pulse>,
 }
 
@@ -93,7 +93,7 @@ impl Probe {
         probe
     }
 
-    /// Returns a copy of the probe for arrays without a time axis.
+    /// Returns a copy of the probe without the steps along the time axis, for arrays that lack this axis.
     pub(super) fn without_time(&self) -> Self {
         let mut probe = self.clone();
         probe.select.retain(|s| s.axis != AxisKind::T);

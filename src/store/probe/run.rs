@@ -1,4 +1,4 @@
-//! Runs a probe: plans and executes the probe for every field.
+//! Runs a probe: plans the probe and executes the plan for every field.
 
 use super::error::ProbeError;
 use super::request::Probe;
@@ -12,18 +12,19 @@ use tensor::field::Field;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProbeResult {
-    /// Values in W/(m² sr nm) per unit projector drive, over the remaining axes.
+    /// Values in W/(m² sr nm) per unit projector drive. The tensor has the axes that the probe keeps.
     pub mean: Tensor,
     /// Standard errors of `mean` (see the module documentation), with the same shape and unit.
     pub std_error: Tensor,
-    /// Result of the same probe for light outside the stored time bins, without a time axis. `None` if the
-    /// slice does not resolve time.
+    /// Result of the same probe for light outside the stored time bins, without a time axis. The value is
+    /// `None` if the slice does not resolve time.
     pub overflow: Option<Tensor>,
-    /// Light that the pulse shifted out of the stored time bins, without a time axis. `None` without a pulse.
+    /// Light that the pulse shifted out of the stored time bins, without a time axis. The value is `None` if
+    /// there is no pulse.
     pub shifted_out: Option<Tensor>,
     /// First edge and bin width of the time axis in picoseconds, if there is one.
     pub time: Option<(f64, f64)>,
-    /// Notes for the user, such as drive on projector pixels that the slice does not keep.
+    /// Notes for the user, for example that the pattern drives projector pixels that the slice does not keep.
     pub notes: Vec<String>,
 }
 
@@ -51,7 +52,8 @@ impl Probe {
     }
 }
 
-/// Fetches the first regions of all fields concurrently, if the store is at a URL.
+/// If the store is at a URL, concurrently fetches the regions of all fields that the probe reads, up to a
+/// memory limit.
 fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
     let mut regions = vec![];
     let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));
@@ -66,7 +68,8 @@ fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlic
     Ok(slice.fetch_together(&regions)?)
 }
 
-/// Returns the ranges of camera rows and columns that are read, or `None` for a slice without camera axes.
+/// Returns the ranges of camera rows and columns that the plan reads, or `None` for a slice without camera
+/// axes.
 fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     let read = |kind| {
         let axis = plan.axes.iter().find(|a| a.kind == kind)?;
@@ -75,7 +78,7 @@ fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x])
 }
 
-/// Returns a note if the error estimates of camera pixels are unreliable.
+/// Returns a note if the error estimates of camera pixels that the plan reads are unreliable.
 fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
     let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {

@@ -1,4 +1,4 @@
-//! Compares results of probes with brute-force loops.
+//! Compares the results of probes with the results of brute-force loops.
 
 use super::*;
 use crate::zarr::StoredSlice;

@@ -1,4 +1,4 @@
-//! Writes probe results: `.npy` (NumPy), `.csv` (one row per element), `.zarr` (a store).
+//! Writes probe results as `.npy` (NumPy), `.csv` (one row per element) or `.zarr` (a store).
 
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ fn failed(path: &Path, cause: impl ToString) -> ProbeError {
     ProbeError::Write { path: path.to_owned(), cause: cause.to_string() }
 }
 
-/// Returns the path of the standard errors of `NAME.npy`: `NAME.std_error.npy`.
+/// Returns the path `NAME.std_error.npy`, to which the standard errors of `NAME.npy` are written.
 pub fn std_error_path(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}.std_error.npy"))
@@ -28,8 +28,8 @@ impl ProbeResult {
     /// Writes the result to `path`, in the format that the extension selects: `.npy`, `.csv` or `.zarr`.
     ///
     /// # Errors
-    /// Returns an error if the extension is unknown, writing fails, or a `.zarr` exists and `replace` is
-    /// false.
+    /// Returns an error if the extension is unknown, writing fails, or a `.zarr` store exists and `replace`
+    /// is false.
     pub fn write(
         &self,
         path: &Path,
@@ -89,9 +89,9 @@ impl ProbeResult {
         SliceLayout { name: self.mean.name.clone(), axes: self.mean.axes.clone(), time, totals: false }
     }
 
-    /// Writes a store with one slice, which has the name of the probed slice. Writes the given attributes to
-    /// the slice's group and to the root. If time is resolved, light outside the time bins becomes the
-    /// overflow of the slice, without a standard error.
+    /// Writes a store with one slice, which has the name of the probed slice. Writes `slice_attributes` to
+    /// the slice's group and `root_attributes` to the root group. If time is resolved, light outside the time
+    /// bins becomes the overflow of the slice, without a standard error.
     ///
     /// # Errors
     /// Returns an error if the store cannot be created (see [`TensorStore::create`]) or written.

@@ -1,11 +1,11 @@
-//! The metadata of an array: a `zarr.json` file (Zarr v3 core specification, "Array metadata"). Only the
-//! features of Sunstone's stores are supported: a regular grid of chunks, fill value zero, and the codecs of
-//! [`super::coding`]. Other features are refused.
+//! Reads and writes the metadata of an array, which is a `zarr.json` file (Zarr v3 core specification, "Array
+//! metadata"). Only the features of Sunstone's stores are supported: a regular grid of chunks, fill value
+//! zero, and the codecs of [`super::coding`]. Other features are refused.
 
 use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};
 
-/// Known keys of the metadata. Other keys are allowed if they are marked `must_understand: false`.
+/// Known keys of the metadata. Other keys are allowed if their values contain `must_understand: false`.
 const KEYS: [&str; 11] = [
     "zarr_format",
     "node_type",
@@ -27,19 +27,20 @@ pub(super) struct Array {
     /// Shape of the block of elements in a file: a chunk or a shard.
     pub(super) stored: Vec<u64>,
     pub(super) coding: Coding,
-    /// Shape of a chunk in a shard, or `None` without shards.
+    /// Shape of a chunk in a shard, or `None` if the array is not sharded.
     pub(super) inner: Option<Vec<u64>>,
     pub(super) attributes: Map<String, Value>,
     /// Name of each dimension, or "" for a dimension without a name.
     pub(super) names: Vec<String>,
-    /// Prefix of all chunk keys, and the separator between the chunk indices.
+    /// Prefix of all chunk keys.
     prefix: String,
+    /// Separator between the chunk indices in a key.
     separator: char,
 }
 
-/// Returns the metadata of a new array. A file contains a chunk or, with `inner`, a shard of chunks of
-/// shape `inner`. All files are in one directory, because creating a directory per chunk would take longer
-/// than writing the chunks.
+/// Returns the metadata of a new array. A file contains a chunk or, if `inner` is given, a shard of chunks of
+/// shape `inner`. All files of an array are in one directory, because creating a directory per chunk would
+/// take longer than writing the chunks.
 pub(super) fn describe(
     [shape, stored]: [&[u64]; 2],
     inner: Option<&[u64]>,
@@ -62,8 +63,8 @@ pub(super) fn describe(
 }
 
 impl Array {
-    /// Parses the metadata of the array at `node`, such as `/steady/mean`. Returns the fault if the
-    /// metadata is invalid.
+    /// Parses the metadata of the array at `node`, such as `/steady/mean`. If the metadata is invalid,
+    /// returns a description of the fault.
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
         let lengths =
             |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
@@ -147,7 +148,7 @@ impl Array {
     }
 }
 
-/// Returns whether a fill value is positive zero, whose bits are all zero.
+/// Returns whether a fill value is positive zero, that is, whether all its bits are zero.
 fn is_zero(value: &Value) -> bool {
     match value {
         Value::Number(number) => number.as_f64().is_some_and(|x| x.to_bits() == 0),

@@ -1,7 +1,7 @@
-//! Zarr storage with atomic writes of files, in a directory or as objects at a URL.
+//! Implements Zarr storage with atomic writes of files, in a directory or as objects at a URL.
 //!
-//! In a directory, files are written with [`base::whole_file`]. A killed process may leave temporary files.
-//! Readers ignore such files, and [`AtomicDirectory::remove_leftovers`] deletes them.
+//! In a directory, files are written with [`base::whole_file`]. If a process is killed, temporary files may
+//! remain. Readers ignore temporary files, and [`AtomicDirectory::remove_leftovers`] deletes them.
 
 use super::coordinates;
 use super::description;
@@ -20,8 +20,8 @@ use serde_json::Value;
 
 use bytes::Bytes;
 
-/// Size, in bytes, up to which a shard at a URL is fetched completely. Later reads of a completely fetched
-/// shard need no further request.
+/// Maximum size, in bytes, of a shard that is fetched completely from a URL. Later reads of this shard need
+/// no further request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
 /// The tail of a shard. Readers check the other bytes of the shard with the checksums in the tail.
@@ -34,11 +34,11 @@ pub(super) struct Tail {
     pub(super) whole: Option<Bytes>,
 }
 
-/// Zarr storage in a directory, where files are replaced atomically, or at a URL.
+/// Zarr storage in a directory or at a URL. Files are replaced atomically.
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
     pub(super) root: PathBuf,
-    /// The objects, for a store at a URL, or `None` for a directory.
+    /// The objects of a store at a URL, or `None` for a directory.
     pub(super) remote: Option<Remote>,
     /// Manifest of a finished store. Every file that is read must match the manifest.
     manifest: Option<Manifest>,
@@ -50,7 +50,7 @@ impl AtomicDirectory {
         Self { root: root.to_owned(), remote: None, manifest: None }
     }
 
-    /// Returns the storage at a location, with the manifest of a finished store, if any.
+    /// Returns the storage at a location. `manifest` is the manifest of a finished store.
     pub(super) fn at(root: &Path, place: Place, manifest: Option<Manifest>) -> Self {
         let remote = match place {
             Place::Folder(_) => None,
@@ -80,7 +80,7 @@ impl AtomicDirectory {
         json.is_some_and(|json| coordinates::tell(&json["attributes"]))
     }
 
-    /// Returns whether metadata of a group or an array, such as `/steady/mean`, exists.
+    /// Returns whether the metadata file of a group or an array, such as `/steady/mean`, exists.
     pub(super) fn has_description(&self, node: &str) -> Result<bool, OpenError> {
         let file = format!("{node}/zarr.json");
         let file = file.trim_start_matches('/');
@@ -125,7 +125,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Returns whether a file of a store that is being written exists.
+    /// Returns whether a file exists in a store that is being written.
     pub(super) fn is_stored(&self, key: &str) -> bool {
         match &self.remote {
             None => self.root.join(key).is_file(),
@@ -133,7 +133,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Reads a metadata file, relative to the root, as JSON.
+    /// Reads a metadata file as JSON. `file` is the path relative to the root.
     pub(super) fn json(&self, file: &str) -> Result<Value, OpenError> {
         let path = self.root.join(file);
         if self.remote.is_none() {
@@ -145,8 +145,8 @@ impl AtomicDirectory {
         }
     }
 
-    /// Fetches files from a URL concurrently before the files are read. Begins with the first of `asks` and
-    /// stops at a memory limit. Returns the number of fetched files.
+    /// Fetches files from a URL concurrently before the files are read. Fetches the files in the order of
+    /// `asks`, up to a memory limit. Returns the number of fetched files.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)]) -> io::Result<usize> {
         match &self.remote {
             None => Ok(asks.len()),
@@ -175,8 +175,9 @@ impl AtomicDirectory {
         Ok(bytes)
     }
 
-    /// Reads the tails of shards, given as pairs of path and number of frames, and checks the tails against
-    /// the manifest. Reads at a URL are concurrent. The result is `None` for a shard that does not exist.
+    /// Reads the tails of shards and checks the tails against the manifest. `all` contains the path and the
+    /// number of frames of each shard. Reads at a URL are concurrent. The result is `None` for a shard that
+    /// does not exist.
     pub(super) fn read_tails(&self, all: &[(String, usize)]) -> io::Result<Vec<io::Result<Option<Tail>>>> {
         let Some(remote) = &self.remote else {
             let read = |(key, frames): &(String, usize)| {
@@ -287,8 +288,8 @@ impl AtomicDirectory {
         Some(self.manifest.as_ref()?.0.contains_key(path))
     }
 
-    /// Returns the first file, in the order of names, whose manifest entries differ between two stores. The
-    /// root's metadata is ignored.
+    /// Returns the file whose manifest entries differ between two stores. If there are several, returns the
+    /// first in alphabetical order. The root's metadata is ignored.
     pub(super) fn first_difference(&self, other: &Self) -> Option<String> {
         let none = Manifest::default();
         let [a, b] = [self, other].map(|s| &s.manifest.as_ref().unwrap_or(&none).0);
@@ -296,7 +297,7 @@ impl AtomicDirectory {
         a.keys().chain(b.keys()).filter(differs).min().cloned()
     }
 
-    /// Deletes temporary files below `root` that a killed process left.
+    /// Deletes the temporary files of killed processes below `root`.
     pub(super) fn remove_leftovers(&self) -> io::Result<()> {
         match &self.remote {
             None => remove_leftovers(&self.root),

@@ -1,4 +1,4 @@
-//! Creates new stores: checks the slices, and writes all metadata before any values.
+//! Creates new stores. First checks the slices, and then writes all metadata before any values.
 
 use super::atomic::AtomicDirectory;
 use super::check;
@@ -20,14 +20,14 @@ pub struct SampleGrid {
 }
 
 impl SampleGrid {
-    /// Returns the grid of sample counts with the given shape and chunk (rows, columns).
+    /// Returns the grid of sample counts with the given shape and chunk shape, both as (rows, columns).
     pub(crate) fn new(shape: [u64; 2], chunk: [u64; 2]) -> Self {
         Self { camera: [shape[1] as u32, shape[0] as u32], tile: chunk[0].max(chunk[1]) as u32 }
     }
 }
 
-/// Name of the file with the origin of a store that is being created. The name begins with a dot, so the
-/// file is not part of the store.
+/// Name of the file that contains the origin of a store while the store is being created. The name begins
+/// with a dot, so the file is not part of the store.
 pub(super) const ORIGIN: &str = ".sunstone-origin";
 
 pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {

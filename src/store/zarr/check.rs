@@ -1,4 +1,4 @@
-//! Checks of coordinates and attributes when a store is opened or created.
+//! Checks coordinates and attributes when a store is opened or created.
 //!
 //! The files of a store may have been edited or truncated. The checks ensure that coordinates are finite and
 //! increasing, and that attributes that the program reads have the right type. Other attributes may have any
@@ -39,7 +39,8 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     outside.next().map(|bad| format!("coordinate {bad} is outside the valid range {least} to {most}"))
 }
 
-/// Returns the fault in the time bins of a layout, if any: in the bin width or in the centres of the axis t.
+/// Returns the fault in the time bins of a layout, if any. A fault is an invalid bin width, or a coordinate
+/// of the axis t that is not the centre of a bin.
 pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
     let (axis, (start, bin)) = match (axis, layout.time) {
@@ -78,7 +79,8 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     None
 }
 
-/// Returns the fault in a slice's camera axes, if any, given the shape (rows, columns) of the sample counts.
+/// Returns the fault in a slice's camera axes, if any. `samples` is the shape (rows, columns) of the sample
+/// counts.
 pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
     let beyond = |kind, limit: u64| {
         let axis = &layout.axes[layout.find(kind)?];

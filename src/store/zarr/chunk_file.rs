@@ -1,4 +1,4 @@
-//! Files of chunks: paths, existence, and copies from other stores.
+//! Handles the files of chunks: paths, existence, and copies from other stores.
 
 use super::chunked::{ChunkedArray, Number};
 use super::coding::SEAL;
@@ -17,8 +17,8 @@ impl<T: Number> ChunkedArray<T> {
         self.storage.root.join(&key)
     }
 
-    /// Copies the chunk file that begins at `start` from an array with the same metadata, after verifying the
-    /// chunk's checksum.
+    /// Copies the file of the chunk that begins at `start` from an array with the same metadata, after
+    /// verifying the chunk's checksum.
     pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
         let index = self.index_of(start);
         let key = self.array.chunk_key(&index);
@@ -37,7 +37,8 @@ impl<T: Number> ChunkedArray<T> {
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// Returns whether the chunk that begins at `start` should have a file.
+    /// Returns whether the manifest lists a file of the chunk that begins at `start`. Without a manifest,
+    /// returns whether the file exists.
     pub(super) fn is_listed(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
         let listed = self.storage.lists(&key);

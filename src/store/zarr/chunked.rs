@@ -1,12 +1,12 @@
-//! One chunked array of a store. Several threads may read and write any regions, chunk by chunk.
+//! Implements a chunked array of a store. Several threads may read and write any regions concurrently.
 //!
 //! Each chunk is a file, or part of a shard ([`super::sharded`]).
 //!
 //! Before a chunk file is decoded, the reader checks that the file is exactly one Zstandard frame of the
 //! declared size (RFC 8878, section 3.1.1). A damaged file is therefore an error and never causes an
 //! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
-//! damage inside the frame. Computing the checksum is fast, because the checksum covers the compressed bytes
-//! and not the decompressed zeros.
+//! damage inside the frame. Computing the checksum is fast, because it covers the compressed bytes and not
+//! the larger decompressed data.
 
 use std::marker::PhantomData;
 use std::path::PathBuf;
@@ -26,9 +26,9 @@ use tensor::sink::STRETCH;
 
 /// Number of locks per array. The same chunk always uses the same lock.
 const STRIPES: usize = 64;
-/// Maximum number of elements of a chunk. Larger values in the metadata are refused before an allocation.
+/// Maximum number of elements of a chunk. Metadata with a larger chunk is refused before an allocation.
 const MAX_CHUNK: usize = 1 << 28;
-/// Size in bytes above which an allocation is tested before it is made.
+/// Size, in bytes, above which the program tests whether memory suffices before the allocation.
 const LARGE: usize = 1 << 28;
 
 /// A type of array elements.
@@ -55,8 +55,8 @@ pub(super) struct ChunkedArray<T> {
     pub(super) storage: Arc<AtomicDirectory>,
     pub(super) array: Array,
     pub(super) path: PathBuf,
-    /// Shape of the block that is read and written together. A block of a sharded array consists of several
-    /// chunks of a shard.
+    /// Shape of the block of elements that is read and written together. A block of a sharded array consists
+    /// of several chunks of a shard.
     pub(super) chunk: Vec<u64>,
     /// Shards of the array, or `None` if the array is not sharded.
     pub(super) sharded: Option<Sharded>,
@@ -75,7 +75,7 @@ pub(super) struct Description<'a> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Writes the metadata of a new array of zeros at `node` (such as `/steady/mean`) and opens it.
+    /// Writes the metadata of a new array of zeros at `node` (such as `/steady/mean`), and opens the array.
     pub(super) fn create(
         storage: &Arc<AtomicDirectory>,
         node: &str,
@@ -109,7 +109,7 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(damaged)
     }
 
-    /// Returns the array at `node` with the metadata `json`, or the fault in the metadata.
+    /// Returns the array at `node` with the metadata `json`, or a description of the fault in the metadata.
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
@@ -178,8 +178,8 @@ impl<T: Number> ChunkedArray<T> {
         Ok(vec![T::default(); elements])
     }
 
-    /// Returns the shape of a unit, the block that is encoded as one frame: an unsharded chunk, or a chunk in
-    /// a shard.
+    /// Returns the shape of a unit. A unit is the block that is encoded as one frame: an unsharded chunk, or
+    /// a chunk in a shard.
     pub(super) fn unit(&self) -> &[u64] {
         self.sharded.as_ref().map_or(&self.chunk, |s| &s.inner)
     }
@@ -302,8 +302,8 @@ impl<T: Number> ChunkedArray<T> {
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// Reads the values of one unit, padded at the edge of the array. Returns `None` if the unit is not
-    /// stored because all values are zero.
+    /// Reads the values of one unit. At the edge of the array, the values include the padding. Returns `None`
+    /// if the unit is not stored because all values are zero.
     fn read_unit(&self, index: &[u64]) -> Result<Option<Vec<T>>, AccessError> {
         if let Some(sharded) = &self.sharded {
             let bytes = self.read_piece(sharded, index)?;
@@ -344,8 +344,8 @@ fn difference(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// Returns the indices of the innermost of several nested units that a region intersects, in the order of
-/// the outer units.
+/// Appends to `all` the indices of the innermost units that a region intersects, in the order of the outer
+/// units. `units` are the shapes of nested units, outermost first.
 fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>>) {
     let Some((unit, smaller)) = units.split_first() else {
         return;

@@ -1,4 +1,4 @@
-//! Encoding of a chunk's numbers as a Zstandard frame and its CRC-32C, in a file or in a shard.
+//! Encodes a chunk's numbers as a Zstandard frame and its CRC-32C, in a file or in a shard.
 
 use super::shard::CODEC;
 use super::sparse_frame::{self, Content};
@@ -6,19 +6,19 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io;
 
-/// Zstandard compression level. Level 1 reduces the size of noisy floating-point data by a further 8 %.
-/// Higher levels are slower without a further reduction.
+/// Zstandard compression level. Compared with this level, level 1 reduces the size of noisy floating-point
+/// data by a further 8 %. Levels above 1 are slower and do not reduce the size further.
 const LEVEL: i32 = -2;
 /// Size of a CRC-32C checksum in bytes.
 pub(super) const SEAL: usize = 4;
-/// Name of the attribute of a sharded array that holds the shape of an unsharded chunk. An unsharded chunk
+/// Name of the attribute of a sharded array that contains the shape of an unsharded chunk. An unsharded chunk
 /// consists of several chunks of a shard. Reads of whole arrays use blocks of the shape of an unsharded
 /// chunk.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {
-    /// Compression context of the thread, which is reused because creating it takes longer than compressing
-    /// a small chunk.
+    /// Compression context of the thread. The context is reused, because creating it takes longer than
+    /// compressing a small chunk.
     static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
     static DECOMPRESSOR: RefCell<Option<zstd::bulk::Decompressor<'static>>> = const { RefCell::new(None) };
 }
@@ -53,7 +53,7 @@ fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
 }
 
 /// Encodes a chunk. `bytes` are the chunk's numbers in the byte order of the file, and `content` is the
-/// result of the analysis of these bytes.
+/// result of [`sparse_frame::encode`] for these bytes.
 pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result<Vec<u8>> {
     let mut out = match (frame, content) {
         (Frame::Plain, _) => return Ok(bytes.to_vec()),
@@ -102,7 +102,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     }
 }
 
-/// Returns the codecs of a new array: sealed frames, or shards whose chunks have the shape `inner`.
+/// Returns the codecs of a new array: frames with a checksum, or shards whose chunks have the shape `inner`.
 pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     let numbers = json!({"name": "bytes", "configuration": {"endian": "little"}});
     let zstd = json!({"name": "zstd", "configuration": {"level": LEVEL, "checksum": false}});
@@ -118,7 +118,7 @@ pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     }
 }
 
-/// Returns the name of an extension point. A plain string is valid for an extension point without
+/// Returns the name of an extension, such as a codec. A plain string is valid for an extension without a
 /// configuration.
 pub(super) fn name(json: &Value) -> Option<&str> {
     json["name"].as_str().or(json.as_str())

@@ -1,8 +1,8 @@
-//! Stores coordinates in the metadata of the coordinate arrays, for sharded stores. Opening a slice of a
-//! sharded store needs no request for the coordinates.
+//! Stores the coordinates of sharded stores in the metadata of the coordinate arrays, so that opening a slice
+//! needs no request for the coordinates.
 //!
 //! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). The coordinate
-//! arrays also contain the coordinates, for other programs.
+//! arrays also contain the coordinates as values, for other programs.
 
 use serde_json::{Map, Value, json};
 
@@ -10,11 +10,11 @@ use serde_json::{Map, Value, json};
 const REGULAR: &str = "start_and_step";
 /// Name of the array attribute with all coordinates.
 const ALL: &str = "values";
-/// Maximum number of coordinates in a list.
+/// Maximum number of coordinates in the attribute [`ALL`].
 const MOST: usize = 16;
 
 /// Returns a short attribute that represents the coordinates exactly, if such an attribute exists. The value
-/// of the attribute is a list of numbers, which other formats also support.
+/// of the attribute is a list of numbers, because formats other than Zarr also support lists.
 pub(super) fn describe(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),

@@ -1,4 +1,4 @@
-//! The Zarr v3 metadata of a store: groups, coordinate arrays and consolidated metadata.
+//! Reads and writes the Zarr v3 metadata of a store: groups, coordinate arrays and consolidated metadata.
 //!
 //! The directory follows the Zarr v3 core specification, and `xarray`'s conventions for names and
 //! coordinates. The root contains the root group (`zarr.json`) and the array `samples/`. A slice consists of:
@@ -60,7 +60,7 @@ pub(super) fn inline(metadata: Map<String, Value>) -> Value {
     json!({"kind": "inline", "must_understand": false, "metadata": metadata})
 }
 
-/// Returns the attributes of an array: the unit and the description of its values.
+/// Returns the attributes `units` and `long_name` of an array.
 pub(super) fn labelled(units: &str, long_name: &str) -> Map<String, Value> {
     Map::from_iter([("units".to_owned(), json!(units)), ("long_name".to_owned(), json!(long_name))])
 }
@@ -187,7 +187,8 @@ pub(super) fn create_filled<T: Number>(
     written.map_err(|e| CreateError::write(&array.path, e))
 }
 
-/// Reads and checks the coordinates of an axis that must have `expected` entries.
+/// Reads and checks the coordinates of an axis, which must have `expected` entries and has chunks of `chunk`
+/// entries.
 fn read_axis(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -209,8 +210,8 @@ fn read_axis(
     }
 }
 
-/// Reads `expected` coordinates from the metadata of the coordinate array if possible, and otherwise from the
-/// array's values.
+/// Reads `expected` coordinates from the metadata of the coordinate array. If the metadata does not contain
+/// them, reads the array's values.
 fn read_coordinates<T: Number>(
     storage: &Arc<AtomicDirectory>,
     node: &str,

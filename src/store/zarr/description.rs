@@ -1,4 +1,4 @@
-//! Reads and writes metadata files, `zarr.json`, as JSON.
+//! Reads and writes metadata files (`zarr.json`) as JSON.
 
 use super::error::{CreateError, OpenError};
 use base::whole_file;

@@ -1,4 +1,5 @@
-//! Errors of stores, one enum per kind of operation. Every message contains the path and the fix.
+//! Defines the errors of stores, with one enum per kind of operation. Every message contains the path and a
+//! fix.
 
 use crate::refusal::Refusal;
 use base::lock::LockError;
@@ -14,7 +15,7 @@ pub enum CreateError {
     /// The path exists and is not a store. A path that is not a store is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
-    /// The path is inside another store, in which no files may be added.
+    /// The path is inside another store, to which no files may be added.
     #[error("{path} is inside a store ({store}): choose another `-o`")]
     Within { path: PathBuf, store: PathBuf },
     /// The layout of a slice is invalid.
@@ -53,7 +54,7 @@ impl CreateError {
         Self::Write { path: path.to_owned(), cause: cause.to_string() }
     }
 
-    /// Converts the error of opening a newly created store.
+    /// Converts an error that occurred while a newly created store was opened.
     pub(super) fn of_open(path: &Path, error: OpenError) -> Self {
         match error {
             OpenError::Remote { refusal, .. } => Self::Remote { path: path.to_owned(), refusal },
@@ -61,7 +62,7 @@ impl CreateError {
         }
     }
 
-    /// Converts the error of a lock that was not acquired.
+    /// Converts an error that occurred while a lock was acquired.
     pub fn locked(path: &Path, error: LockError) -> Self {
         match error {
             LockError::Held(holder) => Self::Locked { path: path.to_owned(), holder },
@@ -83,7 +84,7 @@ impl OpenError {
         Self::Damaged { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    /// Converts the error of writing a metadata file.
+    /// Converts an error that occurred while a metadata file was written.
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(path, refusal.clone()),
@@ -91,7 +92,7 @@ impl OpenError {
         }
     }
 
-    /// Converts the error of reading a metadata file.
+    /// Converts an error that occurred while a metadata file was read.
     pub(super) fn of_read(path: &Path, error: &std::io::Error) -> Self {
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(path, refusal.clone()),
@@ -116,7 +117,7 @@ pub enum OpenError {
     #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
-        /// Name of the missing file or attribute.
+        /// Text that describes the missing file or attribute.
         reason: String,
     },
     #[error("{path} has no slice `{name}`; available: {available}")]
@@ -140,7 +141,7 @@ pub enum OpenError {
     /// The object store refused a request or could not be reached.
     #[error("cannot open {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
-    /// A file could not be read, or a leftover could not be removed.
+    /// A file could not be read, or a temporary file could not be removed.
     #[error("cannot open {path}: {cause}; check the permissions of the file")]
     Io { path: PathBuf, cause: String },
 }
@@ -193,7 +194,7 @@ pub enum AccessError {
         chunk: Vec<u64>,
         cause: String,
     },
-    /// A shard is truncated, corrupt, unreadable, or replaced by another shard.
+    /// A shard is truncated, corrupt or unreadable, or was replaced by another shard.
     #[error(
         "cannot read shard {shard:?} of {path}: {cause}; restore the store from a backup, or shard the original again (`sunstone shard`)"
     )]
@@ -222,8 +223,8 @@ pub enum AccessError {
 }
 
 impl AccessError {
-    /// Returns the error for reading a store at `path` that is not a finished render: a part of a render,
-    /// or an unfinished render.
+    /// Returns the error for reading a store that is not a finished render. If the store is a part of a
+    /// render, `part` is this part.
     pub fn unfinished(path: &Path, part: Option<Part>) -> Self {
         let path = path.to_owned();
         match part {
@@ -232,7 +233,7 @@ impl AccessError {
         }
     }
 
-    /// Converts the error of writing a file.
+    /// Converts an error that occurred while a file was written.
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
         let path = path.to_owned();
         match Refusal::in_io(error) {
@@ -241,7 +242,7 @@ impl AccessError {
         }
     }
 
-    /// Converts the error of reading a chunk.
+    /// Converts an error that occurred while a chunk was read.
     pub(super) fn of_chunk(path: &Path, chunk: &[u64], error: &std::io::Error) -> Self {
         let (path, chunk) = (path.to_owned(), chunk.to_vec());
         match Refusal::in_io(error) {
@@ -250,7 +251,7 @@ impl AccessError {
         }
     }
 
-    /// Converts the error of reading a shard.
+    /// Converts an error that occurred while a shard was read.
     pub(super) fn of_shard(path: &Path, shard: &[u64], error: &std::io::Error) -> Self {
         let (path, shard) = (path.to_owned(), shard.to_vec());
         match Refusal::in_io(error) {

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::PoisonError;
 
 impl TensorStore {
-    /// Returns whether the store was written completely, including the manifest.
+    /// Returns whether the store was written completely and has a manifest.
     pub fn is_finished(&self) -> bool {
         self.has_manifest(manifest::FILE)
     }
@@ -30,8 +30,8 @@ impl TensorStore {
         }
     }
 
-    /// Opens a finished part of a render for joining. Values are checked as in a finished store. Values in
-    /// tiles of other parts are zero. Returns `None` if there is no finished part.
+    /// Opens a finished part of a render for joining. Values are checked against the manifest as in a
+    /// finished store. Values in tiles of other parts are zero. Returns `None` if there is no finished part.
     pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {
@@ -56,8 +56,8 @@ impl TensorStore {
         }
     }
 
-    /// Updates the consolidated metadata, removes leftovers and writes the manifest. The caller must call
-    /// this function after all writes.
+    /// Updates the consolidated metadata, removes temporary files and writes the manifest. The caller must
+    /// call this function after all writes.
     ///
     /// # Errors
     /// Returns an error if a metadata file cannot be read or written.

@@ -1,13 +1,14 @@
-//! Raw frames on disk: unmodified digital numbers of a sensor, in a Zarr v3 store with named axes.
+//! Stores raw frames on disk. Raw frames are unmodified digital numbers of a sensor, in a Zarr v3 store with
+//! named axes.
 //!
 //! The group `frames` contains:
 //! - The array `raw`, with unsigned integers over the run's axes and the frame's axes.
 //! - A coordinate array for every axis.
-//! - Columns with one number per frame (measured positions, exposure times, …).
+//! - Columns with one number per frame, such as measured positions or exposure times.
 //!
 //! A chunk is one frame, or, for small frames, all frames along the last of the run's axes. The bytes of a
-//! chunk depend only on its numbers. The manifest is written last, as for slices, so an unfinished store does
-//! not read as finished.
+//! chunk depend only on its numbers. The manifest is written last, as for slices, so readers do not mistake
+//! an unfinished store for a finished one.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -116,9 +117,9 @@ pub struct FrameStore {
 }
 
 impl FrameStore {
-    /// Creates a store without frames. With `replace`, an existing store is replaced. The store is created
-    /// atomically with its maps. The store is locked against other writers until the returned value is
-    /// dropped.
+    /// Creates a store without frames. If `replace` is true, an existing store is replaced. The store is
+    /// created atomically, including its maps. The store is locked against other writers until the returned
+    /// value is dropped.
     ///
     /// # Errors
     /// Returns an error if the path exists, another process writes the store, or writing fails. Returns an
@@ -212,7 +213,7 @@ impl FrameStore {
     /// Opens an unfinished store for writing.
     ///
     /// # Errors
-    /// Returns the same errors as [`Self::open`], and an error if another process writes the store.
+    /// Returns an error if the store does not exist, is damaged, or is being written by another process.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if !path.exists() {
             return Err(OpenError::Missing { path: path.into() });
@@ -285,7 +286,8 @@ impl FrameStore {
         &self.storage.root
     }
 
-    /// Returns the start and the shape of chunk number `chunk`. Chunks are numbered in the order of the run.
+    /// Returns the start and the shape of chunk number `chunk`. Chunks are numbered in the order in which the
+    /// run captures them.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];
@@ -301,7 +303,8 @@ impl FrameStore {
     /// clamped.
     ///
     /// # Errors
-    /// Returns an error if there is no such chunk, the number of values differs, or writing fails.
+    /// Returns an error if the chunk does not exist, if the number of values differs from the number of
+    /// elements of the chunk, or if writing fails.
     pub fn write_chunk(&self, chunk: usize, numbers: &[u32]) -> Result<(), AccessError> {
         let (start, size) = self.place(chunk);
         match &self.raw {
@@ -325,7 +328,7 @@ impl FrameStore {
         }
     }
 
-    /// Writes a column, which has one number per frame, over the run's axes.
+    /// Writes a column: one number per frame, row-major over the run's axes.
     ///
     /// # Errors
     /// Returns an error if the number of values differs from the number of frames, or writing fails.
@@ -344,7 +347,7 @@ impl FrameStore {
         self.read_numbers(name, self.layout.frame_len())
     }
 
-    /// Waits until a chunk is written to disk. A chunk of zeros has no file.
+    /// Waits until the file of a chunk is written to disk. A chunk of zeros has no file.
     ///
     /// # Errors
     /// Returns an error if the file system reports an error.
@@ -422,7 +425,7 @@ fn not_frames(path: &Path) -> OpenError {
     OpenError::NotAStore { path: path.to_owned(), reason: "the folder has no group `frames`".into() }
 }
 
-/// Writes an array into the group of the frames.
+/// Writes an array of numbers into the group `frames`.
 fn column(
     storage: &Arc<AtomicDirectory>,
     name: &str,

@@ -1,9 +1,10 @@
-//! Ground-truth layers on disk: a Zarr v3 group that `xarray.open_zarr(path)` opens directly.
+//! Stores ground-truth layers on disk, as a Zarr v3 group that `xarray.open_zarr(path)` opens directly.
 //!
 //! The group contains one array per layer over `y` and `x`. Layers with several numbers per pixel have the
 //! additional axis `vector` (x, y, z) or `wavelength`. Each axis has a coordinate array. The attribute
-//! `labels` of an array of object numbers or material numbers lists the names. The group is written
-//! atomically. The group has a manifest like stores of slices, so that `verify` accepts the group.
+//! `labels` of an array of object numbers or material numbers lists the names of the objects or materials.
+//! The group is written atomically. The group has a manifest, as stores of slices have, so that `verify`
+//! accepts the group.
 
 use super::atomic::AtomicDirectory;
 use super::chunked::{Description, Number};
@@ -24,8 +25,8 @@ const LAYERS: &str = "layers";
 /// Maximum edge length of a chunk, in pixels.
 const CHUNK: u64 = 512;
 
-/// Writes layers and attributes of the group. With `replace`, existing layers at the path are deleted first.
-/// Any other content is refused.
+/// Writes layers and attributes of the group. If `replace` is true, existing layers at the path are replaced.
+/// Any other content at the path is refused.
 ///
 /// # Errors
 /// Returns [`CreateError`] if the path exists and may not be replaced, or writing fails.

@@ -1,13 +1,13 @@
-//! The manifest of a finished store: the list of its files. The manifest is written last. `verify` and all
-//! readers compare files with the manifest.
+//! Reads and writes the manifest of a finished store, which lists the files of the store. The manifest is
+//! written last. `verify` and all readers compare files with the manifest.
 //!
-//! The manifest is a text file. The first line contains the number of files. One line per file follows, with
+//! The manifest is a text file. The first line contains the number of files. Then each file has one line with
 //! the checksum, the size in bytes and the path relative to the store. The lines are sorted by path. The last
 //! line is the checksum of all lines before it. The checksum of a chunk is the CRC-32C at the end of the
 //! chunk's file. The checksum of a shard is the checksum of the shard's tail ([`shard::checksum`]). The
 //! checksum of metadata (`zarr.json`), or of a file of another format (`.ptu`), is the CRC-32C of the file's
-//! bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file was
-//! lost.
+//! bytes. A chunk of zeros has neither a file nor a line. Therefore, a line without a file means that the
+//! file was lost.
 
 use super::atomic::remove_if_present;
 use super::error::OpenError;
@@ -30,7 +30,7 @@ pub(super) const FILE: &str = "manifest.txt";
 /// whole render, so that readers do not mistake the part for a whole render.
 pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
-/// Maximum folder depth that is searched. Stores have a depth of three.
+/// Maximum folder depth of the search for files. Stores have a depth of three.
 const DEEPEST: usize = 8;
 
 /// Checksum and size of a file, as listed in the manifest.
@@ -40,7 +40,7 @@ pub(super) struct Entry {
     pub(super) size: u64,
 }
 
-/// Entries of files, by the path relative to the store with `/` as separator.
+/// Entries of files by path. Paths are relative to the store and have the separator `/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
@@ -49,13 +49,13 @@ pub(super) fn name(attributes: &Map<String, Value>) -> &'static str {
     if Part::of_attributes(attributes).is_some() { OF_PART } else { FILE }
 }
 
-/// Returns whether a file is metadata or of another format, such as photon time tags. A plain file does not
-/// end with a checksum, so its checksum is computed from all bytes of the file.
+/// Returns whether a file is plain, that is, metadata or a file of another format, such as photon time tags.
+/// A plain file does not end with a checksum, so its checksum is computed from all bytes of the file.
 pub(super) fn is_plain(path: &str) -> bool {
     path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
-/// Returns the checksum in the manifest for a file with the given bytes.
+/// Returns the checksum that the manifest contains for a file with the given bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
         Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
@@ -92,7 +92,7 @@ impl Entry {
         Self { crc, size }
     }
 
-    /// Reads the entry of a file on disk. If the end of the file contains the checksum, reads only the end.
+    /// Reads the entry of a file on disk. If the file ends with its checksum, reads only the end.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
@@ -114,8 +114,8 @@ impl Entry {
     }
 }
 
-/// Returns whether the manifest lists a file in a store's folder. The manifest does not list manifests, the
-/// journal, temporary files, and other paths with a component that begins with a dot.
+/// Returns whether the manifest lists a file in a store's folder. The manifest does not list manifests and
+/// paths with a component that begins with a dot, such as the journal and temporary files.
 pub(super) fn is_part(path: &str) -> bool {
     path != FILE && path != OF_PART && !path.split('/').any(|name| name.starts_with('.'))
 }
@@ -166,7 +166,7 @@ impl Manifest {
     }
 
     /// Reads the manifest with the given file name at `place`. Returns `None` if the manifest does not exist.
-    /// `root` is the path in messages.
+    /// `root` is the path that messages contain.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
             Place::Folder(root) => Self::read_as(root, name),
@@ -178,7 +178,7 @@ impl Manifest {
     }
 
     /// Reads the manifest of a store or of a part of a render at `place`. Returns the manifest and the
-    /// part, or `None` if there is no manifest. `root` is the path in messages.
+    /// part, or `None` if there is no manifest. `root` is the path that messages contain.
     pub(super) fn read_any(place: &Place, root: &Path) -> Result<Option<(Self, Option<Part>)>, OpenError> {
         if let Some(manifest) = Self::read_at(place, root, FILE)? {
             return Ok(Some((manifest, None)));
@@ -196,7 +196,7 @@ impl Manifest {
         Ok(manifest.zip(Some(part)))
     }
 
-    /// Reads the manifest and the root's metadata at a URL concurrently.
+    /// Concurrently reads the manifest and the root's metadata at a URL.
     pub(super) fn with_root(
         objects: &Objects,
         root: &Path,

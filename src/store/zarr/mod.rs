@@ -1,8 +1,8 @@
-//! Slices on disk: a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens directly.
+//! Stores slices on disk, as a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens directly.
 //!
-//! See `describe` for the layout. Chunks match the camera tiles of the renderer, so that a finished tile is a
-//! finished chunk if the slice keeps single pixels. Files are replaced atomically (`atomic`). The bytes of a
-//! chunk depend only on its values, so a store is identical for any number and order of writing threads.
+//! See `describe` for the layout. Chunks match the camera tiles of the renderer. If a slice keeps single
+//! pixels, a finished tile is therefore a finished chunk. Files are replaced atomically (`atomic`). The bytes
+//! of a chunk depend only on its values, so a store is identical for any number and order of writing threads.
 //!
 //! Readers rely on the following properties of an open store, which `check` verifies:
 //! - Every axis has as many coordinates as the arrays have entries.
@@ -10,10 +10,10 @@
 //! - Chunks are inside their arrays.
 //! - Attributes that the program reads have the right type.
 //!
-//! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
-//! a finished store must match the manifest. A lost or exchanged chunk is therefore an error and is not read
-//! as zeros. An unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a
-//! time writes a store ([`base::lock`]).
+//! A store is *finished* after its `manifest`, the list of its files, is written. Every file that is read
+//! from a finished store must match the manifest. A lost or exchanged chunk is therefore an error and is not
+//! read as zeros. An unfinished store can only be read with [`TensorStore::open_partial`]. Only one process
+//! at a time writes a store ([`base::lock`]).
 
 mod array;
 mod atomic;
@@ -72,11 +72,11 @@ pub(crate) use self::shard_shape::Limits;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
-/// An open store of slices, which several threads may share.
+/// An open store of slices. Several threads may share it.
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
     state: State,
-    /// Lock that is held while the store is written.
+    /// Lock that this process holds while it writes the store.
     lock: Mutex<Option<Held>>,
     names: Vec<String>,
     attributes: Mutex<Map<String, Value>>,
@@ -104,12 +104,13 @@ impl std::fmt::Debug for TensorStore {
 }
 
 impl TensorStore {
-    /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
+    /// Creates a store of the given slices, whose values are zero. Each slice has group attributes.
+    /// `attributes` are the attributes of the root group.
     ///
-    /// The store is built next to `path` and then renamed, so the creation is atomic. With `replace`, an
-    /// existing *store* at `path` is deleted first. A path with any other content is refused. Objects at a
-    /// URL cannot be renamed, so an old store at a URL is deleted first. The new store at a URL is written in
-    /// place, and remains unfinished until [`Self::finish`].
+    /// The store is built next to `path` and then renamed, so the creation is atomic. If `replace` is true,
+    /// the new store replaces an existing *store* at `path`. A path with any other content is refused.
+    /// Objects at a URL cannot be renamed, so an old store at a URL is deleted first. The new store at a URL
+    /// is written in place, and remains unfinished until [`Self::finish`].
     ///
     /// # Errors
     /// Returns an error if `path` exists and may not be replaced, a name, axis or attribute is invalid, or
@@ -124,9 +125,9 @@ impl TensorStore {
         Self::create_filled(path, slices, attributes, samples, replace, |_| Ok(()))
     }
 
-    /// Creates a store as [`Self::create`] does, with values. `fill` writes the values and finishes the
-    /// store before the store is renamed, so the store appears complete or not at all. If `fill` fails, an
-    /// old store is kept.
+    /// Creates a store as [`Self::create`] does, with values. `fill` writes the values and finishes the store
+    /// before the store is renamed, so an incomplete store never exists at `path`. If `fill` fails, an
+    /// existing store remains unchanged.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::create`], and the errors of `fill`.
@@ -142,9 +143,9 @@ impl TensorStore {
     }
 
     /// Creates a store as [`Self::create_filled`] does, with support for resuming. `origin` identifies
-    /// everything on which the values depend. If a killed process left an unfinished store of the same
-    /// `origin`, `fill` receives that store. Every existing chunk file of an unfinished store is complete
-    /// ([`StoredSlice::is_stored`]).
+    /// everything on which the values depend. If an unfinished store of the same `origin` remains from a
+    /// killed process, `fill` receives that store. Every existing chunk file of an unfinished store is
+    /// complete ([`StoredSlice::is_stored`]).
     ///
     /// # Errors
     /// Returns the same errors as [`Self::create_filled`].
@@ -320,8 +321,8 @@ impl TensorStore {
         }
     }
 
-    /// Returns whether a new store at a path would have to replace an existing store. At a URL, an unfinished
-    /// store of a killed merge does not count, because the same merge resumes the store.
+    /// Returns whether a new store at a path must replace an existing store. At a URL, the unfinished store
+    /// of a killed merge is not an existing store, because the same merge resumes it.
     ///
     /// # Errors
     /// Returns an error if an object store refuses the request or cannot be reached.
@@ -333,13 +334,13 @@ impl TensorStore {
         remote_store::is_taken(|name| Ok(objects.get(name).map_err(refused)?.is_some()))
     }
 
-    /// Opens a store for writing, as [`TensorStore::open`] does, and removes leftovers of a killed process.
-    /// Other processes cannot open the store for writing until [`TensorStore::unlock`] or until the store
-    /// is dropped. The caller must call [`TensorStore::finish`] after writing.
+    /// Opens a store for writing, and removes temporary files of a killed process. Other processes cannot
+    /// open the store for writing until [`TensorStore::unlock`] or until the store is dropped. The caller
+    /// must call [`TensorStore::finish`] after writing.
     ///
     /// # Errors
     /// Returns the same errors as [`TensorStore::open`]. Returns an error if another process writes the
-    /// store, or if a leftover cannot be removed.
+    /// store, or if a temporary file cannot be removed.
     pub fn open_for_write(path: &Path) -> Result<Self, OpenError> {
         if let Some(objects) = remote_store::objects_of(path).map_err(|e| OpenError::remote(path, e))? {
             return match remote_store::open_for_write(path, &objects)? {
@@ -362,13 +363,14 @@ impl TensorStore {
         Part::of_attributes(&self.attributes())
     }
 
-    /// Returns the first file that differs between two finished stores. Ignores the root's metadata.
+    /// Returns the first file, in alphabetical order, that differs between two finished stores. Ignores the
+    /// root's metadata.
     pub(crate) fn first_difference(&self, other: &Self) -> Option<String> {
         self.storage.first_difference(&other.storage)
     }
 
-    /// Copies the sample counts of the chunk that begins at `start` from another store, if that store has
-    /// sample counts.
+    /// Copies the sample counts of the chunk that begins at `start` from another store, unless they are zero
+    /// or already exist in this store.
     pub(crate) fn copy_samples(&self, start: [u64; 2], from: &Self) -> Result<(), AccessError> {
         let theirs = from.samples()?;
         if theirs.is_listed(&start) && !self.samples()?.is_stored(&start) {
@@ -394,8 +396,8 @@ impl TensorStore {
     /// Opens a slice. Repeated calls return the same slice, so that all writers share its locks.
     ///
     /// # Errors
-    /// Returns an error if there is no such slice, or if an array of the slice is missing, unreadable, or of
-    /// the wrong type or shape.
+    /// Returns an error if the store does not have the slice, or if an array of the slice is missing,
+    /// unreadable, or of the wrong type or shape.
     pub fn slice(&self, name: &str) -> Result<StoredSlice, OpenError> {
         if !self.names.iter().any(|n| n == name) {
             return Err(OpenError::NoSlice {
@@ -442,7 +444,7 @@ pub(crate) fn reseal(path: &Path) {
     Manifest::write(path).expect("a folder");
 }
 
-/// Returns the store that contains a path, if any.
+/// Returns the path of the store that contains the given path, if any.
 pub fn around(path: &Path) -> Option<PathBuf> {
     let real = whole_file::real(path);
     real.ancestors().skip(1).find(|a| is_store(a)).map(Path::to_owned)

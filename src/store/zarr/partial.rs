@@ -6,19 +6,20 @@ use std::sync::Arc;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::part::Part;
 
-/// The values of a slice that can be read.
+/// Indicates which values of a slice can be read.
 pub(super) enum Values {
     /// All values can be read.
     All,
-    /// No values can be read, because some may be missing. If the store is a part of a render, contains this
-    /// part.
+    /// No values can be read, because some may be missing. If the store is a part of a render, the variant
+    /// contains this part.
     Unfinished(Option<Part>),
-    /// Values of camera pixels with samples can be read. If samples are not counted, no values can be read.
+    /// Values of camera pixels with samples can be read. The variant contains the sample counts. Without
+    /// sample counts, no values can be read.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }
 
-/// Replaces values of camera pixels without samples in a region by NaN. If the field does not resolve pixels,
-/// replaces all values. `single` is true if each element belongs to one pixel.
+/// In a region, replaces the values of camera pixels without samples by NaN. If the field does not resolve
+/// pixels, replaces all values by NaN. `single` is true if each element belongs to one pixel.
 pub(super) fn hide(
     samples: Option<&ChunkedArray<u32>>,
     layout: &SliceLayout,

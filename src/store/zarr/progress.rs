@@ -1,5 +1,5 @@
-//! The finished tiles of a render: a journal in the store's folder, or one object per tile at the store's
-//! URL.
+//! Records the finished tiles of a render, in a journal in the store's folder, or in one object per tile at
+//! the store's URL.
 
 use super::TensorStore;
 use super::atomic::AtomicDirectory;
@@ -50,7 +50,8 @@ impl Progress {
         }
     }
 
-    /// Returns whether a store that is open for writing has a journal, that is, contains unfinished work.
+    /// Returns whether a store that is open for writing has a journal, that is, whether its render is
+    /// unfinished.
     pub(crate) fn exists(store: &TensorStore) -> bool {
         match &store.storage.remote {
             None => journal::exists(store.path()),

@@ -1,8 +1,8 @@
-//! A store at a URL of an object store, accessed with few and concurrent requests.
+//! Accesses a store at a URL of an object store, with few and concurrent requests.
 //!
-//! The consolidated metadata of the root contains the metadata of all groups and arrays. Opening a store
-//! therefore takes two concurrent requests, for the manifest and for the root's metadata. Chunks are
-//! fetched before they are read.
+//! The consolidated metadata of the root contains the metadata of all groups and arrays. Therefore, opening a
+//! store takes only two concurrent requests: for the manifest and for the root's metadata. Chunks are fetched
+//! before they are read.
 
 use super::manifest::{self, Entry, Manifest};
 use super::shard::{self, Shards};
@@ -18,8 +18,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const AHEAD_FILES: usize = 64;
 /// Maximum number of bytes of one concurrent fetch, if the manifest contains the sizes.
 const AHEAD_BYTES: u64 = 64 << 20;
-/// Maximum gap, in bytes, between ranges of one file that one request fetches together. Transferring a
-/// shorter gap takes less time than a second request.
+/// Maximum gap, in bytes, between two ranges of one file that one request fetches together. Transferring a
+/// gap of at most this size takes less time than a second request.
 const GAP: u64 = 32 << 10;
 const AT_A_TIME: u64 = 8 << 20;
 
@@ -37,16 +37,17 @@ pub(super) enum Known {
 struct Writing {
     /// All existing files. The list is complete, because no other process writes the store.
     known: BTreeMap<String, Known>,
-    /// Whether the store's lock is still held.
+    /// State of the store's lock. Writing is possible while the lock is held.
     hold: Arc<Hold>,
 }
 
 #[derive(Debug)]
 pub(super) struct Remote {
     objects: Objects,
-    /// Metadata by path of the file, from the root's consolidated metadata.
+    /// Metadata by the path of its file, from the root's consolidated metadata or from files.
     descriptions: Mutex<HashMap<String, Bytes>>,
-    /// Fetched data that has not been read yet, or `None` for a file that does not exist.
+    /// Fetched data that has not been read yet, by path and requested part. A value is `None` if the file
+    /// does not exist.
     ahead: Mutex<HashMap<(String, Ask), Option<Bytes>>>,
     /// State of writing, or `None` for a store that is only read.
     writing: Mutex<Option<Writing>>,
@@ -84,12 +85,12 @@ impl Remote {
         self.description(&file).is_some() || manifest.is_some_and(|m| m.0.contains_key(&file))
     }
 
-    /// Returns a file. A file that was not fetched ahead is fetched.
+    /// Returns the bytes of a file. Fetches the file unless it was fetched ahead.
     pub(super) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
         self.get_part(key, Ask::Whole)
     }
 
-    /// Returns a part of a file. A part that was not fetched ahead is fetched.
+    /// Returns the bytes of a part of a file. Fetches the part unless it was fetched ahead.
     pub(super) fn get_part(&self, key: &str, ask: Ask) -> Result<Option<Bytes>, Refusal> {
         let wanted = (key.to_owned(), ask);
         let fetched = self.ahead().remove(&wanted);
@@ -140,7 +141,7 @@ impl Remote {
         Ok(passed)
     }
 
-    /// Stores files that will be read next. `None` records that a file does not exist.
+    /// Stores the bytes of files that will be read next. `None` means that a file does not exist.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
         let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
         self.ahead().extend(files.into_iter().map(whole));
@@ -190,7 +191,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Removes files. Files that do not exist require no request.
+    /// Removes files. For files that do not exist, no request is sent.
     pub(super) fn erase(&self, mut keys: Vec<String>) -> Result<(), Refusal> {
         self.may_write()?;
         keys.retain(|key| self.is_stored(key));
@@ -215,7 +216,7 @@ impl Remote {
         writing.as_ref().is_some_and(|w| w.known.contains_key(key))
     }
 
-    /// Returns the files in a folder of the store that is being written.
+    /// Returns the paths of the files in a folder of the store that is being written.
     pub(super) fn stored_below(&self, folder: &str) -> Vec<String> {
         let writing = self.writing();
         let all = writing.iter().flat_map(|w| w.known.keys());
@@ -264,7 +265,7 @@ impl Remote {
     }
 }
 
-/// One request for one file, or for adjacent ranges of one file.
+/// One request for a file, or for neighbouring ranges of a file.
 struct Request {
     key: String,
     ask: Ask,
@@ -276,8 +277,8 @@ impl Request {
         Self { key: key.to_owned(), ask: ask.clone(), parts: vec![ask.clone()] }
     }
 
-    /// Adds a range if it is adjacent to the last range in the same file. Returns whether the range was
-    /// added.
+    /// Adds a range if it is in the same file and at most [`GAP`] bytes after the last range. Returns whether
+    /// the range was added.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;

@@ -7,9 +7,9 @@
 //! 4. Chunks are put when they are finished.
 //! 5. The manifest is put.
 //!
-//! No values can be read without a manifest. If a store is created together with its values (a merge), the
-//! marker contains the origin of the values and remains until the end. A store with a marker and without a
-//! manifest is unfinished and may be replaced. The code for local stores writes the metadata to a temporary
+//! No values can be read without a manifest. A merge creates a store together with its values. In this case,
+//! the marker contains the origin of the values and remains until the end. A store with a marker and without
+//! a manifest is unfinished and may be replaced. The code for local stores writes the metadata to a temporary
 //! folder first, so the bytes are equal to those of a local store.
 
 use super::atomic::AtomicDirectory;
@@ -28,8 +28,8 @@ use std::path::Path;
 
 /// Name of the metadata file that is put last.
 pub(super) const ROOT: &str = "zarr.json";
-/// Folder of the objects that record finished tiles. The objects are not part of the store, because the name
-/// of the folder begins with a dot.
+/// Folder of the objects that record finished tiles. These objects are not part of the store, because the
+/// folder's name begins with a dot.
 pub(super) const PROGRESS: &str = ".sunstone-progress/";
 
 /// The lock of a writer.
@@ -69,7 +69,8 @@ impl Making<'_> {
         self.objects.get(key).map_err(|e| self.refused(e))
     }
 
-    /// Begins a store whose metadata `describe` writes to a folder. The marker remains until [`Making::end`].
+    /// Begins or resumes a store. `describe` writes the metadata of the store to a folder. The marker remains
+    /// until [`Making::end`].
     pub(super) fn begin(
         &self,
         describe: impl FnOnce(&Path) -> Result<(), CreateError>,
@@ -105,8 +106,8 @@ impl Making<'_> {
         })
     }
 
-    /// Returns whether the existing objects are an unfinished store of the same origin, which a killed
-    /// process has begun. Refuses a store that may not be replaced.
+    /// Returns whether the existing objects are an unfinished store of the same origin, from a killed
+    /// process. Returns an error if they may not be replaced.
     fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
         let is_there = |name: &str| known.contains_key(name);
         let is_begun = is_begun(|name| Ok::<_, CreateError>(is_there(name)))?;
@@ -144,14 +145,14 @@ impl Making<'_> {
     }
 }
 
-/// Returns whether a store was begun together with its values (a merge) and is unfinished. `has` returns
+/// Returns whether a store is unfinished and was begun together with its values, as by a merge. `has` returns
 /// whether an object exists.
 fn is_begun<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ORIGIN)? && !has(manifest::FILE)? && !has(manifest::OF_PART)?)
 }
 
-/// Returns whether a store exists that a new store replaces only on request. An unfinished merge does not
-/// count, because the same merge resumes the work.
+/// Returns whether a store exists that a new store may replace only if the user requests it. The store of an
+/// unfinished merge does not count, because the same merge resumes the work.
 pub(super) fn is_taken<E>(has: impl Fn(&str) -> Result<bool, E>) -> Result<bool, E> {
     Ok(has(ROOT)? && !is_begun(has)?)
 }
@@ -199,7 +200,7 @@ pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, Creat
     })
 }
 
-/// Returns all existing objects except the lock.
+/// Returns the sizes of all existing objects except the lock, by key.
 pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusal> {
     let all = objects.list()?.into_iter();
     let others = all.filter(|(name, _)| name != lock::FILE);
@@ -223,7 +224,7 @@ pub(super) fn open_for_write(
     open_locked(path, objects, lock).map(Some).map_err(refused)
 }
 
-/// Opens a store whose lock is held, and removes leftovers of a killed process.
+/// Opens a store whose lock this process holds, and removes the marker and the journal of a killed process.
 pub(super) fn open_locked(
     path: &Path,
     objects: &Objects,

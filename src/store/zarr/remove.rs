@@ -32,7 +32,7 @@ impl RemoveError {
     }
 }
 
-/// The lock of a folder or a URL that contains several stores, held until it is dropped.
+/// The lock of a folder or a URL that contains several stores. The lock is held until the value is dropped.
 #[derive(Debug)]
 pub struct PlaceLock {
     _held: Held,
@@ -57,7 +57,7 @@ impl PlaceLock {
 }
 
 /// Removes a finished or unfinished store, or a part of a render, from a folder or an object store. Returns
-/// false if there is no store. An interrupted removal leaves no finished store.
+/// false if there is no store. After an interrupted removal, the store is not finished.
 ///
 /// # Errors
 /// Returns [`RemoveError`] if the path is not a store, another process writes the store, or the store cannot
@@ -93,7 +93,7 @@ fn not_a_store(path: &Path) -> RemoveError {
     RemoveError::NotAStore { path: path.to_owned() }
 }
 
-/// Removes the objects at a URL whose lock is held.
+/// Removes the objects of a store at a URL. The caller holds the lock of the URL.
 fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveError>, Refusal> {
     let names: Vec<String> = remote_store::found(objects)?.into_keys().collect();
     if names.is_empty() {

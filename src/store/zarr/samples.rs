@@ -1,4 +1,4 @@
-//! The sample counts per camera pixel of a store.
+//! Reads and writes the sample counts per camera pixel of a store.
 
 use super::TensorStore;
 use super::chunked::ChunkedArray;
@@ -18,7 +18,8 @@ impl TensorStore {
         self.samples.as_ref().ok_or_else(|| AccessError::NoSamples { path: self.path().to_owned() })
     }
 
-    /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    /// Writes the sample counts of the region that begins at pixel `start` and has the shape `shape`, both as
+    /// (row, column). Counts are row-major.
     ///
     /// # Errors
     /// Returns an error if the store has no sample counts, the region is outside the array, or writing fails.
@@ -26,7 +27,8 @@ impl TensorStore {
         self.samples()?.write(&start, &shape, counts, None)
     }
 
-    /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
+    /// Reads the sample counts of the region that begins at pixel `start` and has the shape `shape`, both as
+    /// (row, column). Counts are row-major.
     ///
     /// # Errors
     /// Returns an error if the store has no sample counts, the region is outside the array, or a chunk is

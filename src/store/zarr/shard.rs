@@ -1,13 +1,13 @@
-//! A shard: a file that contains many chunks, in the format of Zarr's codec `sharding_indexed` with the
-//! index at the end.
+//! Reads and writes shards. A shard is a file that contains many chunks, in the format of Zarr's codec
+//! `sharding_indexed` with the index at the end.
 //!
 //! The file contains sealed frames, a table of the frames' checksums, and the index. A sealed frame is a
 //! Zstandard frame and its CRC-32C. The index contains two 64-bit numbers per frame, offset and size, and the
 //! CRC-32C of all offsets and sizes. For a missing frame, all bits of offset and size are ones. The table is
 //! an addition of Sunstone, which is valid because the codec allows any bytes between frames and index. The
-//! manifest contains the checksum of table and index. The tail of a shard is therefore sufficient to detect
-//! that a frame was replaced by another valid frame. The index alone is not sufficient, because
-//! incompressible frames give equal indices in all shards.
+//! manifest contains the checksum of table and index. The tail of a shard consists of table and index, and is
+//! sufficient to detect that a frame was replaced by another valid frame. The index alone is not sufficient,
+//! because incompressible frames give equal indices in all shards.
 
 use serde_json::Value;
 use std::collections::HashMap;
@@ -20,7 +20,7 @@ const SEAL: usize = 4;
 const PLACE: usize = 16;
 /// Value of offset and size of a missing frame in the index.
 const NOWHERE: u64 = u64::MAX;
-/// Maximum number of frames. Larger values in the metadata are refused before an allocation.
+/// Maximum number of frames of a shard. Metadata with a larger number is refused before an allocation.
 pub(super) const MAX_FRAMES: usize = 1 << 16;
 
 /// Position of a frame in its shard, with its checksum.
@@ -47,19 +47,19 @@ impl Piece {
     }
 }
 
-/// Returns the size of the tail of a shard with `frames` frames: checksums and index.
+/// Returns the size, in bytes, of the tail (checksums and index) of a shard with `frames` frames.
 pub(super) fn tail_len(frames: usize) -> u64 {
     (frames * (SEAL + PLACE) + SEAL) as u64
 }
 
 /// Returns the checksum of a shard for the manifest. The checksum covers the tail of the shard except the
-/// checksum of the index. A CRC over the index and the checksum of the index would not depend on the content
-/// of the index.
+/// checksum of the index. If a CRC covers both the index and the index's own CRC, the result does not depend
+/// on the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
 
-/// Builder that assembles the bytes of a shard.
+/// Assembles the bytes of a shard.
 pub(super) struct Builder {
     bytes: Vec<u8>,
     pieces: Vec<Option<Piece>>,
@@ -126,7 +126,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
     seals.chunks_exact(SEAL).zip(index.chunks_exact(PLACE)).map(piece).collect()
 }
 
-/// Returns the fault of a complete shard, if any. Checks every byte.
+/// Checks every byte of a complete shard. Returns the fault, if any.
 pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let size = bytes.len() as u64;
     let Some(data) = size.checked_sub(tail_len(frames)) else {
@@ -152,13 +152,14 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     (end != data).then(|| format!("the chunks end at byte {end}, expected byte {data}"))
 }
 
-/// The shards of a store, with the number of frames of each shard. The metadata of arrays determines the
-/// list.
+/// The number of frames per shard of each sharded array of a store, by the array's folder. The metadata of
+/// the arrays contains these numbers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shards(HashMap<String, usize>);
 
 impl Shards {
-    /// Reads the list of shards from metadata, given by file path.
+    /// Finds the sharded arrays in metadata. `descriptions` contains the path and the content of each
+    /// metadata file.
     pub(super) fn of<'a>(descriptions: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
         let found = descriptions.into_iter().filter_map(|(path, json)| {
             let folder = path.strip_suffix("/zarr.json")?;
@@ -175,7 +176,8 @@ impl Shards {
         Self(found.collect())
     }
 
-    /// Reads the list of shards from the metadata in a folder. `files` are the files in the folder.
+    /// Finds the sharded arrays in the metadata of a folder. `files` contains the paths of all files in the
+    /// folder.
     pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
         let descriptions = files.into_iter().filter_map(|path| {
             let bytes = path.ends_with("/zarr.json").then(|| base::input::read(&root.join(path)));
@@ -193,7 +195,8 @@ impl Shards {
 
 pub(super) const CODEC: &str = "sharding_indexed";
 
-/// Returns the number of chunks of a shard, or `None` if chunks do not divide the shard.
+/// Returns the number of chunks of a shard, or `None` if the shape of a chunk does not divide the shape of
+/// the shard.
 pub(super) fn frames(shard: &[u64], chunk: &[u64]) -> Option<usize> {
     let along = |(s, c): (&u64, &u64)| (*c > 0 && *s > 0 && s % c == 0).then(|| s / c);
     let counts: Vec<u64> = shard.iter().zip(chunk).map(along).collect::<Option<_>>()?;

@@ -1,4 +1,4 @@
-//! The sharding of an array: shapes of shards and chunks, and a cache of the contents of shards.
+//! Represents the sharding of an array: shapes of shards and chunks, and a cache of the tails of shards.
 
 use super::shard::{self, Piece};
 use bytes::Bytes;
@@ -34,7 +34,7 @@ pub(super) struct Sharded {
     pub(super) shard: Vec<u64>,
     /// Number of chunks per shard.
     pub(super) frames: usize,
-    /// Contents of shards by shard index, or `None` for a shard of zeros.
+    /// Cached tails of shards by shard index. A value is `None` for a shard of zeros, which has no file.
     kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
 }
 
@@ -43,8 +43,8 @@ impl Sharded {
         Some(Self { frames: shard::frames(&shard, &inner)?, inner, shard, kept: Mutex::default() })
     }
 
-    /// Creates the shards of an array of shape `shape` as [`Self::new`] does, if chunks divide `chunk` and
-    /// `chunk` divides shards.
+    /// Creates the shards of an array of shape `shape` as [`Self::new`] does. Returns `None` unless `inner`
+    /// divides `chunk` and `chunk` divides `shard` along every axis.
     pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
         let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];
         let fits = axes

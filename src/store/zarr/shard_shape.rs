@@ -1,10 +1,10 @@
 //! Chooses the shapes of an array's shards and of the chunks in shards, from the file sizes of the
 //! unsharded chunks.
 //!
-//! A chunk in a shard is a block of few pixels, with all entries of an unsharded chunk for each pixel. All
-//! values of a pixel therefore occupy a small part of a file. A shard is a block of chunks. The shard grows
-//! first along the axes after the camera axes, so that one shard contains all values of a pixel. The shard
-//! then grows along the camera axes until the shard is large enough.
+//! A chunk in a shard is a block of few pixels. For each pixel, the chunk has all entries of an unsharded
+//! chunk. All values of a pixel therefore occupy a small part of a file. A shard is a block of chunks. The
+//! shard grows first along the axes after the camera axes, so that one shard contains all values of a pixel.
+//! The shard then grows along the camera axes until the shard is large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
@@ -15,10 +15,11 @@ use tensor::region;
 pub(crate) struct Limits {
     /// Maximum mean size, in bytes, of a chunk in a shard.
     pub(crate) piece: u64,
-    /// Mean size, in bytes, of an array's shards above which the shards are not enlarged further.
+    /// Sufficient mean size, in bytes, of an array's shards. Shards of at least this mean size are not
+    /// enlarged further.
     pub(crate) enough: u64,
     /// Maximum size of a shard in bytes. The size is limited because a shard is assembled in memory. A shard
-    /// of a single chunk may be larger.
+    /// of a single unsharded chunk may be larger.
     pub(crate) most: u64,
     /// Maximum number of chunks of a shard. The number is limited because the tail (20 bytes per chunk) is
     /// read before the first value.
@@ -93,8 +94,8 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     inner
 }
 
-/// Returns the number of chunks of a shard along each axis after one growth step, or `None` if the shard
-/// contains all chunks.
+/// Returns the number of unsharded chunks of a shard along each axis after one growth step, or `None` if the
+/// shard already contains all chunks.
 fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     let more = |axis: &usize| counts[*axis] < grid[*axis];
     let behind = (array.camera..grid.len()).rev().find(more);
@@ -105,7 +106,8 @@ fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     Some(next)
 }
 
-/// Returns the sizes of all shards, in bytes, if a shard has `counts` chunks along each axis.
+/// Returns the sizes, in bytes, of all shards of an array. `counts` is the number of unsharded chunks of a
+/// shard along each axis.
 fn shards(grid: &[u64], sizes: &[u64], counts: &[u64]) -> Vec<u64> {
     let of: Vec<u64> = grid.iter().zip(counts).map(|(g, c)| g.div_ceil(*c)).collect();
     let mut bytes = vec![0; region::volume(&of).unwrap_or(0)];

@@ -19,7 +19,8 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Concurrently reads the tails of shards (of arrays of one store) that are not in the cache.
+    /// Concurrently reads the tails of the shards `all` that are not in the cache. All shards belong to
+    /// arrays of one store.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -87,7 +88,8 @@ impl<T: Number> ChunkedArray<T> {
         }
     }
 
-    /// Groups units, in order, into batches that belong to a limited number of shards.
+    /// Divides a list of units into consecutive batches. The units of a batch belong to a limited number of
+    /// shards.
     pub(super) fn batches<'a>(&self, units: &'a [Vec<u64>]) -> Vec<&'a [Vec<u64>]> {
         let Some(sharded) = &self.sharded else {
             return vec![units];
@@ -109,7 +111,8 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Returns the requests for the bytes of units, or an empty list if fetching ahead has no benefit.
+    /// Returns the requests for the bytes of units, or an empty list for a local store, where fetching ahead
+    /// has no benefit.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote.is_none() {
             return Ok(vec![]);
@@ -134,15 +137,15 @@ impl<T: Number> ChunkedArray<T> {
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
     }
 
-    /// Fetches the bytes of requests ahead, from the first of `asks`. Returns the number of requests whose
-    /// bytes were fetched. `index` is the chunk index of the first request.
+    /// Fetches the bytes of the first requests of `asks` ahead, up to a limit. Returns the number of requests
+    /// whose bytes were fetched. `index` is the chunk index of the first request.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
         let fetched = self.storage.fetch_ahead(asks);
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches units ahead for several regions, from the first region. Each region refers to some arrays of
-    /// one store. Returns the number of fetched regions.
+    /// Fetches the units of the first regions ahead, up to a limit. Each element of `regions` contains
+    /// regions of one or more arrays of one store. Returns the number of fetched elements.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
         let Some(first) = first.filter(|a| a.storage.remote.is_some()) else {
@@ -189,7 +192,7 @@ impl<T: Number> ChunkedArray<T> {
     }
 
     /// Returns the start and the shape of every chunk ([`ChunkedArray::chunk`]) of a shard, clipped to the
-    /// array, in the shard's order.
+    /// array, in row-major order.
     pub(super) fn chunks_of(&self, sharded: &Sharded, shard: &[u64]) -> Vec<(Vec<u64>, Vec<u64>)> {
         let (origin, size) = region::chunk_box(self.shape(), &sharded.shard, shard);
         let chunks = region::chunks(&size, &self.chunk);

@@ -23,7 +23,7 @@ use tensor::region::{self, Window};
 const AT_ONCE: usize = 4;
 
 impl TensorStore {
-    /// Returns whether the arrays of the store are sharded.
+    /// Returns whether any array of the store is sharded.
     ///
     /// # Errors
     /// Returns an error if a slice cannot be opened.
@@ -102,7 +102,7 @@ fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> 
     shard_shape::choose(&array, limits)
 }
 
-/// Writes all missing shards of an array.
+/// Writes all missing shards of the array `target`.
 fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result<(), AccessError> {
     let Some(sharded) = &target.sharded else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! One stored slice: fields of f32 over named axes.
+//! Represents a stored slice: fields of f32 values over named axes.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// An open slice. Clones are cheap and share locks, so several threads may write through clones.
+/// An open slice. Cloning is cheap, and clones share locks, so several threads may write through clones.
 #[derive(Clone)]
 pub struct StoredSlice(Arc<Inner>);
 
@@ -89,13 +89,14 @@ impl StoredSlice {
         &self.0.layout
     }
 
-    /// Returns the attributes of the slice's group: the caller's attributes and, if time is resolved,
-    /// `time_start_ps` and `time_bin_ps`.
+    /// Returns the attributes of the slice's group. They are the attributes given at creation and, if time is
+    /// resolved, `time_start_ps` and `time_bin_ps`.
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
     }
 
-    /// Returns the attributes, in order, excluding those that are derived from the layout.
+    /// Returns the attributes of the slice's group, in order, without the attributes that are derived from
+    /// the layout.
     pub(crate) fn written_attributes(&self) -> Map<String, Value> {
         let mut attributes = self.0.attributes.clone();
         attributes.retain(|key, _| !["time_start_ps", "time_bin_ps"].contains(&key.as_str()));
@@ -120,20 +121,21 @@ impl StoredSlice {
         Ok(&self.field(field)?.0)
     }
 
-    /// Writes a region given as first index and shape, row-major, from any thread. Elements outside the
-    /// region keep their values. Two *processes* must not write the same chunk. Chunks of zeros are not
-    /// stored.
+    /// Writes a region given as first index and shape. `data` is row-major. Several threads may write
+    /// concurrently. Elements outside the region keep their values. Two *processes* must not write the same
+    /// chunk. Chunks of zeros are not stored.
     ///
     /// # Errors
     /// Returns an error if the region is outside the field, or if the number of values differs from the
-    /// number of elements of the region. Returns an error if a shared chunk is damaged or writing fails.
+    /// number of elements of the region. Returns an error if a partially covered chunk is damaged, or if
+    /// writing fails.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
         self.field(field)?.1.write(start, shape, data, None)
     }
 
-    /// Writes a region as [`Self::write`] does, for callers that know where zeros are. `touched` has one bit,
-    /// lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit of 0 means that the
-    /// corresponding bytes are all zero.
+    /// Writes a region as [`Self::write`] does, for callers that know which parts of the data are zero.
+    /// `touched` has one bit, lowest first, for every [`tensor::sink::STRETCH`] bytes of the data. A bit of 0
+    /// means that the corresponding bytes are all zero.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::write`].
@@ -166,7 +168,7 @@ impl StoredSlice {
     }
 
     /// Copies the file of the chunk that begins at `start` from the same slice of another store, and checks
-    /// the file.
+    /// the file's checksum.
     ///
     /// # Errors
     /// Returns an error if the slice does not have the field, the chunk is damaged or lost, or writing fails.
@@ -199,8 +201,7 @@ impl StoredSlice {
         Ok(Region { array: &self.field(field)?.1, start: start.to_vec(), shape: shape.to_vec() })
     }
 
-    /// Fetches one region of each of several fields as [`Self::fetch_ahead`] does. Fetches either all regions
-    /// or none.
+    /// Fetches one region of each of several fields as [`Self::fetch_ahead`] does, with the same limits.
     ///
     /// # Errors
     /// Returns the same errors as [`Self::fetch_ahead`].
@@ -250,8 +251,8 @@ impl StoredSlice {
         Ok(region::chunks(array.shape(), &array.chunk))
     }
 
-    /// Returns the index of the axis of the given kind among the axes of the mean, or `None` if the slice has
-    /// no such axis.
+    /// Returns the index of the axis of the given kind in [`Self::layout`], or `None` if the slice has no
+    /// such axis.
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.0.layout.find(kind)
     }

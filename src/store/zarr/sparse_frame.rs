@@ -1,8 +1,8 @@
 //! Writes Zstandard frames of mostly zero bytes directly (RFC 8878, section 3.1.1).
 //!
-//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates the
-//! time. The encoder therefore writes only runs of zeros, as one repeated byte, and raw bytes between the
-//! runs. Every Zstandard decoder reads blocks of repeated bytes and blocks of raw bytes.
+//! If few elements of a large chunk are nonzero, the general encoder spends most of the time on the search
+//! for matches among zeros. This encoder therefore writes only runs of zeros, as one repeated byte, and raw
+//! bytes between the runs. Every Zstandard decoder reads blocks of repeated bytes and blocks of raw bytes.
 
 use tensor::sink::STRETCH;
 
@@ -10,16 +10,16 @@ use tensor::sink::STRETCH;
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
     Zero,
-    /// Mostly zero bytes, with the complete frame.
+    /// Mostly zero bytes. The variant contains the complete frame.
     Sparse(Vec<u8>),
     /// Other bytes, which the general encoder compresses.
     Dense,
 }
 
-/// Granularity, in bytes, of runs of zeros. Shorter runs would not reduce the size.
+/// Granularity, in bytes, of runs of zeros. Shorter runs do not reduce the size of the frame.
 const PIECE: usize = 16;
-/// Minimum number of bytes per nonzero byte. With more nonzero bytes, the general encoder gives smaller
-/// frames.
+/// Minimum ratio of all bytes to bytes outside runs of zeros. If more bytes are nonzero, the general encoder
+/// writes smaller frames.
 const RARITY: usize = 16;
 /// Size of the largest block in bytes (Block_Maximum_Size).
 const MAX_BLOCK: usize = 1 << 17;
@@ -93,8 +93,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     Content::Sparse(frame)
 }
 
-/// Returns a bit mask, lowest bit first, for up to 64 parts of `part` bytes each. A bit is 1 if any byte of
-/// its part is nonzero.
+/// Returns a bit mask, lowest bit first, with one bit for each of up to 64 parts of `part` bytes. A bit is 1
+/// if any byte of its part is nonzero.
 #[inline]
 fn filled(bytes: &[u8], part: usize) -> u64 {
     let parts = bytes.chunks(part).enumerate();

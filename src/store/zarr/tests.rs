@@ -31,7 +31,8 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
     }
 }
 
-/// Returns the layouts of a slice with every kind of array and of a plain image, with tiles of 4 pixels.
+/// Returns the layouts of two slices, one with every kind of array and one plain image. Tiles have an edge
+/// length of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
     let bins = TimeSelect::Bins { start_ps: 100.0, bin_ps: 12.5, bins: 5 };
     let attributes = json!({"pixels_per_element": 1}).as_object().unwrap().clone();
@@ -144,7 +145,7 @@ fn zero_chunks_are_not_stored() {
     assert!(!chunk.exists());
 }
 
-/// Writes one pixel at a time, in the given order, from `threads` threads.
+/// Writes one pixel at a time from `threads` threads. `step` determines the order of the pixels.
 fn write_pixels(store: &TensorStore, threads: usize, step: usize) {
     let slice = store.slice("timed").unwrap();
     let shape = slice.layout().shape();
@@ -285,9 +286,10 @@ fn damaged_descriptions_are_errors() {
     assert!(matches!(TensorStore::open(&file("steady/mean/c")), Err(OpenError::Missing { .. })));
 }
 
-/// Verifies that sample counts are not along `y` and `x`. In `xarray.open_datatree`, dimensions of the root's
-/// arrays apply to every group, so xarray would refuse slices of a part of the camera. Stores of earlier
-/// versions, with counts along `y` and `x`, can still be opened.
+/// Verifies that the dimensions of the sample counts do not have the names `y` and `x`. In
+/// `xarray.open_datatree`, dimensions of the root's arrays apply to every group, so xarray would refuse
+/// slices of a part of the camera. Stores of earlier versions, whose sample counts have the dimensions `y`
+/// and `x`, can still be opened.
 #[test]
 fn sample_counts_use_dimensions_of_no_slice() {
     let dir = tempfile::tempdir().unwrap();
@@ -401,7 +403,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// Verifies that reads and `verify` report lost, exchanged and additional chunks.
+/// Verifies that both reading and `verify` report lost, exchanged and additional chunks.
 #[test]
 fn changes_of_finished_stores_are_detected() {
     let dir = tempfile::tempdir().unwrap();

@@ -69,7 +69,8 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     Ok(Verified { part, ..verified(&entries, faults, &found) })
 }
 
-/// Verifies a store at a URL as [`verify`] does, with the given manifest. A failed request is an error.
+/// Verifies a store at a URL as [`verify`] does, with the entries of its manifest. A failed request is an
+/// error.
 fn verify_objects(
     path: &Path,
     objects: &Objects,
@@ -107,7 +108,8 @@ fn verify_objects(
     Ok(Verified { unlisted, ..verified(entries, faults, &found) })
 }
 
-/// Groups file names, in order, into batches with a limited number and total size of files.
+/// Divides a list of file names into consecutive batches. The number and the total size of the files of a
+/// batch are limited.
 fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a [String]> {
     let (mut all, mut from, mut bytes) = (vec![], 0, 0);
     for (n, name) in names.iter().enumerate() {

@@ -48,7 +48,7 @@ pub struct Link {
     pub chain: Chain,
     /// The element parameters that the reconstruction assumes.
     pub belief: Belief,
-    /// Prior of the Mueller matrices, for captures that do not determine them.
+    /// Prior of the Mueller matrices, for captures that do not determine the matrices.
     pub prior: Option<Moment>,
     /// Name of the slice to capture, or `None` to capture all slices.
     pub only: Option<String>,
@@ -117,7 +117,7 @@ impl Link {
     }
 
     /// Returns an observation with captured slices. If [`Self::only`] names a slice, only this slice is
-    /// captured, otherwise all of `slices`. Ground truth is unchanged.
+    /// captured. Otherwise, all slices in `slices` are captured. Ground truth is unchanged.
     ///
     /// # Errors
     /// Returns [`ChainFailure`] if a slice cannot be captured.
@@ -147,8 +147,8 @@ impl Link {
     }
 }
 
-/// Returns the detectors of a laboratory. The exposures of the detectors are chosen for the slices of an
-/// observation that a scheme captures.
+/// Returns the detectors of a laboratory. The exposures are computed for the slices `slices` of an
+/// observation, captured through the scheme `through`.
 ///
 /// # Errors
 /// Returns [`ChainFailure::Slice`] if a slice cannot be captured.

@@ -22,8 +22,8 @@ pub struct Point {
     pub method: String,
     /// Score of the method by the metric.
     pub worth: Estimate,
-    /// Score of the first method minus the score of this method, on the same renders. `None` for the first
-    /// method.
+    /// Score of the first method minus the score of this method, on the same renders. The value is `None` for
+    /// the first method.
     pub ours_less_this: Option<Estimate>,
     /// Whether the method is a baseline.
     pub baseline: bool,
@@ -109,8 +109,9 @@ fn wins(metric: Metric, d: &Estimate) -> bool {
 pub struct Verdict {
     pub series: String,
     pub baseline: String,
-    /// Description of the range. For a sweep, the last value (from best to worst) at which the first method
-    /// wins, or all such values. For a comparison of capture counts, the smallest count at which the first
+    /// Description of the range. For a sweep with values from best to worst, the last value at which the
+    /// first method wins. If the first method does not win at some better value, the description lists all
+    /// values at which it wins. For a comparison of capture counts, the smallest count at which the first
     /// method wins.
     pub words: String,
 }
@@ -255,9 +256,9 @@ pub fn axis(links: &Links) -> ChartAxis {
     ChartAxis { label: label.into(), log, named, ..ChartAxis::default() }
 }
 
-/// Returns points with the names of their curves. For a sweep, the name is that of the method. For a
-/// comparison of capture counts, the name is the way of choosing captures. A method with all captures becomes
-/// a horizontal line.
+/// Returns points with the names of their curves. For a sweep, the name of a curve is the name of the method.
+/// For a comparison of capture counts, the name is the way of choosing captures. The score of a method with
+/// all captures becomes a horizontal line.
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
         return points.into_iter().map(|p| (p.method.clone(), p)).collect();

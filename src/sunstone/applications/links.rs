@@ -37,9 +37,9 @@ pub enum Part {
     /// Number of electrons per reading (or counts of a photon counter) at the chosen exposure.
     Photons,
     Extinction,
-    /// Standard deviation of the elements' retardances.
+    /// Standard deviation of the elements' retardances, in degrees.
     Retardance,
-    /// Standard deviation of the angles of the elements' axes.
+    /// Standard deviation of the angles of the elements' axes, in degrees.
     Axis,
     /// Accuracy of the assumed element parameters.
     Calibration,

@@ -180,7 +180,7 @@ pub fn document(application: &Application, report: &Report) -> Value {
     })
 }
 
-/// The images of one page, given by file name, title, and images with labels.
+/// A page of images: the file name, the title, and the images with labels.
 type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
 
 /// Groups images into pages. Images that share a unit are grouped by variant, and all other images by method.

@@ -54,7 +54,7 @@ pub fn texture(scene: &Scene) -> Map {
     })
 }
 
-/// Returns the layer with a name as a map, or `None` if no layer has this name.
+/// Returns the layer called `name` as a map, or `None` if no layer has this name.
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
     let [width, height] = layers.size.map(|n| n as usize);

@@ -172,8 +172,8 @@ pub struct ApplyFile {
     pub variant: Option<u64>,
     /// Index of the channel to draw, from 0. Default: all three channels as a colour, or the only channel.
     pub channel: Option<usize>,
-    /// Ends of the colour scale. For colours, the ends are black (must be 0) and white. Default: the range of
-    /// the values.
+    /// Ends of the colour scale. For colours, the ends are the values of black (must be 0) and white.
+    /// Default: the range of the values.
     pub limits: Option<[f32; 2]>,
     /// Label of the colour bar.
     #[serde(default)]

@@ -1,11 +1,11 @@
 //! Stores results of applications in a cache next to the renders. Methods are fitted again only after a
 //! change of scenes, renders or program.
 //!
-//! A cache file contains one run of an application at one size and is written atomically. The first line of
-//! the file has the format and a digest of the rest. A line of JSON with names and shapes follows, then all
-//! numbers as little-endian doubles. The key is the digest of the inputs
-//! ([`crate::applications::Run::inputs`]) and of the program. A file with another key or a damaged file is
-//! recomputed and replaced.
+//! A cache file contains one run of an application at one size and is written atomically. The first line
+//! contains the format version and a digest of the rest of the file. The second line contains the key, and
+//! the third line is JSON with names and shapes. All numbers follow as little-endian doubles. The key is the
+//! digest of the inputs ([`crate::applications::Run::inputs`]) and of the program. If the file is damaged or
+//! has another key, the run is repeated and the file is replaced.
 
 use apply::application::Application;
 use apply::map::Map;
@@ -19,7 +19,7 @@ use crate::applications::Report;
 use crate::applications::curves;
 use crate::applications::links::Links;
 
-/// First words of a cache file, including the number of the format.
+/// First words of a cache file, including the version of the format.
 const BEGIN: &str = "sunstone fit 2 ";
 
 /// The results that panels show, from one run of an application.
@@ -194,8 +194,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// Creates the place of a cache file in a folder. `name` identifies the application and the size.
-    /// `program` and `inputs` determine the key.
+    /// Returns the path and the key of a cache file in a folder. `name` identifies the application and the
+    /// size. `program` and `inputs` determine the key.
     pub fn new(folder: &Path, name: &str, program: &str, inputs: &str) -> Self {
         Self {
             path: folder.join(format!("{name}.fit")),

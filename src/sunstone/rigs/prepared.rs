@@ -61,7 +61,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Reads a plan, and the rig file `rig` or the rig file that the plan names.
+    /// Reads a plan and its rig file. The rig file is `rig`, or the file that the plan names.
     ///
     /// # Errors
     /// Returns [`PrepareError`] if a file is invalid or no rig is named.

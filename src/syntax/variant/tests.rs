@@ -201,7 +201,7 @@ mod any_text {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..Default::default() })]
 
-        /// Tests that paths with any keys are read after TOML has quoted the keys.
+        /// Tests that the parser of paths returns the original keys for any keys that TOML has quoted.
         #[test]
         fn paths_are_read_as_toml_writes_them(all in prop::collection::vec(any::<String>(), 1..5)) {
             let written: Vec<String> = all.iter().map(|k| toml::Value::String(k.clone()).to_string()).collect();

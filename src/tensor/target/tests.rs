@@ -1,10 +1,11 @@
-//! Tests of the sample counts that are chosen for each round.
+//! Tests the sample counts that are chosen for each round.
 
 use super::*;
 
 const EDGE: u32 = 16;
 
-/// Tiles of pixels whose relative variances per sample are log-normally distributed between and within tiles.
+/// Tiles of pixels with relative variances per sample. The variances are log-normally distributed between
+/// tiles and within tiles.
 struct Image {
     variances: Vec<(u32, f64)>,
     samples: Vec<u32>,
@@ -54,9 +55,9 @@ fn goal(error: f64, share: f64) -> Goal {
     Goal { slice: "s".into(), error, share, first: 64, most: 1 << 20 }
 }
 
-/// Verifies that, if variances differ between tiles, the goal is reached with fewer samples than uniform
-/// sampling needs. The saving is small for the median, which excludes the noisy half, and large for a share
-/// of 0.9.
+/// Verifies that adaptive sampling reaches the goal with fewer samples than uniform sampling if variances
+/// differ between tiles. The saving is small for the median, which excludes the noisy half of the pixels, and
+/// large for a share of 0.9.
 #[test]
 fn the_goal_is_reached_with_fewer_samples() {
     for (share, least, most) in [(0.5, 0.60, 0.9), (0.9, 0.3, 0.6)] {
@@ -70,7 +71,8 @@ fn the_goal_is_reached_with_fewer_samples() {
     }
 }
 
-/// Verifies that equal tiles use no more samples than uniform sampling, because no samples can be saved.
+/// Verifies that equal tiles receive no more samples than with uniform sampling, because no samples can be
+/// saved.
 #[test]
 fn equal_tiles_cost_as_much_as_uniform_sampling() {
     let mut image = Image::new(0.0, 0.5);
@@ -80,8 +82,7 @@ fn equal_tiles_cost_as_much_as_uniform_sampling() {
     assert!((0.95..1.06).contains(&cost), "{cost}");
 }
 
-/// Verifies that the only lit pixel of a tile receives as many samples as its neighbours, although this pixel
-/// needs 100 times as many samples.
+/// Verifies that the noise of the only lit pixel of a tile barely affects the sample counts.
 #[test]
 fn a_single_pixel_does_not_determine_its_tile() {
     let counts = |variance: f64| {

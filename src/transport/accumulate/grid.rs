@@ -15,8 +15,8 @@ impl Grid {
         Self { chunks: axes.iter().map(|[len, chunk]| len.div_ceil(*chunk)).product(), axes }
     }
 
-    /// Returns three numbers for cell `cell` (row-major over the axes): the index of the chunk that contains
-    /// the cell, the position in the chunk, and the number of cells in the chunk.
+    /// Returns the chunk index of cell `cell`, the position of the cell in the chunk, and the number of cells
+    /// in the chunk. Cells and chunks are counted row-major over the axes.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();

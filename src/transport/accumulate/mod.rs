@@ -22,7 +22,8 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Maximum number of cells of a pixel that a plain table indexes. A hash map indexes larger numbers of cells.
+/// Maximum number of cells per pixel for which the cell index is a plain table. For more cells, the cell
+/// index is a hash map.
 const DIRECT_CELLS: u64 = 1 << 16;
 
 /// Maps the key of a cell to the index of the cell among the cells of the current pixel.
@@ -52,7 +53,8 @@ struct Sums {
 impl Sums {
     const ZERO: Self = Self { pending: Spectral::ZERO, sum: f64x4::ZERO, square: f64x4::ZERO };
 
-    /// Adds the sum of the pending group of samples, and its square, to the totals.
+    /// Adds the pending sum of the current sample group to `sum`, and the square of the pending sum to
+    /// `square`.
     #[inline]
     fn fold(&mut self) {
         let p = widen(self.pending);
@@ -152,7 +154,8 @@ impl PixelSums {
     }
 
     /// Computes the mean of a pixel and the variance of the mean. Adds the mean to the tile with the weight
-    /// 1/pixels. Adds the variance with the weight 1/pixels², because pixels are independent.
+    /// 1/`pixels`, where `pixels` is the number of camera pixels in the bin. Adds the variance with the
+    /// weight 1/`pixels`², because pixels are independent.
     #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
@@ -207,10 +210,10 @@ pub struct TileSums<'a> {
 }
 
 impl TileSums<'_> {
-    /// Writes all values to a sink, and the tile record last.
+    /// Writes all values to a sink, followed by the tile record.
     ///
     /// # Errors
-    /// Returns the error of the sink if the sink cannot store a piece.
+    /// Returns the error of the sink if the sink cannot store the values.
     pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
         for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
             values.put(number, plan, sink, &mut self.scratch)?;
@@ -240,8 +243,8 @@ pub struct TileAccumulator<'a> {
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. One
-    /// accumulator serves any number of tiles.
+    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. An
+    /// accumulator can be reused for any number of tiles.
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
             plans,

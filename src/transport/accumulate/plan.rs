@@ -246,7 +246,7 @@ impl SlicePlan {
         )
     }
 
-    /// Returns the indices of camera pixel (x, y) along `y`, `x`, or `None` if the slice omits the pixel.
+    /// Returns the indices of camera pixel (x, y) along `y` and `x`, or `None` if the slice omits the pixel.
     #[inline]
     pub(crate) fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
         let at = [self.camera[0][y as usize], self.camera[1][x as usize]];
@@ -254,7 +254,8 @@ impl SlicePlan {
     }
 
     /// Returns the cell and the weight of a contribution to camera pixel number `camera_pixel`. Cells are
-    /// row-major over v, u, t, bounces, component, label. The cells outside the time window follow.
+    /// row-major over v, u, t, bounces, component, label. The cells outside the time window follow the cells
+    /// inside the window.
     #[inline(always)]
     pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
         let mut weight = 1.0;

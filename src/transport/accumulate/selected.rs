@@ -10,8 +10,9 @@ use tensor::slice::{ProjectorSelect, Slice};
 /// variance reduction.
 const MOST: f64 = 1.0 / 64.0;
 
-/// Maximum fraction for bands around epipolar lines. Separate paths double the time. The variance of indirect
-/// light is divided by 3.5 for a fraction of 1/256, and by 1.7 for a fraction of 1/85 (`docs/paths.md`).
+/// Maximum fraction for bands around epipolar lines. Separate paths double the time. Separate paths reduce
+/// the variance of indirect light by a factor of 3.5 for a fraction of 1/256, and by a factor of 1.7 for a
+/// fraction of 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
 /// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
@@ -30,7 +31,7 @@ pub enum Selected {
     Band {
         /// Half width of the band in projector pixels.
         half_width_px: f32,
-        /// Maximum number of pixels in a band. Larger bands have no separate paths.
+        /// Maximum number of pixels in a band. No separate paths are sampled for larger bands.
         most: usize,
     },
 }
@@ -132,7 +133,7 @@ mod tests {
         of_bounces(projector, false)
     }
 
-    /// Returns the selection for a slice with or without the `bounces` axis.
+    /// Returns the selected projector pixels of a slice with or without the `bounces` axis.
     fn of_bounces(projector: ProjectorSelect, bounces: bool) -> Option<Selected> {
         let slice = Slice {
             name: "s".into(),
@@ -154,8 +155,8 @@ mod tests {
         Selected::of(&slice, &extents)
     }
 
-    /// Verifies that the frequencies in 100,000 samples of a mask with weights 1, 3 and 4 agree with the
-    /// probabilities within 5 standard deviations.
+    /// Verifies the sampling frequencies for a mask with weights 1, 3 and 4. In 100,000 samples, the
+    /// frequencies must agree with the probabilities within 5 standard deviations.
     #[test]
     fn pixels_are_drawn_with_the_stated_probabilities() {
         let mut weights = vec![0.0; 256];

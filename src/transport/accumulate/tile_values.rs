@@ -40,8 +40,8 @@ pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 /// Number of values in a stretch, the unit in which chunks are marked and cleared.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// Buffers for one chunk of means and one chunk of errors. All values are zero between chunks. The buffers
-/// are reused, because allocation is slow.
+/// Buffers for one chunk of means and one chunk of errors. All values are zero before a chunk is filled. The
+/// buffers are reused, because allocation is slow.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
@@ -96,7 +96,7 @@ struct Entry {
 struct Placed {
     /// Index of the chunk within the tile, over the axes between the camera axes and the Stokes axes.
     chunk: u64,
-    /// Position in the chunk, in multiples of the number of values along the remaining axes.
+    /// Position in the chunk, in units of the number of values along the Stokes and wavelength axes.
     at: usize,
     entry: u32,
 }
@@ -147,7 +147,8 @@ impl TileValues {
         (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
     }
 
-    /// Adds the means and variances of a cell's elements, row by row. Cells with equal keys are summed.
+    /// Adds the means and variances of a cell's elements, row by row. The values of cells with equal keys are
+    /// summed.
     pub(super) fn add(&mut self, key: u64, extent: Extent, finished: impl Iterator<Item = Finished>) {
         let first = self.values.len() as u32;
         let fresh = self.entries.len() as u32;
@@ -188,7 +189,7 @@ impl TileValues {
     /// Writes the tile to a sink as slice number `number`.
     ///
     /// # Errors
-    /// Returns the error of the sink if the sink cannot store a piece.
+    /// Returns the error of the sink if the sink cannot store the values.
     pub(super) fn put<S: Sink>(
         &self,
         number: usize,
@@ -294,7 +295,7 @@ impl TileValues {
         }
     }
 
-    /// Writes one chunk of means and of errors to a sink.
+    /// Writes one chunk of means and one chunk of errors to a sink.
     fn put_chunk<S: Sink>(
         &self,
         part: &Part,
@@ -366,9 +367,9 @@ impl TileValues {
 struct Sorted {
     /// Largest number of rows and columns among the entries.
     extent: Extent,
-    /// Entries with more than one row.
+    /// Entries whose matrix has more than one row.
     tall: Vec<Placed>,
-    /// Entries with more than one column.
+    /// Entries whose matrix has more than one column.
     wide: Vec<Placed>,
 }
 

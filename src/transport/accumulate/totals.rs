@@ -25,7 +25,7 @@ pub(super) struct TotalSums {
 }
 
 impl TotalSums {
-    /// Adds the light of one sample. All samples of a group must be added consecutively.
+    /// Adds the total of one sample, per wavelength. All samples of a group must be added consecutively.
     #[inline(always)]
     pub fn add(&mut self, group: u32, total: Spectral) {
         if group != self.group {

@@ -33,7 +33,7 @@ pub struct Slide {
 
 impl PointEmitter {
     /// Returns the intensity × `factor` × the transmission of the slide along the unit direction `dir`.
-    /// `factor` is the emission profile along `dir`, possibly multiplied by another factor of the caller.
+    /// `factor` is the emission profile along `dir`, which the caller may multiply by a further factor.
     #[inline]
     pub fn share(&self, textures: &Textures, dir: Vec3A, factor: f32) -> Spectral {
         let even = self.intensity * Spectral::splat(factor);
@@ -43,7 +43,7 @@ impl PointEmitter {
         slide.frustum.uv(dir).map_or(Spectral::ZERO, |uv| even * textures.eval(slide.texture, uv.to_array()))
     }
 
-    /// Returns the bounds for the light tree.
+    /// Returns the bounds of this emitter for the light tree.
     pub fn bounds(&self) -> Bounds {
         let all = Bounds::all_around(self.position, self.position, max_lane(self.intensity));
         match &self.profile {

@@ -1,10 +1,10 @@
 //! Epipolar geometry of camera and projector. The module finds the projector pixels s' that can directly
 //! illuminate the point that camera pixel s sees.
 //!
-//! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to an epipolar line in
-//! the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion curves epipolar lines in
-//! the projector's pixel grid. The distance of a pixel centre from the curve is computed to first order
-//! (Sampson distance), in distorted pixels.
+//! The essential matrix maps a camera pixel to an epipolar line (Hartley & Zisserman 2004, ch. 9). The pixel
+//! is in normalized, undistorted coordinates, and the line is in the projector's plane z = 1. With lens
+//! distortion, epipolar lines become curves in the projector's pixel grid. The distance of a pixel centre
+//! from the curve is computed to first order (Sampson distance), in distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -21,7 +21,7 @@ pub struct Epipolar {
     /// Normalized x and y of each projector pixel, row-major, and the derivatives of x, then of y, with
     /// respect to column and row. The list is empty for a lens without distortion.
     pixels: Vec<[f32; 6]>,
-    /// Bounds of `pixels` in squares of `SIDE` × `SIDE` pixels, row-major.
+    /// Bounds of `pixels` in each square of `SIDE` × `SIDE` pixels, row-major.
     squares: Vec<Square>,
 }
 
@@ -32,8 +32,9 @@ const ROOM: f32 = 1.0;
 /// Number of pixels along each side of a square.
 const SIDE: u32 = 16;
 
-/// Bounds of the pixels in a square, for a lens with distortion. The bounds are the centre and half extent of
-/// normalized x, y, and the maximum absolute derivatives of x and y with respect to column and row.
+/// Bounds of the pixels in a square, for a lens with distortion. `middle` and `reach` are the centre and the
+/// half extent in normalized x and y. `steepest` contains the maximum absolute derivatives of x, then of y,
+/// with respect to column and row.
 #[derive(Clone, Debug)]
 struct Square {
     middle: [f32; 2],
@@ -142,7 +143,8 @@ impl Epipolar {
         EpipolarLine([l.x as f32, l.y as f32, l.z as f32])
     }
 
-    /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major index) from a line.
+    /// Returns the distance, in pixels, from a line to the centre of the projector pixel with row-major index
+    /// `pixel`.
     #[inline]
     pub(crate) fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
         let [a, b, c] = line.0;
@@ -203,8 +205,8 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that points seen by both devices are on the epipolar lines of the camera pixels, for all
-    /// lenses.
+    /// Verifies that points seen by both devices are on the epipolar lines of the camera pixels that see
+    /// these points, for all lenses.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
@@ -240,9 +242,9 @@ mod tests {
         assert!(worst < 0.75, "{worst}");
     }
 
-    /// Verifies that the list agrees with the distances of all pixels, for 20 pairs of devices per lens, 40
-    /// camera pixels per pair, and two half widths. The poses give lines that are flat, steep, oblique, and
-    /// outside the image.
+    /// Verifies that the list contains exactly the pixels whose distances are small enough, for 20 pairs of
+    /// devices per lens, 40 camera pixels per pair, and two half widths. The poses give lines that are flat,
+    /// steep, oblique, and outside the image.
     #[test]
     fn lists_contain_the_pixels_within_the_band() {
         let mut stream = Stream::new(7, 0, 0);

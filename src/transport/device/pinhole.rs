@@ -43,17 +43,19 @@ pub struct Pinhole {
     pub distortion: Distortion,
     /// Centre of projection in world space, metres.
     pub origin: Vec3A,
-    /// Device axes in world space. The columns are right, down and forward.
+    /// Device axes in world space. The columns are the right, down and forward axes.
     pub axes: Mat3A,
     /// Thin lens, which replaces the pinhole if the aperture radius exceeds 0.
     pub lens: Lens,
-    /// True for an orthographic device, whose rays start on the image plane parallel to the axis. `focal` is
-    /// then in pixels per metre, and normalized coordinates are positions on that plane in metres.
+    /// True for an orthographic device, whose rays are parallel to the axis and start on the image plane.
+    /// `focal` is then in pixels per metre, and normalized coordinates are positions on that plane in metres.
     pub parallel: bool,
-    /// Offset from the normalized coordinates of directions to those of image points. [`Self::through_lens`]
-    /// and [`Self::at`] set the offset. If the caller uses neither function, the offset is 0.
+    /// Offset that is added to the normalized coordinates of a direction to obtain those of the image point.
+    /// [`Self::through_lens`] and [`Self::at`] set the offset. If the caller uses neither function, the
+    /// offset is 0.
     shift: DVec2,
-    /// Squared normalized radius beyond which no point is imaged, because the distortion would fold back.
+    /// Squared normalized radius beyond which no point is imaged, because the distortion is no longer
+    /// invertible.
     max_radius2: f64,
 }
 
@@ -89,7 +91,8 @@ impl Pinhole {
     }
 
     /// Checks on a grid that the distortion is invertible everywhere in the image and that no two directions
-    /// map to the same image point. Returns the squared radius of the field of view, with a margin of 2%.
+    /// map to the same image point. Returns the squared radius of the field of view in normalized
+    /// coordinates, with a margin of 2%.
     fn check(&self) -> Result<f64, String> {
         const GRID: i32 = 32;
         let refused = |p: DVec2| {
@@ -133,8 +136,8 @@ impl Pinhole {
     }
 
     /// Returns the pinhole at one point of the lens, sampled by two uniform random numbers in [0, 1). The
-    /// image is shifted so that the plane of focus stays fixed. The image of a thin lens is the mean over the
-    /// images of the pinholes at all points of the lens.
+    /// image is shifted so that points in the plane of focus keep their image positions. The image of a thin
+    /// lens is the mean over the images of the pinholes at all points of the lens.
     #[inline]
     pub(crate) fn through_lens(&self, uniforms: [f32; 2]) -> Self {
         let (r, turn) = (uniforms[0].sqrt(), std::f32::consts::TAU * uniforms[1]);
@@ -147,8 +150,8 @@ impl Pinhole {
         }
     }
 
-    /// Returns the device for rays through one image position. For a parallel device, the result is a pinhole
-    /// at the image position, with the axes of the device.
+    /// Returns the device that generates the rays through one image position. For an orthographic device, the
+    /// result is a pinhole at the image position, with the axes of the device.
     #[inline]
     pub fn at(&self, pixel: DVec2) -> Self {
         if !self.parallel {
@@ -204,7 +207,7 @@ impl Pinhole {
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
-    /// Returns [`Self::direction`] for several pixel positions (arrays of x and y).
+    /// Returns the results of [`Self::direction`] for several pixel positions (arrays of x and y).
     #[inline(always)]
     #[expect(
         clippy::needless_range_loop,
@@ -310,8 +313,8 @@ impl Pinhole {
         (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1)
     }
 
-    /// Returns the image area in pixels per solid angle at a world direction `d` of any length. The result is
-    /// |∂(x, y)/∂n| / cos³θ, where n are normalized coordinates.
+    /// Returns the image area per solid angle, in pixels per steradian, in a world direction of any length.
+    /// The result is |∂(x, y)/∂n| / cos³θ, where n are normalized coordinates.
     #[inline]
     pub(crate) fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
         let local = self.axes.transpose() * dir;

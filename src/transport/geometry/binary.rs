@@ -15,8 +15,8 @@ use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
 /// Minimum number of boxes for top-down construction. For the mesh of `validation/rays.py` and for a tenth of
-/// its triangles, top-down construction takes less than half of the processor time of clustering. The tree
-/// from top-down construction allows more rays per second.
+/// its triangles, top-down construction takes less than half of the processor time of clustering. Rays also
+/// traverse the tree from top-down construction faster.
 const MANY: usize = 1 << 16;
 /// Number of neighbours in each direction among which PLOC searches for the box to merge.
 const SEARCH: usize = 14;
@@ -31,7 +31,7 @@ pub(super) enum Part<'a> {
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
-    /// First primitive of each node in `order`, and the index one past the last primitive.
+    /// For each node, the index of the first primitive in `order`, and the index one past the last primitive.
     runs: Vec<[u32; 2]>,
 }
 

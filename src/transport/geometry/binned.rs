@@ -26,8 +26,8 @@ const GRAIN: usize = 1 << 13;
 const CHUNK: usize = 1 << 15;
 /// Depth beyond which sets are halved in the order of their entries. This limit guarantees termination.
 const DEEP: usize = 48;
-/// Mask that is XORed into an index in a corner's fourth lane. Without the mask, small integers would be slow
-/// denormals.
+/// Mask that is XORed with the index that the fourth lane of a corner stores. Without the mask, small
+/// integers would be slow denormals.
 const NUMBER: u32 = 0x4000_0000;
 /// Minimum extent, in metres, of the box centres of a set along an axis that is divided into bins.
 const LEAST: f32 = 1e-30;
@@ -105,7 +105,7 @@ fn boxes(entries: &[Entry]) -> Extent {
     all
 }
 
-/// Returns the bounds of twice the box centres of the entries.
+/// Returns the bounds of the entries' box centres, multiplied by 2.
 fn middles(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     for entry in entries {
@@ -131,7 +131,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid for `count` entries. `middles` are the bounds of twice the centres of the entries.
+    /// Creates a grid for `count` entries. `middles` are the bounds of the entries' box centres, multiplied
+    /// by 2.
     fn new(middles: &Extent, count: usize) -> Self {
         // Small sets are numerous and have few possible split positions.
         let bins = (4 + count / 4).min(BINS);
@@ -203,7 +204,7 @@ impl Bins {
         self
     }
 
-    /// Returns the bounding boxes of both sides of a cut.
+    /// Returns the bounding boxes of the entries on each side of a cut.
     fn sides(&self, grid: &Grid, cut: Cut) -> [Extent; 2] {
         let (below, above) = self.boxes[cut.axis][..grid.bins].split_at(cut.bin);
         [below, above].map(|side| side.iter().fold(Extent::EMPTY, |all, e| all.and(*e)))
@@ -247,7 +248,7 @@ enum Part {
     Branch(Aabb, Box<[Self; 2]>),
 }
 
-/// Builds a tree over `count` boxes. `fits` returns true if primitives may share a leaf.
+/// Builds a tree over `count` boxes. `fits` returns true if the given primitives may share a leaf.
 pub(super) fn grow(
     count: usize,
     bounds: &(impl Fn(usize) -> Aabb + Sync),

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 
 /// Collects surfaces, then builds the trees.
 ///
-/// Until the trees are built, a mesh occupies 12 bytes per triangle and 12 to 32 bytes per vertex, as in a
-/// binary file. The final tables of triangles and packs are five times as large.
+/// Until the trees are built, a mesh occupies 12 bytes per triangle and 12 to 32 bytes per vertex, which is
+/// the size of a binary mesh file. The final tables of triangles and packs are five times as large.
 #[derive(Default)]
 pub struct GeometryBuilder {
     /// Primitives in world space, outside all groups.
@@ -46,7 +46,7 @@ pub struct GeometryBuilder {
 /// A set of primitives that has a separate tree.
 #[derive(Default)]
 struct Set {
-    /// Each primitive is the index of a triangle among those of all meshes, or `QUADRIC | index` into
+    /// Each primitive is the index of a triangle (counted over all meshes), or `QUADRIC | index` into
     /// `boxes`. [`PARALLELOGRAM`] is set if this triangle and the next form a parallelogram.
     primitives: Vec<u32>,
 }

@@ -83,12 +83,12 @@ pub struct Geometry {
     pub(super) objects: [Vec<u32>; 2],
     /// Index of each triangle in its mesh, for emissive meshes only.
     pub(super) facets: Facets,
-    /// Instances of groups in the world, and the groups. A leaf of the tree whose index exceeds those of the
-    /// quadrics is an instance.
+    /// Instances of groups in the world, and the groups. In the tree, a leaf whose index exceeds all indices
+    /// of quadrics is an instance.
     pub(super) instances: Vec<Instance>,
     pub(super) groups: Vec<Group>,
-    /// Number of packs and number of quadrics in groups. In the tables, the packs and quadrics of groups
-    /// precede those of the world.
+    /// Numbers of packs and of quadrics that belong to groups. In the tables, the packs and quadrics of
+    /// groups precede those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
     /// True if texture coordinates are used. If false, all texture coordinates are 0.
@@ -101,12 +101,12 @@ pub struct Geometry {
     pub(crate) extent: f32,
     /// Minimum and maximum corner of the world bounds, metres.
     pub(crate) bounds: [Vec3A; 2],
-    /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. On a large surface,
-    /// the rounding error of a point can be larger than the coordinates of the point imply.
+    /// Minimum coordinate magnitude that is used to compute the offset of rays from a surface, metres. On a
+    /// large surface, the rounding error of a point can be larger than the coordinates of the point imply.
     pub(super) least: f32,
 }
 
-/// Returns the primitives of a leaf, as indices in [`Hit::leaf`], including unused lanes of a pack.
+/// Returns the indices of a leaf's primitives (see [`Hit::leaf`]), including unused lanes of a pack.
 pub(super) fn primitives(leaf: u32) -> std::ops::Range<u32> {
     let index = leaf >> 1;
     if leaf & 1 == 1 { QUADRIC | index..(QUADRIC | index) + 1 } else { 8 * index..8 * index + 8 }
@@ -258,7 +258,7 @@ impl Geometry {
         any.found
     }
 
-    /// Returns a triangle by its index in [`Hit::leaf`].
+    /// Returns the triangle with index `leaf` (see [`Hit::leaf`]).
     #[inline(always)]
     pub(super) fn triangle(&self, leaf: u32) -> &Triangle {
         &self.triangles[(self.firsts[(leaf >> 3) as usize] + (leaf & 7)) as usize]
@@ -310,7 +310,8 @@ impl Geometry {
         }
     }
 
-    /// Returns [`Self::surface`] for a primitive of the world. The result for an instance is meaningless.
+    /// Returns the result of [`Self::surface`] for a primitive of the world. The result for an instance is
+    /// meaningless.
     #[inline(always)]
     fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
@@ -383,7 +384,7 @@ impl Geometry {
         triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
-    /// Intersects a ray with a primitive that a view has determined to be the nearest.
+    /// Intersects a ray with the primitive that a view has found to be the nearest.
     #[inline(always)]
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
         if leaf & QUADRIC != 0 {
@@ -401,7 +402,7 @@ impl Geometry {
         })
     }
 
-    /// Iterates over the primitives of the world: index in [`Hit::leaf`], and outline.
+    /// Iterates over the primitives of the world: index (see [`Hit::leaf`]) and outline.
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
         let [packs, quadrics] = self.own;
         let flat = 8 * packs..8 * self.packs.len() as u32;
@@ -410,8 +411,8 @@ impl Geometry {
         flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
     }
 
-    /// Returns the outline of a primitive by its index in [`Hit::leaf`], or `None` for an unused lane of a
-    /// pack. The outline of a primitive in a group is in group coordinates.
+    /// Returns the outline of the primitive with index `leaf` (see [`Hit::leaf`]), or `None` for an unused
+    /// lane of a pack. The outline of a primitive in a group is in group coordinates.
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(leaf ^ QUADRIC) as usize];

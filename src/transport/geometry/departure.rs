@@ -1,4 +1,5 @@
-//! Start and end points of rays, offset from surfaces by more than the errors of [`super::rounding`].
+//! Start and end points of rays, offset from surfaces by more than the rounding errors (see
+//! [`super::rounding`]).
 
 use super::bvh::Geometry;
 use super::ray::Surface;

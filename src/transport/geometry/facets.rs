@@ -5,7 +5,7 @@
 pub(super) struct Facets {
     /// Indices of the emissive triangles among all triangles, ascending.
     places: Vec<u32>,
-    /// Index in its mesh of each emissive triangle, with [`WHOLE`] set if this triangle and the next form a
+    /// Index, in its mesh, of each emissive triangle, with [`WHOLE`] set if this triangle and the next form a
     /// parallelogram.
     numbers: Vec<u32>,
     /// Material indices of the emissive meshes.
@@ -22,7 +22,8 @@ impl Facets {
         self.numbers.push(number | if whole { WHOLE } else { 0 });
     }
 
-    /// Returns the index in its mesh of the triangle at `place`. `far` selects a parallelogram's second half.
+    /// Returns the index, in its mesh, of the triangle at `place`. If `far` is true and the triangle begins a
+    /// parallelogram, returns the index of the parallelogram's second triangle.
     pub(super) fn find(&self, place: u32, far: bool) -> Option<u32> {
         let at = self.places.binary_search(&place).ok()?;
         let number = self.numbers[at];

@@ -3,8 +3,8 @@
 //! To limit rounding errors, the origin of a ray is first made relative to the position of the instance. The
 //! rounding error then scales with the distance to the instance, not with world coordinates. The origin is
 //! then moved along the ray to the bounding sphere of the group. The distance from the moved origin to the
-//! triangles is therefore about the size of the group at most. The skin that closes gaps between triangles is
-//! sized for this distance.
+//! triangles is therefore about the size of the group at most. The overlap that closes gaps between triangles
+//! is sized for this distance.
 
 use super::ray::Ray;
 use super::rounding;
@@ -14,11 +14,11 @@ use obvhs::aabb::Aabb;
 
 /// A set of surfaces that may have many instances.
 pub(super) struct Group {
-    /// Tree over packs and quadrics. The indices of its leaves are those in [`Geometry`].
+    /// Tree over packs and quadrics. The leaf indices refer to the packs and quadrics of [`Geometry`].
     pub(super) tree: Tree,
-    /// Radius of the bounding sphere about the group's origin, in the group's metres.
+    /// Radius of the bounding sphere about the group's origin, metres in group coordinates.
     pub(super) reach: f32,
-    /// Distance by which triangles extend beyond their edges, in the group's metres.
+    /// Distance by which triangles extend beyond their edges, metres in group coordinates.
     pub(super) skin: f32,
 }
 
@@ -44,14 +44,14 @@ pub(super) struct Instance {
 /// A ray in group coordinates.
 pub(super) struct Local {
     pub(super) ray: Ray,
-    /// Distance by which the ray's origin was moved along the ray, in the group's metres.
+    /// Distance by which the ray's origin was moved along the ray, metres in group coordinates.
     pub(super) start: f32,
-    /// Factor that converts distances along the world ray to distances in the group.
+    /// Factor that converts distances along the world ray to distances in group coordinates.
     pub(super) scale: f32,
 }
 
 impl Local {
-    /// Converts a distance in the group to a distance in the world, metres.
+    /// Converts a distance in group coordinates to a distance in the world, metres.
     #[inline]
     pub(super) fn world(&self, t: f32) -> f32 {
         (self.start + t) / self.scale

@@ -1,9 +1,9 @@
 //! Arrays of vectors whose x, y and z components are stored separately.
 //!
-//! The compiler vectorizes plain loops over arrays of components for batches of paths that need the same
-//! arithmetic. If each path were processed separately, the processor would mostly wait for divisions and
-//! square roots. The operations and their order are as in `glam`, so the results are bit-identical to those
-//! for single vectors.
+//! Batches of paths that need the same arithmetic use plain loops over arrays of components, which the
+//! compiler vectorizes. If each path were processed separately, the processor would mostly wait for divisions
+//! and square roots. The operations and their order are as in `glam`, so the results are bit-identical to
+//! those for single vectors.
 
 use glam::{Mat3A, Vec3A};
 

@@ -86,9 +86,9 @@ impl Mesh {
 
     /// Transforms the mesh by an affine map (metres to metres).
     ///
-    /// Normals are transformed by the inverse transpose and renormalized. A reflection flips the winding too.
-    /// Geometric and shading normals therefore still agree, and an outward-facing mesh stays outward-facing.
-    /// If a singular map makes a normal zero, all normals are dropped.
+    /// Normals are transformed by the inverse transpose and renormalized. A reflection also reverses the
+    /// winding of the triangles. Geometric and shading normals therefore still agree, and an outward-facing
+    /// mesh stays outward-facing. If a singular map makes a normal zero, all normals are dropped.
     pub fn transform(&mut self, map: &Affine3A) {
         let positions = self.positions.par_iter_mut().with_min_len(SHARE);
         positions.for_each(|p| *p = map.transform_point3(*p));

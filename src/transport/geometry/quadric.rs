@@ -50,9 +50,9 @@ pub struct Quadric {
 /// Returns the roots of a·t² - 2·b·t + c in ascending order, without cancellation (Haines et al. 2019,
 /// "Precision improvements for ray/sphere intersection").
 ///
-/// `disc` is b² - a·c, computed by the caller. From inside a sphere (c < 0), two roots always exist. If
-/// rounding makes `disc` negative for an origin inside the sphere, `disc` is replaced by its lower bound
-/// -a·c.
+/// `disc` is b² - a·c, computed by the caller. For a ray that starts inside a sphere (c < 0), two roots
+/// always exist. If rounding makes `disc` negative for an origin inside the sphere, `disc` is replaced by its
+/// lower bound -a·c.
 #[inline]
 fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 && c < 0.0 {
@@ -107,7 +107,8 @@ impl Quadric {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity (compare [`roots`]).
+    /// Returns the distance to the nearest hit on a sphere in (0, tmax), or infinity if there is none (see
+    /// [`roots`]).
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -146,7 +147,7 @@ impl Quadric {
         self.meet(origin, dir, tmax)
     }
 
-    /// Returns [`Self::intersect`] for all surfaces that are not spheres in world space.
+    /// Returns the result of [`Self::intersect`] for a surface that is not a sphere in world space.
     #[inline]
     fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
@@ -203,7 +204,7 @@ impl Quadric {
         self.own_surface(hit)
     }
 
-    /// Returns [`Self::surface`] for all surfaces that are not spheres in world space.
+    /// Returns the result of [`Self::surface`] for a surface that is not a sphere in world space.
     #[inline]
     fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
@@ -241,7 +242,8 @@ impl Quadric {
     }
 
     /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a surface point. The derivatives ∂p/∂u and ∂p/∂v are 0 at
-    /// the poles of a sphere. For a disk, only the tangent of [`Self::surface`] is returned.
+    /// the poles of a sphere and at the centre of a disk. Elsewhere on a disk, ∂p/∂u is the tangent of
+    /// [`Self::surface`], and ∂p/∂v is 0.
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
         let r = o.x.hypot(o.y);
@@ -384,8 +386,8 @@ mod tests {
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
 
-    /// Verifies that a sphere has the hits, normals and tangents of object space, even if the sphere is
-    /// reflected.
+    /// Verifies that the special case of spheres in world space gives the same hits, normals and tangents as
+    /// the general method in object space. One of the two spheres is reflected.
     #[test]
     fn balls_are_spheres() {
         let mut stream = Stream::new(4, 0, 0);

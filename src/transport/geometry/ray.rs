@@ -35,7 +35,7 @@ pub struct Owner(NonZeroU32);
 impl Owner {
     pub const WORLD: Self = Self(NonZeroU32::MIN);
 
-    /// Returns the owner that stands for an instance, whose index must be below 2³¹.
+    /// Returns the owner for the instance with index `number`, which must be below 2³¹.
     #[inline]
     pub const fn instance(number: u32) -> Self {
         Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
@@ -65,7 +65,7 @@ pub struct Surface {
     pub bitangent: Vec3A,
     pub uv: [f32; 2],
     pub material: u32,
-    /// Maximum rounding error of surface points and hits, in units of 2⁻²⁴ of their coordinates.
+    /// Maximum rounding error of surface points and hits, in units of 2⁻²⁴ times their coordinates.
     pub rounding: f32,
 }
 

@@ -1,4 +1,5 @@
-//! Bounds the f32 rounding errors of points and hits. Rays start and end just beyond these errors.
+//! Bounds the f32 rounding errors of points and hits. Rays start and end at a distance from surfaces that
+//! slightly exceeds these errors.
 //!
 //! With u = 2⁻²⁴, a point v0 + u e1 + v e2 of a triangle deviates from the triangle's plane by a few units in
 //! the last place of the point's coordinates. The distance e2 · (s × e1) / |e1 × e2| of a ray origin from the
@@ -9,7 +10,7 @@
 //! where every product and sum is rounded once (Higham 2002, "Accuracy and stability of numerical
 //! algorithms", sect. 3.1). The sum divided by |e1 × e2| is 1 in planes parallel to the coordinate planes, up
 //! to 4 elsewhere, and more for slivers. Errors of upward and downward rounding partly cancel. The code
-//! therefore uses half of the bound, which exceeds the largest error of tens of millions of rays.
+//! therefore uses half of the bound, which exceeds the largest error found for tens of millions of rays.
 //!
 //! A ray from point p starts at a distance of k u max(|p|∞, ¾ of the scene's extent) from the surface, where
 //! k is a constant of the surface. A ray toward a surface ends at the larger of two distances from the
@@ -22,23 +23,23 @@ use glam::{DVec3, Vec3A};
 /// The unit roundoff of f32, 2⁻²⁴.
 pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 
-/// Fraction by which a line is shortened at its end. `END_GAP` exceeds the rounding error of a distance on a
-/// ray.
+/// Fraction of its length by which the line between two points is shortened at the end. `END_GAP` exceeds the
+/// rounding error of a distance on a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
 /// Maximum rounding constant, which slivers and non-uniform maps may reach. On slivers and after non-uniform
 /// maps, one ray in a million may hit the surface that the ray leaves.
 const MOST: f32 = 128.0;
 
-/// Minimum coordinate magnitude for rounding errors, as a fraction of the scene's extent. The corners of a
-/// large surface may be far from the point.
+/// Minimum coordinate magnitude that is used to compute rounding errors, as a fraction of the scene's extent.
+/// The corners of a large surface may be far from the point.
 pub(super) const SHARE: f32 = 0.75;
 
 /// Minimum cosine between a ray and the normal for which the distance to the plane is used. For smaller
 /// cosines, rounding errors dominate the distance.
 const GRAZING: f64 = 1e-3;
 
-/// Rounding error of points and hits on spheres, in units of 2⁻²⁴ of their coordinates.
+/// Rounding error of points and hits on spheres, in units of 2⁻²⁴ times their coordinates.
 pub(super) const BALL: f32 = 5.0;
 
 /// Returns the rounding constant of a triangle or parallelogram with edges `e1` and `e2`.

@@ -1,4 +1,4 @@
-//! Tests of rays near surfaces: rays must start and end close to surfaces, must not hit the surface that they
+//! Tests of rays near surfaces. Rays must start and end close to surfaces, must not hit the surface that they
 //! leave, and must not pass through other surfaces.
 
 use super::builder::GeometryBuilder;

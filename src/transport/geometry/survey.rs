@@ -94,7 +94,7 @@ impl Window {
 
 impl Survey {
     /// Computes the bounds of all primitives of a geometry, as seen from `origin`. `to_local` rotates world
-    /// directions to device axes. Returns `None` if a primitive is too close for a useful view.
+    /// directions to device axes. Returns `None` if a primitive is too close to `origin` for a useful view.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
         let mut survey = Self { grid, bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize] };
         let near = NEAR * geometry.extent;
@@ -157,8 +157,8 @@ impl Survey {
         Some(())
     }
 
-    /// Adds the boxes of an instance's tree. Replaces each box that is too close by the boxes of its
-    /// children. `place` maps points of the group to the pinhole's coordinates (right, down, forward).
+    /// Adds the boxes of an instance's tree. Replaces each box that is too close to the pinhole by the boxes
+    /// of its children. `place` maps points of the group to the pinhole's coordinates (right, down, forward).
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -192,7 +192,7 @@ impl Survey {
     }
 
     /// Adds an unknown shape inside the convex hull of `corners`. Returns false without adding the shape if
-    /// the hull is too close, or wider than `most` pyramids.
+    /// the hull is too close to the pinhole, or wider than `most` pyramids.
     fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
         if corners.iter().all(|c| c.z < 0.0) || self.is_beside(&corners) {
             return true;

@@ -110,8 +110,8 @@ impl<'a> Member<'a> {
 impl Tree {
     /// Builds the tree over `count` boxes.
     ///
-    /// Up to eight nearby primitives (by index in `bounds`) share a leaf if `fits` allows. `leaf` stores
-    /// these primitives and returns the index of the leaf (below 2³¹ - 1).
+    /// Up to eight nearby primitives (by index in `bounds`) share a leaf if `fits` returns true for them.
+    /// `leaf` stores these primitives and returns the index of the leaf (below 2³¹ - 1).
     pub fn build(
         count: usize,
         bounds: impl Fn(usize) -> Aabb + Sync,

@@ -29,8 +29,8 @@ pub(super) struct Triangle {
     pub(super) rounding: f32,
 }
 
-/// Mask that is XORed into an index stored next to a vector. Vector arithmetic includes the fourth component,
-/// and small integers would be slow denormal numbers.
+/// Mask that is XORed with an index stored in the fourth component of a vector. Vector arithmetic includes
+/// the fourth component, and small integers would be slow denormal numbers.
 const INDEX: u32 = 0x4000_0000;
 
 #[inline(always)]
@@ -38,7 +38,7 @@ fn index(row: &[f32; 4]) -> u32 {
     row[3].to_bits() ^ INDEX
 }
 
-/// Returns the vector in a row, without the fourth component.
+/// Returns the first three components of a row as a vector.
 #[inline(always)]
 pub(super) fn vector(row: [f32; 4]) -> Vec3A {
     Vec3A::from_vec4(Vec4::from_array(row))

@@ -283,7 +283,7 @@ mod tests {
         [asked, spoken, free, firsts]
     }
 
-    /// Verifies that a pinhole inside a sphere, or just in front of a wall, has no view.
+    /// Verifies that no view is created for a pinhole inside a sphere or just in front of a wall.
     #[test]
     fn pinholes_close_to_surfaces_have_no_view() {
         let mut stream = Stream::new(12, 0, 0);

@@ -2,7 +2,8 @@
 //!
 //! A group is stored once, with a tree over its packs and quadrics in group coordinates. An instance is a
 //! leaf of the world's tree, with an affine map from the group to the world. Rays are intersected in group
-//! coordinates, where the surfaces have the accuracy of the group. The hit is then transformed to the world.
+//! coordinates, where rounding errors scale with the size of the group. The hit is then transformed to the
+//! world.
 //!
 //! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform). Normals are
 //! transformed by the inverse transpose, at each corner before interpolation. Normals that point outward
@@ -42,7 +43,7 @@ impl Geometry {
         })
     }
 
-    /// Returns all primitives of a group, in group coordinates, with their indices in [`Hit::leaf`].
+    /// Returns all primitives of a group, in group coordinates, with their indices (see [`Hit::leaf`]).
     pub(crate) fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
         let tree = &self.groups[group as usize].tree;
         let (mut found, mut todo) = (vec![], vec![0]);
@@ -59,8 +60,8 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::intersect`] in scenes with instances. The function is separate from
-        /// `intersect` to avoid slowing down scenes without instances.
+        /// Returns the result of [`Geometry::intersect`] in scenes with instances. The function is separate
+        /// from `intersect` to avoid slowing down scenes without instances.
         #[cold]
         #[inline(never)]
         pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit>
@@ -68,7 +69,7 @@ impl Geometry {
     }
 
     for_each_processor! {
-        /// Returns [`Geometry::occluded`] in scenes with instances.
+        /// Returns the result of [`Geometry::occluded`] in scenes with instances.
         #[cold]
         #[inline(never)]
         pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool
@@ -118,7 +119,7 @@ impl Geometry {
         any.found
     }
 
-    /// Returns [`Geometry::surface`] for a hit in an instance.
+    /// Returns the result of [`Geometry::surface`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
@@ -190,7 +191,7 @@ impl Geometry {
         Some(corners.map(|i| instance.normal(Vec3A::from_array(self.normals[i as usize]))))
     }
 
-    /// Returns [`Geometry::bend`] for a hit in an instance.
+    /// Returns the result of [`Geometry::bend`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {

@@ -1,8 +1,9 @@
 //! Area lights: emissive surfaces with the same radiance in all directions, on the front or on both sides.
 //!
 //! The light tree ([`super::tree`]) chooses a triangle of a mesh. A point on the chosen triangle is sampled
-//! uniformly by area. A mesh of at most two triangles is sampled by area as a whole. For a sphere, directions
-//! are sampled in the cone that the sphere subtends from an outside point (Shirley, Wang & Zimmerman 1996).
+//! uniformly by area. For a mesh of at most two triangles, the point is sampled uniformly over the area of
+//! the whole mesh. For a sphere, directions are sampled in the cone that the sphere subtends from an outside
+//! point (Shirley, Wang & Zimmerman 1996).
 
 use super::Drawn;
 use super::bounds::Bounds;
@@ -27,7 +28,7 @@ struct Facet {
     /// Rounding constant of the triangle (see [`Surface::rounding`]).
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Fraction of the mesh's area in all triangles up to and including this triangle.
+    /// Total area of the triangles up to and including this triangle, as a fraction of the mesh's area.
     until: f32,
 }
 
@@ -63,7 +64,7 @@ enum Form {
 /// An emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Radiance in W/(m² sr nm), uniform or an image over the texture coordinates.
+    /// Radiance in W/(m² sr nm), either uniform or multiplied by an image over the texture coordinates.
     pub radiance: Spectrum,
     pub two_sided: bool,
     pub polarized: Polarized,
@@ -263,8 +264,8 @@ impl AreaLight {
         })
     }
 
-    /// Returns the probability density per steradian with which [`Self::draw`] samples from `p` the point
-    /// `at` of a part. `dir` is the unit direction from `p` to `at`.
+    /// Returns the probability density per steradian with which [`Self::draw`] samples the point `at` of a
+    /// part for a receiver at `p`. `dir` is the unit direction from `p` to `at`.
     #[inline]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {

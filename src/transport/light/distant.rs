@@ -11,7 +11,8 @@ use std::f32::consts::PI;
 pub enum Across {
     /// Uniform irradiance, W/(m² nm).
     Even(Spectral),
-    /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
+    /// A uniform profile with power `power` (W/nm) over a disk of this radius (metres) about the axis through
+    /// the origin.
     Disk { power: Spectral, radius: f32 },
     /// A Gaussian whose irradiance at this radius (metres) is e⁻² times the irradiance on the axis.
     Gaussian { power: Spectral, radius: f32 },
@@ -51,7 +52,7 @@ impl Distant {
         }
     }
 
-    /// Returns the unoccluded light at point `p`. Any point at a distance of `far` metres is outside the
+    /// Returns the unoccluded light at point `p`. `far` is a distance in metres that exceeds the size of the
     /// scene.
     #[inline]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {

@@ -1,9 +1,9 @@
 //! Polarization of emitted light.
 //!
-//! The Mueller matrix of each path ends at the emitter. T acts on the Stokes vector that drives the emitter,
-//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column of the
-//! result is T s, and all other columns are 0. For an emitter with a filter F, the result is T F, with all
-//! columns.
+//! The product of Mueller matrices along each path ends at the emitter. T acts on the Stokes vector that
+//! drives the emitter, in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the
+//! first column of the result is T s, and all other columns are 0. For an emitter with a filter F, the result
+//! is T F, with all columns.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;

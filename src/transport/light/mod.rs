@@ -63,7 +63,8 @@ pub struct Lights {
     /// Light tree over the parts of all area lights. The tree is `None` if there is at most one part or if no
     /// part emits.
     tree: Option<LightTree>,
-    /// Index of the area light and index of the part within the area light, for each light of the tree.
+    /// For each light of the tree, the index of the area light and the index of the part within the area
+    /// light.
     parts: Vec<(u32, u32)>,
     /// Index of the first part of each area light.
     firsts: Vec<u32>,
@@ -76,7 +77,7 @@ pub struct Found<'a> {
     pub number: u32,
     /// The point that was hit on the area light.
     pub surface: &'a Surface,
-    /// Index in the mesh of the triangle that was hit ([`Geometry::facet`]).
+    /// Index, in its mesh, of the triangle that was hit (see [`Geometry::facet`]).
     pub facet: Option<u32>,
 }
 
@@ -145,8 +146,8 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light, with two further uniform random numbers in [0, 1). Any point at a
-    /// distance of `far` metres is outside the scene.
+    /// Samples a point of the chosen light, with two further uniform random numbers in [0, 1). `far` is a
+    /// distance in metres that exceeds the size of the scene.
     #[inline]
     pub fn draw(
         &self,

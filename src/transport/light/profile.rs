@@ -10,7 +10,8 @@ pub enum Profile {
     /// Equal intensity in all directions.
     #[default]
     Even,
-    /// A cone: full intensity within `beam`, then linear in angle to zero at `cutoff` (Mitsuba's `spot`).
+    /// A cone with full intensity within `beam`. Between `beam` and `cutoff`, the intensity decreases
+    /// linearly with the angle to zero (Mitsuba's `spot`).
     Spot {
         axis: Vec3A,
         /// Half angle of the region of full intensity, radians.
@@ -20,7 +21,7 @@ pub enum Profile {
     },
     /// A table of measured intensities.
     Table(Box<Table>),
-    /// The pyramid of light of a projector, with uniform irradiance over a rectangle.
+    /// A light pyramid as from a projector, with uniform irradiance over a rectangle.
     Frustum(Frustum),
 }
 
@@ -73,7 +74,7 @@ pub struct Table {
 }
 
 /// Returns the position of `x` in an ascending list as two numbers. The first is the index of the entry below
-/// `x`. The second is the fraction of the interval from this entry to the next at which `x` lies.
+/// `x`. The second is the position of `x` between this entry (0) and the next entry (1).
 fn place(list: &[f32], x: f32) -> (usize, f32) {
     let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
     if list.len() < 2 {

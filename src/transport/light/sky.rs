@@ -1,8 +1,8 @@
 //! An environment map: radiance by direction, with importance sampling by brightness.
 //!
-//! The map is equirectangular. In local axes, the column is proportional to atan2(x, -z)/2π and the row,
-//! counted from the top, to acos(y)/π (as in Mitsuba's `envmap`). [`Rows`] defines the positions of the rows.
-//! Interpolation between texels is bilinear and periodic along the rows.
+//! The map is equirectangular. In local axes, the column is proportional to atan2(x, -z)/2π. The row, counted
+//! from the top, is proportional to acos(y)/π (as in Mitsuba's `envmap`). [`Rows`] defines the positions of
+//! the rows. Interpolation between texels is bilinear and periodic along the rows.
 //!
 //! Directions are sampled from a table with a constant weight per cell. The weight is the maximum brightness
 //! of all texels that contribute to the cell, times the solid angle of the cell (Pharr et al. 2023, sect.
@@ -175,8 +175,8 @@ impl Sky {
         (self.to_local.transpose() * Vec3A::new(sin * phi.sin(), cos, -sin * phi.cos())).normalize()
     }
 
-    /// Samples light from the sky at point `p`. The light starts at a distance of `far` metres. `chance` is
-    /// the probability of sampling the sky.
+    /// Samples light from the sky at point `p`. The light starts at a distance of `far` metres from `p`.
+    /// `chance` is the probability of sampling the sky.
     #[inline]
     pub(super) fn draw(&self, p: Vec3A, u: [f32; 2], far: f32, chance: f32) -> Option<Drawn> {
         let wi = self.sample(u);

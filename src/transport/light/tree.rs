@@ -82,7 +82,7 @@ impl Choice {
         Self { number: 0, chance, which }
     }
 
-    /// Returns a complete choice of a light without the tree.
+    /// Returns a complete choice of a light that was made without the tree.
     #[inline]
     pub fn made(light: u32, which: f32, chance: f32) -> Self {
         Self { number: light | LEAF, chance, which }
@@ -100,7 +100,8 @@ impl Choice {
     }
 }
 
-/// Returns cos(a - b) for two angles in [0, π], each given by its cosine and sine. Returns 1 if a < b.
+/// Returns cos(a - b) for two angles in [0, π], each given by its cosine and sine. If a < b, returns 1
+/// instead.
 #[inline(always)]
 fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;

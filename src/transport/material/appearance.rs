@@ -30,10 +30,11 @@ impl Materials {
 
     /// Returns the albedo of a material per wavelength.
     ///
-    /// The result is the albedo of a diffuse surface or of a plastic body, the weighted mean over a blend,
-    /// and 0 for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals,
-    /// because the reflectance of these materials depends on the angle. Returns `None` for measured tables
-    /// too, because measured tables do not separate body and surface reflection.
+    /// For a diffuse surface or a plastic, the result is the albedo of the surface or of the plastic's body.
+    /// For a blend, the result is the weighted mean. For a side that absorbs all light, the result is 0.
+    /// Returns `None` for metals, glass, sheets and crystals, because the reflectance of these materials
+    /// depends on the angle. Also returns `None` for measured tables, because measured tables do not separate
+    /// body and surface reflection.
     pub fn albedo(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Spectral> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => Some(m.albedo.at(&self.textures, at.uv)),
@@ -62,8 +63,8 @@ impl Materials {
         }
     }
 
-    /// Returns the lobe that a smooth interface or a sheet transmits to `wo`, at the wavelength of `lane`.
-    /// Returns `None` if the foremost material does not transmit or reflects all light.
+    /// Returns the lobe of light that a smooth interface or a sheet transmits to `wo`, at the wavelength of
+    /// `lane`. Returns `None` if the foremost material does not transmit or reflects all light.
     pub(crate) fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
         let (id, at) = self.foremost(id, at, wo)?;
         self.specular(id, &at, wo, Lobe::Transmitted, lane)

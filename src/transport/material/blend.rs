@@ -50,7 +50,8 @@ impl Blend {
     }
 
     /// Samples one of the materials with a probability equal to the material's share, and then samples a
-    /// direction from this material. The weight needs no further factor.
+    /// direction from this material. The share and the probability cancel, so the sample has the same weight
+    /// as without the blend.
     #[inline]
     pub fn sample(
         &self,

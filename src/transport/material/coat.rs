@@ -7,13 +7,13 @@
 //!   `pplastic`);
 //! - facets: the fraction T(θ) = 1 - E(θ) of light that the facets do not reflect, where E is the directional
 //!   albedo of the coat. A coat over a white body reflects all light;
-//! - single passage: light that is refracted by one facet and not masked by another, and internal light that
-//!   one facet reflects (Mitsuba's `roughplastic`). The model loses light that hits a second facet: 2 % of
-//!   the light at α = 0.1, and two thirds at α = 1.
+//! - single passage: the fraction of light that one facet refracts and no other facet masks. Inside, only the
+//!   light that a single facet reflects is included (Mitsuba's `roughplastic`). The model loses light that
+//!   hits a second facet: 2 % of the light at α = 0.1, and two thirds at α = 1.
 //!
 //! Let D_v be the density of the normals h that are visible from `wo`. The directional albedo is E = ∫ D_v
 //! F(wo·h) G2/G1 dh, and the single-passage transmittance is T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The
-//! diattenuation of the transmission is a mean over facets too: Σ D_v T_b(wo·h) cos 2φ, where φ is the angle
+//! diattenuation of the transmission is also a mean over facets: Σ D_v T_b(wo·h) cos 2φ, where φ is the angle
 //! between the planes of incidence.
 //!
 //! The transmittance and the diattenuation are tabulated over cosθ, and over α if α is an image. The tables
@@ -49,8 +49,8 @@ const DRAWN: u32 = 32;
 /// integrand discontinuous.
 const DRAWN_INSIDE: u32 = 64;
 
-/// Power transmission of a coat, as elements M00 and M01, in the frame perpendicular to the plane of
-/// incidence.
+/// Power transmission of a coat, as elements M00 and M01, in the frame whose axis is perpendicular to the
+/// plane of incidence.
 #[derive(Clone, Copy, Debug)]
 pub struct Passed {
     /// M00, the transmittance of unpolarized light.
@@ -181,8 +181,9 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
 
 /// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
 ///
-/// The result is for a single α. If α is an image, α is half of the image's factor. In the facets model,
-/// reciprocity gives the result from outside directions. An integral over inside directions is not needed.
+/// The result is for a single α. If α is an image, the result is for half of the image's factor. In the
+/// facets model, the result is computed from outside directions by reciprocity. An integral over inside
+/// directions is not needed.
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
         return smooth_internal_reflectance(eta);
@@ -213,7 +214,7 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
     Spectral::ONE - sum / (eta * eta)
 }
 
-/// Returns ∫ R(θ) 2 cosθ d(cosθ) from inside an interface with relative index `eta`. The error of the
+/// Returns ∫ R(θ) 2 cosθ d(cosθ) for light inside an interface with relative index `eta`. The error of the
 /// midpoint rule is at most 1e-6.
 pub fn smooth_internal_reflectance(eta: Spectral) -> Spectral {
     const N: u32 = 4096;
@@ -261,9 +262,9 @@ mod tests {
         }
     }
 
-    /// Compares the single-passage model (GGX, relative index 1.49) with Mitsuba 3.9.1 and 65,536 normals.
-    /// The reference functions are `eval_transmittance` and `eval_reflectance`, whose values `roughplastic`
-    /// tabulates.
+    /// Compares the single-passage model (GGX, relative index 1.49) with Mitsuba 3.9.1, evaluated with 65,536
+    /// normals. The reference functions are `eval_transmittance` and `eval_reflectance`, whose values
+    /// `roughplastic` tabulates.
     #[test]
     fn a_single_passage_matches_roughplastic() {
         let eta = Spectral::splat(1.49);

@@ -1,7 +1,7 @@
 //! A mirror under thin films: metal or glass with up to four coatings. The model includes reflection only.
 //!
 //! [`thin_film::reflection`] computes the Mueller matrix. A film mainly changes the phase difference between
-//! s and p reflection, which distinguishes a protected mirror from a bare one.
+//! s and p reflection. This change distinguishes a protected mirror from a bare mirror.
 
 use super::conductor::mirror;
 use super::lobe::Specular;

@@ -32,8 +32,8 @@
 //! The time of flight is computed with the mean index.
 //!
 //! The phase is computed in f64, but points are f32. At 1 m from the origin, points are rounded to 60 nm. The
-//! rounding error corresponds to a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick
-//! plate matters, place the crystal within a few centimetres of the origin.
+//! rounding error corresponds to a retardance of 0.4° in quartz and 7° in calcite. If the retardance of a
+//! thick plate must be accurate, place the crystal within a few centimetres of the origin.
 
 use super::dielectric::Dielectric;
 use super::filling::{Filling, NO_CRYSTAL};
@@ -108,7 +108,8 @@ impl Crystal {
         }
     }
 
-    /// Returns the medium `filling` beyond the face. If `wo` is outside, the medium is this crystal (`id`).
+    /// Returns `filling`, the medium beyond the face, with [`Filling::crystal`] set. If `wo` is outside a
+    /// crystal that does not split light, the medium is this crystal (index `id`).
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
@@ -135,8 +136,8 @@ impl Crystal {
 
     /// Returns a delta lobe (see [`super::Materials::specular`]). `id` is the index of this material.
     ///
-    /// Inside a crystal that splits light, reflection and transmission each have two lobes. For a crystal
-    /// that splits light, only the reflection on the outside is returned.
+    /// In a crystal that splits light, transmission and internal reflection have several lobes. For such a
+    /// crystal, this function therefore returns only the reflection on the outside.
     #[inline]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         if self.split && (lobe == Lobe::Transmitted || at.ng.dot(wo) < 0.0) {

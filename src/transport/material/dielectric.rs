@@ -124,7 +124,7 @@ impl Dielectric {
     }
 
     /// Samples the wavelength that a refracted path keeps. Returns the lane of this wavelength, and the
-    /// weight by which the lane represents all live wavelengths.
+    /// weight with which the lane represents all live wavelengths.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

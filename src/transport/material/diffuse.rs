@@ -38,8 +38,8 @@ impl Diffuse {
         Some(Scatter::Depolarize(self.albedo.at(textures, at.uv) * Spectral::splat(cos * FRAC_1_PI)))
     }
 
-    /// Returns true if light can arrive from `wi`. The direction `wi` was sampled with a density proportional
-    /// to the cosine to the shading normal on the side of `wo`.
+    /// Returns true if light can arrive from `wi`. The caller has sampled `wi` with a density proportional to
+    /// the cosine to the shading normal on the side of `wo`.
     #[inline(always)]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)

@@ -185,7 +185,7 @@ impl Crystal {
         })
     }
 
-    /// Returns the lobe of light that passes the face as one wave at one wavelength, for a crystal that
+    /// Returns the lobe of light that crosses the face as one wave at one wavelength, for a crystal that
     /// splits light. `wave` is 0 for the ordinary wave and 1 for the extraordinary wave. If `wo` is inside,
     /// the light along `wo` must be this wave.
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
@@ -207,8 +207,8 @@ impl Crystal {
         choose(&lobes, 0.5, lanes, stream)
     }
 
-    /// Returns the lobes of light that leaves along `wo` inside the crystal as one wave. The lobes are one
-    /// lobe from the outside and two lobes of waves that the face reflects.
+    /// Returns the lobes of light that leaves along `wo` inside the crystal as one wave. The first lobe is
+    /// for light from the outside, and the other two are for waves that the face reflects.
     fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
         let (optics, n) = (self.optics(lane), at.ns);
         let from = optics.along(-wo)[wave];

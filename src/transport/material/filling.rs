@@ -1,11 +1,11 @@
-//! The medium along a ray, with the refractive index and the index of the crystal.
+//! The medium along a ray: refractive index, and material index of the crystal.
 
 /// The medium along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filling {
     /// Refractive index, for the optical path length.
     pub index: f32,
-    /// Index of the [crystal](super::crystal), or [`NO_CRYSTAL`].
+    /// Material index of the [crystal](super::crystal), or [`NO_CRYSTAL`].
     pub crystal: u32,
 }
 

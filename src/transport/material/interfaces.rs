@@ -1,4 +1,4 @@
-//! Queries for manifold connections to pinholes. The queries return which materials redirect light, and in
+//! Queries for manifold connections to pinholes. The queries determine which materials redirect light, and in
 //! which direction.
 
 use super::{Material, Materials, Specular, dielectric};
@@ -56,7 +56,7 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    /// Returns the lobe of light that passes the face of a crystal as one of the crystal's two waves, at one
+    /// Returns the lobe of light that crosses the face of a crystal as one of the crystal's two waves, at one
     /// wavelength (see `double_refraction`).
     #[inline]
     pub fn passed(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {

@@ -60,8 +60,8 @@ impl Lanes {
         self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
     }
 
-    /// Samples one live lane uniformly and removes the other lanes. Returns the lane, and the weight by which
-    /// this lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    /// Samples one live lane uniformly and removes the other lanes. Returns the lane, and the weight with
+    /// which this lane represents all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
         let alive = self.count().max(1);

@@ -10,7 +10,7 @@ use optics::spectrum::Spectral;
 pub struct Sampled {
     /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// Scattering matrix divided by the density of `wi` and the probability of the lobe.
+    /// Scattering matrix divided by the density of `wi` and by the probability of the lobe.
     pub scatter: Scatter,
     /// True if `wi` belongs to a delta lobe.
     pub delta: bool,
@@ -33,7 +33,7 @@ pub enum Lobe {
     Transmitted,
 }
 
-/// A delta lobe that has not been divided by a sampling probability.
+/// A delta lobe, whose matrix is not divided by a sampling probability.
 #[derive(Clone, Copy, Debug)]
 pub struct Specular {
     /// Direction from which light arrives.

@@ -15,7 +15,8 @@ use optics::spectrum::Spectral;
 use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
 
 impl Materials {
-    /// Returns [`Self::eval`] by kind of lobe. The list is empty if the value is zero.
+    /// Returns the result of [`Self::eval`], divided into kinds of lobe. The list is empty if the result is
+    /// zero.
     pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
         match &self.list[id as usize] {
@@ -83,8 +84,8 @@ impl Materials {
     /// Returns the path-label bits of a sampled direction.
     ///
     /// If several kinds of lobe contribute to the direction, one kind is sampled. The matrix in `sampled` is
-    /// then replaced by the matrix of the sampled kind. This matrix is divided by the density over all kinds
-    /// and by the probability of the kind.
+    /// then replaced by the matrix of the sampled kind. This matrix is divided by the total density of all
+    /// kinds and by the probability of the kind.
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;
         if sampled.delta {

@@ -1,4 +1,4 @@
-//! Polarimetric BRDFs: one material per file, stored as plain data and dispatched by enum.
+//! Polarimetric BRDFs: one material per source file, stored as plain data and dispatched by enum.
 //!
 //! Directions are unit vectors in world space that point away from the surface. `wo` is the direction in
 //! which light leaves (toward the camera). `wi` is the direction from which light arrives. Values include the
@@ -157,8 +157,8 @@ impl Materials {
         self.eval_inline(id, at, wo, wi)
     }
 
-    /// Works as [`Self::eval`], but is always inlined. Use this function only in the path-tracing loop, where
-    /// the gain justifies the code size.
+    /// Works like [`Self::eval`], but is always inlined. Use this function only in the path-tracing loop,
+    /// where the gain justifies the code size.
     #[inline(always)]
     pub(crate) fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match &self.list[id as usize] {
@@ -176,8 +176,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::eval`] for composite and rarer materials. This function is separate from `eval` so
-    /// that the code for common materials can be inlined.
+    /// Works like [`Self::eval`], for composite and less common materials. This function is separate from
+    /// `eval` so that the code for common materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => self.eval(m.side(at, wo)?, at, wo, wi),
@@ -223,7 +223,7 @@ impl Materials {
         self.sample_inline(id, at, wo, lanes, stream)
     }
 
-    /// Works as [`Self::sample`], but is always inlined. Use this function only in the path-tracing loop,
+    /// Works like [`Self::sample`], but is always inlined. Use this function only in the path-tracing loop,
     /// where the gain justifies the code size.
     #[inline(always)]
     pub fn sample_inline(
@@ -245,8 +245,8 @@ impl Materials {
         }
     }
 
-    /// Works as [`Self::sample`] for composite and rarer materials. This function is separate from `sample`
-    /// so that the code for common materials can be inlined.
+    /// Works like [`Self::sample`], for composite and less common materials. This function is separate from
+    /// `sample` so that the code for common materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -281,8 +281,8 @@ impl Materials {
         }
     }
 
-    /// Returns a delta lobe that is not divided by a sampling probability. Returns `None` if the material has
-    /// no delta lobe of this kind, or if the lobe carries no light.
+    /// Returns a delta lobe, whose matrix is not divided by a sampling probability. Returns `None` if the
+    /// material has no delta lobe of this kind, or if the lobe carries no light.
     ///
     /// If the material is dispersive, the wavelength lane `lane` determines the direction.
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
@@ -310,8 +310,8 @@ impl Materials {
         }
     }
 
-    /// Returns true if at least one material transmits light without deflection. Connections through these
-    /// materials must then be tested.
+    /// Returns true if at least one material transmits light without deflection. If so, connections must be
+    /// tested for transmission through these materials.
     pub(crate) fn any_straight(&self) -> bool {
         // Composite materials need no case, because the list contains the components too.
         self.list.iter().any(|m| {

@@ -1,7 +1,7 @@
 //! Bump maps and normal maps: an image perturbs the shading normal of another material.
 //!
 //! A bump map contains heights along the shading normal n, in units of `strength` metres. The surface
-//! derivatives become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the new normal is perpendicular to both
+//! derivatives become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v. The new normal is perpendicular to both
 //! derivatives (Blinn 1978, "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
 //!
 //! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, z along the shading normal). Each

@@ -1,10 +1,10 @@
 //! A material that partly depolarizes light. This material models subsurface scattering at scales that cannot
 //! be traced.
 //!
-//! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ, a mixture of the material and an ideal depolarizer with equal
-//! reflectance (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is unchanged.
-//! Two materials with different f are therefore *metamers*, which differ only in the polarization of the
-//! reflected light.
+//! The matrix is M' = (1 - f)·M + f·M00·e₀e₀ᵀ. This is a mixture of the material and an ideal depolarizer
+//! with equal reflectance (Lu & Chipman 1996, "depolarizer"). The reflected intensity of unpolarized light is
+//! unchanged. Two materials with different f are therefore *metamers*, which differ only in the polarization
+//! of the reflected light.
 
 use super::Materials;
 use super::texture::Scalar;
@@ -13,7 +13,7 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// The material whose light is partly depolarized, and the fraction.
+/// A material whose reflected light is partly depolarized, and the depolarized fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
     pub material: u32,
@@ -22,7 +22,7 @@ pub struct PartialDepolarizer {
 }
 
 impl PartialDepolarizer {
-    /// Depolarizes the scattering matrix of the material between `wi` and `wo`.
+    /// Applies the depolarization to the scattering matrix of the material between `wi` and `wo`.
     #[inline]
     pub(super) fn apply(
         &self,

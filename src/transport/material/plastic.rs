@@ -5,9 +5,9 @@
 //!
 //! The first term is microfacet reflection with the Fresnel matrix R. The second term is body reflection.
 //! Light enters through the coat and is depolarized inside. The light that leaves is partly polarized in the
-//! plane of n and `wo`. T(θ_i) is in the frame perpendicular to n and `wi`, and T(θ_o) is in the frame
-//! perpendicular to n and `wo`. T is the Fresnel transmission of the smooth mean surface, or the transmission
-//! of the facets ([`super::coat`]).
+//! plane of n and `wo`. The frame axis of T(θ_i) is perpendicular to n and `wi`, and the frame axis of T(θ_o)
+//! is perpendicular to n and `wo`. T is the Fresnel transmission of the smooth mean surface, or the
+//! transmission of the facets ([`super::coat`]).
 //!
 //! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
 //! into the body may leave later. In this case, ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean
@@ -59,8 +59,8 @@ pub enum Interreflection {
     Lost,
     /// The body reflects the light again, with ρ' = ρ / (η² (1 - ρ F)). The field is F.
     Coloured(Spectral),
-    /// A white body would reflect the light again, with ρ' = ρ / (η² (1 - F)), which is proportional to ρ.
-    /// The field is F.
+    /// The body reflects the light again as a white body would, with ρ' = ρ / (η² (1 - F)), which is
+    /// proportional to ρ. The field is F.
     Linear(Spectral),
 }
 
@@ -137,7 +137,8 @@ impl Plastic {
         Some(Seen { facets, n, wo, base, out, single, share: power.map(|p| p / all) })
     }
 
-    /// Returns the sum of all lobes in the frame of the reflection, times `weight` of the density of `wi`.
+    /// Returns the sum of all lobes in the frame of the reflection, multiplied by the result of `weight` for
+    /// the density of `wi`.
     #[inline]
     fn value(
         &self,
@@ -186,7 +187,7 @@ impl Plastic {
         }
     }
 
-    /// Returns [`Self::eval`] as two separate matrices: facet reflection and body reflection.
+    /// Returns the result of [`Self::eval`] as two separate matrices: facet reflection and body reflection.
     pub(crate) fn eval_parted(
         &self,
         textures: &Textures,
@@ -217,8 +218,8 @@ impl Plastic {
         self.value(textures, &seen, wi, |_| 1.0)
     }
 
-    /// Returns the sampling density of `wi`. The density is a mixture of visible facets and a cosine lobe,
-    /// weighted by the reflection and transmission of a smooth surface.
+    /// Returns the sampling density of `wi`. The density is a mixture of the densities of visible facets and
+    /// of a cosine lobe. The weights are the reflection and the transmission of a smooth surface.
     #[inline]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         let density = |seen: Seen| seen.reflection(self.specular, seen.facets.local(wi));

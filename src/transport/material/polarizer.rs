@@ -1,8 +1,8 @@
 //! Polarizer sheets, linear or circular.
 //!
 //! A linear polarizer is dichroic, that is, the polarizer blocks the component of the electric vector along
-//! the absorbing axis a. With a' = a projected perpendicular to the ray d, the component along t = d × a'
-//! passes (Korger et al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's
+//! the absorbing axis a. Let a' be the projection of a perpendicular to the ray d. The component along t = d
+//! × a' passes (Korger et al. 2013, "The polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's
 //! `polarizer`). At normal incidence, t is the transmission axis. In the frame of t, the matrix is a
 //! diattenuator with power transmittances T (along t) and ε·T (along a'):
 //!
@@ -54,7 +54,7 @@ pub struct Polarizer {
 }
 
 impl Polarizer {
-    /// Returns the lobe of transmission to `wo` without deflection.
+    /// Returns the lobe of light that is transmitted to `wo` without deflection.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         if self.passes != Passes::Linear {
@@ -102,7 +102,8 @@ impl Polarizer {
 mod tests {
     use super::*;
 
-    /// Compares with `polarizer` of Mitsuba 3.9.1 at `theta = -30` (Mitsuba's angle has the opposite sign).
+    /// Compares the matrix with that of Mitsuba 3.9.1's `polarizer` at `theta = -30` (Mitsuba's angle has the
+    /// opposite sign).
     #[test]
     fn tilted_polarizers_match_mitsuba() {
         let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };

@@ -48,7 +48,7 @@ pub struct Retarder {
 }
 
 impl Retarder {
-    /// Returns the lobe of transmission to `wo` without deflection.
+    /// Returns the lobe of light that is transmitted to `wo` without deflection.
     #[inline]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
         let axis = self.axis.at(at);
@@ -94,7 +94,8 @@ mod tests {
     use super::*;
     use optics::polarization::frame::perpendicular;
 
-    /// Compares with `retarder` of Mitsuba 3.9.1 at `theta = 30`, `delta = 100`, from either side.
+    /// Compares the matrix with that of Mitsuba 3.9.1's `retarder` at `theta = 30`, `delta = 100`, from
+    /// either side.
     #[test]
     fn upright_retarders_match_mitsuba() {
         let at = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, ..Surface::default() };

@@ -1,6 +1,6 @@
 //! Rough metals with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
-//! The model includes single scattering by facets only. Light that would hit several facets is absorbed.
+//! The model includes only single scattering by facets. Light that would hit several facets is absorbed.
 //! Mitsuba's `roughconductor` uses separable masking and shadowing. At α = 0.3, the result of the correlated
 //! form in this program differs from Mitsuba's result by much less than 1 %. The difference increases as α⁴.
 
@@ -15,7 +15,7 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// A rough conductor with complex index n + i·k relative to the medium outside and isotropic roughness.
+/// A rough conductor with isotropic roughness and complex index n + i·k relative to the medium outside.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
     pub n: Spectral,

@@ -37,15 +37,15 @@ impl SheetAxis {
     }
 }
 
-/// Returns the lobe of transmission to `wo` without deflection. The element has the matrix `block` in the
-/// frame `axis`.
+/// Returns the lobe of light that is transmitted to `wo` without deflection. The element has the matrix
+/// `block` in the frame `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular { wi: -wo, scatter: Scatter::Fresnel { block, s: axis }, filling: None }
 }
 
-/// Returns the lobe of transmission to `wo` at a boundary between media of equal index. The direction and the
-/// polarization of the light do not change.
+/// Returns the lobe of light that is transmitted to `wo` at a boundary between media of equal index. The
+/// direction and the polarization of the light do not change.
 #[inline]
 pub(super) fn null(wo: Vec3A) -> Specular {
     let block = FresnelBlock { a: Spectral::ONE, b: Spectral::ZERO, c: Spectral::ONE, d: Spectral::ZERO };

@@ -121,7 +121,7 @@ pub struct Textures {
     pub images: Vec<Image>,
     /// Texel values per wavelength lane, top row first in each image.
     pub texels: Vec<[f32; 4]>,
-    /// Values at the corners of triangles, which meshes address through texture coordinates
+    /// Values at the corners of triangles. Meshes refer to these values by texture coordinates
     /// ([`corner_uv`]).
     pub corners: Vec<[[f32; 4]; 3]>,
 }

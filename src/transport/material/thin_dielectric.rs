@@ -1,9 +1,10 @@
 //! Thin glass plates, such as window panes, beam splitters and cover glasses.
 //!
 //! The plate is plane-parallel, much thicker than the coherence length of the light, and much thinner than
-//! the scene. Light that is reflected repeatedly between the faces leaves in parallel orders. The Mueller
-//! matrices of the orders add. Let R and T be the power reflection and transmission matrices of one face in
-//! the s frame. R and T commute and are equal for both faces. The matrices of the plate are
+//! the scene. Light that is reflected repeatedly between the faces leaves as parallel rays, one for each
+//! order of reflection. The Mueller matrices of the orders add. Let R and T be the power reflection and
+//! transmission matrices of one face in the s frame. R and T commute and are equal for both faces. The
+//! matrices of the plate are
 //!
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!

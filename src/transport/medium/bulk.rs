@@ -3,9 +3,9 @@
 //! Let N be the number of particles per m³ and let C be the mean cross section of the particles. The
 //! coefficients are μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The
 //! scattering matrix of a mixture is Σ N dσ/dΩ / μ_s, where dσ/dΩ = S/k² for each kind. Scattering is assumed
-//! to be independent, so that each particle is illuminated by the incident wave alone. Independent scattering
-//! is valid up to volume fractions of a few per cent. For a volume fraction f, the number density is N =
-//! f/⟨V⟩. A mass concentration c gives f = c/ρ.
+//! to be independent, so that only the incident wave illuminates each particle. Independent scattering is
+//! valid up to volume fractions of a few per cent. For a volume fraction f, the number density is N = f/⟨V⟩.
+//! A mass concentration c gives f = c/ρ.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
@@ -106,7 +106,7 @@ pub struct Bulk {
     pub c_abs: f64,
 }
 
-/// Particles at one wavelength. The spheres are listed, each with the number per m³ divided by k².
+/// Particles at one wavelength. Each sphere is stored with its number per m³, divided by k².
 #[derive(Clone, Debug)]
 pub struct Ensemble {
     spheres: Vec<(f64, Sphere)>,

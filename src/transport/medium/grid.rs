@@ -1,8 +1,8 @@
 //! A grid of values in a box, for spatially varying media.
 //!
-//! Interpolation between grid points is trilinear. Within half a step of the faces of the box, the values are
-//! those of the outermost points. Outside the box, the values are 0. Along a ray, the value is a cubic
-//! polynomial in each cell, and Simpson's rule gives the exact integral of the polynomial. Cells are
+//! Interpolation between grid points is trilinear. Within half a grid step of the faces of the box, the
+//! values are those of the outermost points. Outside the box, the values are 0. Along a ray, the value is a
+//! cubic polynomial in each cell, and Simpson's rule gives the exact integral of the polynomial. Cells are
 //! traversed as in Amanatides & Woo (1987). Optical depths are therefore free of noise, and free paths are
 //! sampled by inverting the optical depth.
 
@@ -275,7 +275,8 @@ mod tests {
         }
     }
 
-    /// Verifies rays along a grid axis, in a plane between cells, and outside the box.
+    /// Verifies the integrals along rays that are parallel to a grid axis, in a plane between cells, or
+    /// outside the box.
     #[test]
     fn rays_along_the_grid_are_integrated() {
         let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();

@@ -2,15 +2,15 @@
 //!
 //! S11 = (1 - g²)/(4π (1 + g² - 2 g μ)^{3/2}) (Henyey & Greenstein 1941), where g is the mean cosine. The
 //! formula does not define polarization. By default, scattering depolarizes completely. If polarization is
-//! selected, the matrix is that of a dipole, but preserves only a fraction l of linear and a fraction c of
-//! circular polarization. Voss & Fry (1984, Appl. Opt. 23, 4427) measured the dipole (Rayleigh) matrix in
-//! ocean water. With f = 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
+//! selected, the matrix is that of a dipole with reduced polarization. Scattering preserves only a fraction l
+//! of linear polarization and a fraction c of circular polarization. Voss & Fry (1984, Appl. Opt. 23, 4427)
+//! measured the dipole (Rayleigh) matrix in ocean water. With f = 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
 //!
 //! S12/S11 = S21/S11 = l b, S22/S11 = l, S33/S11 = l f, S44/S11 = c f.
 //!
 //! The scattering matrix is realizable (Cloude) if and only if two conditions hold for all angles (Hovenier &
 //! van der Mee 1996): |l - c| |f| ≤ 1 - l, and (l + c)² f² ≤ (1 + l)² - 4 l² b². For l and c in [0, 1], the
-//! condition is l ≤ (1 + c)/2.
+//! two conditions reduce to l ≤ (1 + c)/2.
 
 use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;

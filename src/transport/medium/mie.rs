@@ -1,12 +1,12 @@
 //! Lorenz–Mie scattering of a plane wave by a homogeneous sphere with a complex refractive index.
 //!
 //! The formulas and conventions are those of Bohren & Huffman, "Absorption and Scattering of Light by Small
-//! Particles" (1983), ch. 4. Fields are Re E·exp(-iωt), so that an index m = n + i·k with k ≥ 0 absorbs, as
-//! in the rest of this program. With x = 2π r n_host / λ and D_n = ψ_n'/ψ_n,
+//! Particles" (1983), ch. 4. Fields have the form Re E·exp(-iωt). An index m = n + i·k with k > 0 therefore
+//! describes absorption, as in the rest of this program. With x = 2π r n_host / λ and D_n = ψ_n'/ψ_n,
 //!
 //! - a_n = p/(p - i q), p = A ψ_n(x) - ψ_{n-1}(x), q = A χ_n(x) - χ_{n-1}(x), A = D_n(mx)/m + n/x (their
 //!   4.88),
-//! - b_n the same with A = m D_n(mx) + n/x,
+//! - b_n has the same form as a_n, with A = m D_n(mx) + n/x,
 //! - S1 = Σ (2n+1)/(n(n+1)) (a_n π_n + b_n τ_n), S2 = Σ (2n+1)/(n(n+1)) (a_n τ_n + b_n π_n) (their 4.74).
 //!
 //! S1 acts on the field perpendicular to the scattering plane, and S2 acts on the field in this plane. The
@@ -224,8 +224,8 @@ mod tests {
         Sphere::new(x, C::new(n, k)).expect("the sphere is supported")
     }
 
-    /// Compares with the printed result of the program in appendix A of Bohren & Huffman (radius 0.525 µm,
-    /// 632.8 nm, m = 1.55). The compared quantities are:
+    /// Compares a sphere with the printed result of the program in appendix A of Bohren & Huffman (radius
+    /// 0.525 µm, 632.8 nm, m = 1.55). The compared quantities are:
     /// - S11 divided by S11 at 0°,
     /// - the degree of polarization -S12/S11 in the convention of Bohren & Huffman,
     /// - S33/S11 and S34/S11.
@@ -282,8 +282,8 @@ mod tests {
         }
     }
 
-    /// Compares with the Rayleigh limits (8/3) x⁴ |K|² and 4 x Im K, where K = (m² - 1)/(m² + 2) (Bohren &
-    /// Huffman 5.7). The relative deviation from the limits is of order x².
+    /// Compares Q_sca with (8/3) x⁴ |K|² and Q_abs with 4 x Im K, where K = (m² - 1)/(m² + 2). These values
+    /// are the Rayleigh limits (Bohren & Huffman 5.7). The relative deviation from the limits is of order x².
     #[test]
     fn small_spheres_match_rayleigh() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {

@@ -1,5 +1,5 @@
-//! Participating media, which scatter and absorb light. Each phase function has a file and is dispatched by
-//! enum.
+//! Participating media, which scatter and absorb light. Each phase function has a separate source file and is
+//! dispatched by enum.
 //!
 //! Scattering matrices are per steradian and normalized to ∫ S11 dω = 1. Directions and frames are defined in
 //! [`scattered`]. `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
@@ -60,8 +60,8 @@ pub struct Medium {
     /// Index of a grid in [`Media::grids`] that multiplies both coefficients. Outside the grid's box, the
     /// factor is 0.
     pub density: u32,
-    /// Index of a grid with the fraction of `scattering` that is scattered. The remaining fraction is
-    /// absorbed.
+    /// Index of a grid in [`Media::grids`] with the fraction of `scattering` that remains scattering. The
+    /// remaining fraction is absorbed.
     pub albedo: u32,
 }
 
@@ -204,8 +204,8 @@ impl Media {
         }
     }
 
-    /// Returns the scattering matrix at a scattering angle. If the normal of the scattering plane is needed,
-    /// `s` computes the normal.
+    /// Returns the scattering matrix at a scattering angle. `s` returns the normal of the scattering plane
+    /// and is called only if the normal is needed.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A) -> Scatter {
         match phase {

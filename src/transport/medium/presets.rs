@@ -53,7 +53,8 @@ const RIBOFLAVIN: [f64; 17] = [
 /// Unit of [`RIBOFLAVIN`], per M and metre. An absorbance of 0.25654 corresponds to 33 000 per M and cm.
 const RIBOFLAVIN_UNIT: f64 = 3.3e6 / 0.256_54;
 
-/// Concentration of riboflavin in milk, in moles per litre: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
+/// Concentration of riboflavin in milk, in moles per litre: 0.17 mg per 100 g of milk, with a molar mass of
+/// 376.3682 g/mol and a milk density of 1.030 kg/L.
 const RIBOFLAVIN_MOLAR: f64 = 0.17 / 376.368_2 / (100.0 / MILK_DENSITY);
 
 /// Density of milk, kg/L.

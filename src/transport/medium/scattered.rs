@@ -67,8 +67,8 @@ impl Angle {
         self.forward * self.backward
     }
 
-    /// Returns the direction `wi` at this angle to `wo` and at an azimuth of 2π `turns` (0 ≤ `turns` ≤ 1),
-    /// and the unit normal of the scattering plane.
+    /// Returns the direction `wi` at this scattering angle to `wo`, and the unit normal of the scattering
+    /// plane. The azimuth of `wi` is 2π `turns` (0 ≤ `turns` ≤ 1).
     #[inline]
     pub fn direction(self, wo: Vec3A, turns: f32) -> (Vec3A, Vec3A) {
         let x = perpendicular(wo);

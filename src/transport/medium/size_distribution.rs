@@ -1,4 +1,4 @@
-//! Distributions of particle radii, and quadrature over them.
+//! Distributions of particle radii, and quadrature over the radii.
 //!
 //! The distributions are number densities n(r) with ∫ n dr = 1:
 //!
@@ -52,8 +52,8 @@ pub enum SizeError {
 /// Minimum and maximum number of points of a quadrature.
 const POINTS: [f64; 2] = [500.0, 8000.0];
 
-/// Maximum of the number of points times the cube of the largest size parameter. The cost of computing a
-/// phase function is nearly proportional to this product.
+/// Maximum product of the number of points and the cube of the largest size parameter. The cost of computing
+/// a phase function is nearly proportional to this product.
 const WORK: f64 = 2.6e11;
 
 /// Fraction of the integrand's maximum below which the integrand is neglected at both ends.
@@ -129,7 +129,7 @@ impl SizeDistribution {
     ///
     /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its maximum. Below x = 1,
     /// the cross section is bounded by x³, relative to the cross section at x = 1. Above x = 1, the exponent
-    /// decreases from 6 to 2, and the code uses the larger bound.
+    /// of the cross section decreases from 6 to 2, and the code uses the larger bound.
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
             Self::Single { radius } => return vec![[*radius, 1.0]],

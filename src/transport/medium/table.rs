@@ -9,9 +9,9 @@
 //!
 //! Directions are sampled with a density that agrees with S11 at the nodes and is linear in cosθ between
 //! nodes. A cell is chosen with the alias method (Walker 1977; Vose 1991). The time of the alias method does
-//! not depend on the grid size, and the method accurately samples cells of low probability too. In the cell,
-//! the cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the
-//! density is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
+//! not depend on the grid size. The method also samples cells of low probability accurately. In the cell, the
+//! cumulative distribution is quadratic. With several wavelengths, one wavelength is sampled, and the density
+//! is the mean over all wavelengths. Weights are therefore at most about the number of wavelengths.
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
@@ -75,7 +75,7 @@ fn cubic(t: f32) -> [f32; 4] {
     ]
 }
 
-/// Result of [`cubic`] halfway between two nodes.
+/// Weights that [`cubic`] returns halfway between two nodes.
 const HALF_WAY: [f64; 4] = [-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0];
 
 /// Elements S11, S12, S33, S34 at nodes 0 … cells + 1 of one half, per wavelength.

@@ -3,7 +3,7 @@
 //! The projector and the camera have no spatial extent. Paths from the camera therefore miss light of the
 //! projector that a mirror or smooth glass has redirected. Paths from both ends miss light that is redirected
 //! both before and after the only rough surface on the path. Manifold connections find a part of the missing
-//! light through interfaces and crystals and over mirrors.
+//! light: specular paths through interfaces and crystals, and paths that mirrors reflect.
 
 use crate::integrator_choice::meets;
 use crate::scene::Scene;

@@ -1,4 +1,4 @@
-//! Light of emitters that paths hit. The emitters are emissive surfaces and the environment beyond all
+//! Light from emitters that paths hit. The emitters are emissive surfaces and the environment beyond all
 //! surfaces.
 
 use super::state::Beam;
@@ -30,7 +30,8 @@ impl DirectionSampling {
         Self { density: 0.0, from: Receiver::anywhere(from) }
     }
 
-    /// Returns the MIS weight, relative to a connection that samples the direction with density `other`.
+    /// Returns the MIS weight of the hit. The competing strategy is a connection that samples the same
+    /// direction with density `other`.
     #[inline]
     fn share(self, other: f32) -> f32 {
         if self.density > 0.0 { share(self.density, other) } else { 1.0 }

@@ -1,12 +1,12 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
-//! surface of a gap may start beyond the opposite surface and miss this surface. Rays from a distance may hit
-//! the two surfaces in either order. If the medium between two surfaces in contact is known ([`Contact`]),
-//! one surface can be moved. Other gaps are rejected.
+//! surface of a gap may start beyond the opposite surface and therefore not hit it. Rays from distant points
+//! may hit the two surfaces in either order. If the medium between two surfaces in contact is known
+//! ([`Contact`]), one surface can be moved. Other gaps are rejected.
 //!
 //! Let δ be the offset of rays from a surface, k the rounding constant of the surface (`geometry::rounding`),
 //! and u = 2⁻²⁴. Light passes safely from surface A to surface B if the gap is wider than 3 δ_A + δ_B. Rays
-//! of `manifold` use twice δ_A. Rays from a distance equal to the scene's extent distinguish A and B if the
-//! gap is wider than (k_A + k_B) u times this extent.
+//! of `manifold` start at twice the offset δ_A. Rays that start at a distance equal to the scene's extent hit
+//! A and B in the correct order if the gap is wider than (k_A + k_B) u times this extent.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::bvh::Outline;
@@ -31,15 +31,16 @@ const PARALLEL: f32 = 0.95;
 /// Reciprocal of the maximum component difference between directions that count as equal.
 const DIRECTIONS: f32 = 8.0;
 
-/// Minimum number of times that a gap must be found, because a single result may be at a rim.
+/// Minimum number of gaps that must be found in a scene. If there are fewer, no gap is reported, because
+/// single gaps may be at a rim.
 const LEAST_FINDS: usize = 3;
 
 /// Search distance behind a surface in units of δ/k. The search distance exceeds the required width for any
 /// two surfaces.
 const SEARCHED: f32 = 1024.0;
 
-/// Tested points of a primitive: barycentric coordinates on a triangle or parallelogram, or random numbers
-/// that select a direction from the centre of a sphere.
+/// Tested points of a primitive. On a triangle or parallelogram, the numbers are barycentric coordinates. On
+/// a sphere, the numbers select a direction from the centre.
 const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
 
 /// A gap in which light would be lost.
@@ -64,8 +65,8 @@ pub struct Gap {
 /// The substance between two surfaces in contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air is between the two surfaces, or would have no effect. The surface on this side (index 0 or 1) does
-    /// not refract light or is separate.
+    /// Air is between the two surfaces, or air would have no effect there. The value is the index (0 or 1) of
+    /// a surface that does not refract light or is separate from the other surface.
     Air(usize),
     /// The two surfaces touch within rounding errors. The first surface refracts light, and the second is
     /// opaque, so light inside the first object hits the second surface.
@@ -155,7 +156,7 @@ fn along(scene: &Scene, mut ray: Ray) -> Vec<Gap> {
     gaps
 }
 
-/// Returns the hit and the surface at a tested point of a primitive of the world.
+/// Returns the hit and the surface at a tested point of a primitive that is not part of an instance.
 fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Option<(Hit, Surface)> {
     let g = &scene.geometry;
     match *outline {

@@ -22,7 +22,7 @@ pub(super) struct Odds {
 }
 
 /// Decides at random whether a path continues. The probability is proportional to the throughput in the
-/// brightest lane. The throughput is divided by the probability.
+/// brightest wavelength lane. If the path continues, the throughput is divided by the probability.
 #[inline(always)]
 pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bool {
     if !odds.plays {
@@ -41,8 +41,8 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 
-/// Bounds of τ, as fractions of the typical contribution. In scenes without media, most of the variance is in
-/// a few bright pixels, and the threshold must be small enough for dim pixels. With media, all pixels have a
+/// Bounds of τ, relative to the typical contribution. In scenes without media, most of the variance is in a
+/// few bright pixels, and the threshold must be small enough for dim pixels. With media, all pixels have a
 /// high variance.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
@@ -52,8 +52,8 @@ const MOST_IN_MEDIA: f32 = 4.0;
 /// connections are not yet known.
 const UNSURE: f32 = 2.0;
 
-/// Minimum probability of a connection whose expected contribution is a guess. `ROUGH_FLOOR` is the minimum
-/// for a rough guess.
+/// Minimum probability of a connection whose expected contribution is uncertain. `ROUGH_FLOOR` is the minimum
+/// for a very uncertain contribution.
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
@@ -86,14 +86,14 @@ impl Roulette {
         Self::decide(expected, self.0, stream)
     }
 
-    /// Returns the weight as [`Self::spin`] does if `expected` is a guess.
+    /// Returns the weight as [`Self::spin`] does, for an uncertain `expected`.
     #[inline]
     pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
     }
 
-    /// Returns the weight as [`Self::spin`] does if `expected` is a very rough guess and the search for the
-    /// connection is expensive.
+    /// Returns the weight as [`Self::spin`] does, for a very uncertain `expected` and an expensive search for
+    /// the connection.
     #[inline]
     pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)

@@ -42,7 +42,8 @@ pub(super) struct State {
     /// The medium that contains the ray.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Path label before the ray ([`tensor::label`]). Unidirectional paths update the label only on demand.
+    /// Path label before the ray ([`tensor::label`]). Unidirectional paths update the label only if slices
+    /// need path labels.
     pub label: u8,
 }
 

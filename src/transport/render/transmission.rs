@@ -6,8 +6,9 @@
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
-//! where S₁ is the sheet nearest to the camera's side, and τ = Σ μ_t d over the media on the line. Each sheet
-//! counts as an interaction. A boundary without an effect does not count. Any other surface blocks the line.
+//! where S₁ is the matrix of the sheet nearest to the camera's side. τ = Σ μ_t d is the optical depth of the
+//! media on the line. Each sheet counts as an interaction. A boundary without an effect does not count. Any
+//! other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -31,7 +32,7 @@ pub(super) struct Start {
     pub nest: Nest,
 }
 
-/// Limit on the number of sheets that a line may cross, together with the wavelength lane.
+/// Maximum number of sheets that a line may cross, and the wavelength lane of the line.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
     pub sheets: u32,
@@ -64,8 +65,7 @@ pub(super) fn has_no_effect(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
-/// Moves light that travels along `dir` without deflection through a surface into the medium behind the
-/// surface.
+/// Updates `nest` and `filling` for light that travels along `dir` through a surface without deflection.
 #[inline]
 pub(super) fn pass(
     scene: &Scene,

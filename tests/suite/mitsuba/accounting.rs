@@ -1,5 +1,5 @@
-//! Tests that the import uses, notes or refuses every item of a Mitsuba scene. The test adds an unknown item
-//! to every kind of element.
+//! Tests that the import uses, mentions in a note, or refuses every item of a Mitsuba scene. The test adds an
+//! unknown item to every kind of element.
 
 use super::imported;
 

@@ -26,8 +26,8 @@ fn squares(folder: &Path) {
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
 
-/// Tests that grids of extinction and albedo keep their separate boxes. Tests that a constant extinction is
-/// bounded by the unit cube.
+/// Tests that grids of extinction and albedo keep their separate boxes. Tests that a medium of constant
+/// extinction is bounded by the unit cube.
 #[test]
 fn heterogeneous_media_keep_their_boxes() {
     let folder = tempfile::tempdir().unwrap();
@@ -163,8 +163,8 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// Tests that the image of a spot covers the square around the cone of the spot. Up in the image is the
-/// emitter's +y.
+/// Tests that the image of a spot covers the square around the cone of the spot. The upward direction of the
+/// image is the emitter's +y axis.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();

@@ -157,7 +157,7 @@ fn one_sided_materials_are_black_behind() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Tests that any damage to a file gives a scene or an error.
+    /// Tests that the import of a damaged file gives a scene or an error, for any damage.
     #[test]
     fn damaged_files_never_panic(
         whole in any::<bool>(),
@@ -412,7 +412,7 @@ fn transient_films_become_time_bins() {
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
 
-/// Tests the approximations of the import. Facets have a single roughness above 0, which is the root of the
+/// Tests the approximations of the import. Facets have a single roughness above 0: the square root of the
 /// product of the roughnesses along u and v. The import reads numbers in images as luminances.
 #[test]
 fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
@@ -461,7 +461,8 @@ fn anisotropic_roughness_and_encoded_numbers_are_approximated() {
     }
 }
 
-/// Tests that the import applies Mitsuba's defaults, such as unlimited paths, black lamps and grey shapes.
+/// Tests that the import applies Mitsuba's defaults, such as unlimited path lengths, black emitting surfaces
+/// and grey shapes.
 #[test]
 fn defaults_match_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -477,7 +478,7 @@ fn defaults_match_mitsuba() {
     assert!(lamp.contains("albedo = 0.0") && !lamp.contains("albedo = 0.5"), "{lamp}");
 }
 
-/// Tests that the import notes differences between the path length counts of integrators.
+/// Tests that the import adds a note if integrators count path lengths differently.
 #[test]
 fn thin_glass_under_volumetric_integrators_is_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -490,7 +491,8 @@ fn thin_glass_under_volumetric_integrators_is_noted() {
     assert!(noted(&glass.replace("\"path\"", "\"volpath\"")));
 }
 
-/// Tests that references can name any top-level element. Tests that the import notes unreferenced elements.
+/// Tests that references can name any top-level element. Tests that the import adds a note about unreferenced
+/// elements.
 #[test]
 fn references_can_name_any_top_level_element() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,6 @@
 //! Tests round trips through Mitsuba's format. Contents that Mitsuba can express are unchanged after export
-//! and import. The export refuses contents that Mitsuba cannot express, by name.
+//! and import. The export refuses contents that Mitsuba cannot express, with an error that names these
+//! contents.
 
 use glam::Vec3A;
 use std::collections::BTreeMap;

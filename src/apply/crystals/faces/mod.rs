@@ -1,6 +1,6 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light. Reflection from
-//! rough faces causes this element. The profile is compared with the renderer's labels. A second comparison
-//! uses the closed form of a single reflection at the true normals.
+//! Measures the surface profile of crystals (Baek & Heide 2021, Fig. 7) by the element −(3,3) of epipolar
+//! light. Reflection from rough faces causes this element. The profile is compared with the renderer's
+//! labels. A second comparison uses the closed form of a single reflection at the true normals.
 //!
 //! One reflection by glass at an angle below Brewster's angle reverses the handedness of circular
 //! polarization, so (3,3) is negative. A diffuse ground behind the crystal does not preserve circular
@@ -56,7 +56,7 @@ const METHODS: [(Method, Image); 7] = [
 /// Minimum fraction of surface-reflected light in a positive pixel.
 const SHARE: f64 = 0.1;
 
-/// Minimum coverage of a pixel that is evaluated as crystal.
+/// Minimum fraction of a pixel's area that the crystal covers. Other pixels are not evaluated.
 const WHOLE: f64 = 0.999;
 
 /// Minimum cosine between the normals of two pixels of the same face (1°).
@@ -106,7 +106,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     Ok(outcome)
 }
 
-/// Returns the pixels of the crystal whose normals equal those of all neighbouring crystal pixels.
+/// Returns the pixels of the crystal whose normals equal the normals of all neighbouring crystal pixels.
 fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) -> Vec<usize> {
     let equal = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > SAME_FACE_COS;
     let inner = |i: usize| {

@@ -2,7 +2,8 @@
 //! microfacets.
 //!
 //! The half vector h bisects the directions to the camera and to the projector. The angle between h and
-//! either direction is θ. The Fresnel amplitude coefficients at θ are r_s and r_p. With these symbols,
+//! either direction is θ. The angle between the normal and the direction to the camera is θ_o. The Fresnel
+//! amplitude coefficients at θ are r_s and r_p. With these symbols,
 //!
 //! > −M33 = −r_s r_p · D(h) G2 / (4 cosθ_o) · 1/(cos³θ_p d²),
 //!

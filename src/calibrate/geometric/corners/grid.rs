@@ -9,8 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 /// and rows downward.
 pub type Place = (i32, i32);
 
-/// Maximum deviation of a neighbour from an edge's direction, as the sine or tangent of the angle between the
-/// two directions.
+/// Maximum angle between the direction to a neighbour and the direction of an edge, given as sine or tangent.
 const ASIDE: f64 = 0.3;
 
 /// Returns the nearest corner in direction `way` that is connected to corner `from` by a black-white edge.
@@ -51,8 +50,8 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     aligned && equal && first != 0.0 && signs.all(|s| s == first)
 }
 
-/// Returns all grids of neighbouring corners, the largest first. Row and column directions have the
-/// orientation of the image's x and y.
+/// Returns all grids of neighbouring corners, the largest first. Columns increase with the image's x, and
+/// rows with the image's y.
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     // Returns the four directions of a corner, which are along e1 and e2, and opposite to e1 and e2.
     let ways = |s: &Saddle| {

@@ -64,8 +64,8 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
 /// Maximum number of candidate corners in an image.
 const MOST: usize = 4000;
 
-/// Parameters of a corner's image. These are position, angles of both edges, blur width, half contrast, and
-/// the offset and gradient of a plane.
+/// Parameters of a corner's image. The parameters are position, angles of both edges, blur width, half
+/// contrast, and the offset and gradient of a plane.
 type Parameters = SVector<f64, 9>;
 
 /// Returns the error function of `x` and its derivative.
@@ -131,7 +131,7 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     Some(Saddle { at: Vector2::new(p[0], p[1]), edges: [e1, e2], contrast: p[5] * side.signum() })
 }
 
-/// Estimates the edge directions from sign changes on a ring around the corner, and mean and contrast
+/// Estimates the edge directions from sign changes on a ring around the corner. Estimates mean and contrast
 /// from the values on the ring.
 fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameters> {
     const RING: usize = 64;

@@ -117,7 +117,8 @@ const REACH: f64 = 0.4;
 /// Minimum and maximum radius of the fit window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];
 
-/// Refines all corners in windows that fit the squares, and orders them as on the board.
+/// Refines each corner in a window adapted to the size of the squares, and orders the corners as on the
+/// board.
 fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -> Option<Found> {
     let mut smallest = f64::INFINITY;
     let mut refined = vec![];

@@ -1,11 +1,11 @@
-//! Decodes camera images of the patterns. The results are projector coordinates per camera pixel, NaN for
-//! unreliable pixels.
+//! Decodes camera images of the patterns. The results are the projector coordinates of each camera pixel, or
+//! NaN for unreliable pixels.
 
 use super::patterns::{Axis, Pattern, Sequence};
 use crate::geometric::image::Image;
 use std::f64::consts::TAU;
 
-/// Projector coordinates by camera pixel, row by row.
+/// Projector coordinates of each camera pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
     /// Number of camera pixels per row.
@@ -131,7 +131,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     if x.abs_diff(y) == 1 && x.max(y) < length { f64::from(x.max(y)) } else { f64::NAN }
 }
 
-/// Refines a coarse coordinate to subpixels by the phases of the waves.
+/// Refines a coarse coordinate to subpixel resolution from the phases of the waves.
 fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, contrast: f64) -> f64 {
     let (mut c, mut s) = (0.0, 0.0);
     for (n, value) in waves.enumerate() {

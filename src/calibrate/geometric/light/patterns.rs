@@ -79,7 +79,7 @@ impl Sequence {
         }
     }
 
-    /// Returns all patterns in order. Images are decoded in the same order.
+    /// Returns all patterns in order. The images for decoding must have the same order.
     pub fn patterns(&self) -> Vec<Pattern> {
         let mut all = vec![Pattern::White, Pattern::Black];
         for axis in [Axis::Column, Axis::Row] {
@@ -91,7 +91,7 @@ impl Sequence {
         all
     }
 
-    /// Returns the drive of a projector pixel, 0 to 1.
+    /// Returns the drive of a projector pixel, from 0 (off) to 1 (on).
     pub fn drive(&self, pattern: Pattern, u: u32, v: u32) -> f64 {
         let along = |axis| if axis == Axis::Column { u } else { v };
         match pattern {

@@ -7,7 +7,7 @@
 //! - dark current I_d, full well e_full, read noise σ_r,
 //! - gain K in e⁻/DN, black level b.
 //!
-//! DN is clipped to 0 to 2^bits - 1. Without clipping,
+//! DN is clipped to the range 0 to 2^bits - 1. Without clipping,
 //!
 //! > E DN = (ηΦtL + I_d t)/K + b,  Var DN = (ηΦtL + I_d t + σ_r²)/K² + 1/12
 //!
@@ -53,7 +53,7 @@ pub struct Cmos {
     /// Output of a pixel without electrons, in DN. Choose a level of several times the read noise. With a
     /// lower level, dark readings are clipped at 0 and biased.
     pub black_level_dn: f64,
-    /// Binning factor. The factor is 1, or 2 to average 2×2 pixels after read-out.
+    /// Binning factor. The factor is 1 (no binning) or 2 (2×2 pixels are averaged after read-out).
     pub binning: u32,
     /// Whether the shot noise of photons and dark electrons is simulated.
     pub shot_noise: bool,
@@ -102,7 +102,7 @@ impl Cmos {
     /// Checks the settings of the camera.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] if a setting is invalid. The error names the first invalid field.
+    /// Returns [`DetectorError::Field`] if a setting is invalid. The error names the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         number("exposure_s", self.exposure_s, "a positive time in seconds")?;
@@ -153,11 +153,12 @@ impl Cmos {
         if self.shot_noise { mean } else { 0.0 }
     }
 
-    /// Returns the smallest DN of a saturated reading. The smallest saturated DN is the maximum of the
-    /// output, or a possible reading of a full well.
+    /// Returns the smallest DN of a saturated reading. This DN is the reading of a full well minus
+    /// `CERTAIN` standard deviations of the read-out noise, or the maximum of the output if the maximum is
+    /// smaller.
     ///
-    /// A threshold at the full well itself would keep the readings with low noise and discard the readings
-    /// with high noise. The mean estimate of the kept readings would be too low by a fraction of a standard
+    /// A threshold at the full well itself would keep readings with negative noise and discard readings with
+    /// positive noise. The mean estimate of the kept readings would be too low by a fraction of a standard
     /// deviation.
     pub fn saturation_dn(&self) -> u32 {
         let noise = self.read_out().sqrt();
@@ -191,8 +192,9 @@ impl Cmos {
 
     /// Returns the radiance estimate of a reading, with black level and dark current subtracted.
     ///
-    /// The shot noise in the variance is estimated from the reading. The lower bound is the dark current's
-    /// shot noise. Because of this bound, the variance of dark pixels is slightly too high.
+    /// The shot noise in the variance is estimated from the reading. The lower bound of the shot-noise
+    /// variance is the shot noise of the dark current. Because of this bound, the variance of dark pixels is
+    /// slightly too high.
     pub fn estimate(&self, dn: u32, nm: f64, factor: f64) -> Estimate {
         let (per_unit, dark) = self.electrons(nm, factor);
         if dn >= self.saturation_dn() {
@@ -245,12 +247,12 @@ impl Cmos {
     }
 
     /// Returns one frame, which contains the digital numbers of one exposure of an image. `key` is the index
-    /// of the frame under `seed`. `pixels` maps each value to a pixel of the sensor. A region therefore has
-    /// the same values as the full sensor.
+    /// of the frame under `seed`. `pixels` maps each value to a pixel of the sensor. The values of a region
+    /// therefore equal the values of the same pixels in a frame of the full sensor.
     ///
     /// # Errors
-    /// The same errors as [`Self::check`], and [`DetectorError::Radiance`] if `image` contains non-finite
-    /// values.
+    /// Returns the same errors as [`Self::check`], and [`DetectorError::Radiance`] if `image` contains
+    /// non-finite values.
     pub fn frame(
         &self,
         image: &[f64],
@@ -272,13 +274,14 @@ impl Cmos {
     /// Simulates all exposures of an image, and combines the exposures into one estimate.
     ///
     /// `image` holds `height` rows of `width` radiance values, from the top. `key` is the index of the
-    /// capture under `seed`. The exposures of the capture are the frames with indices from `key` × (number of
+    /// capture under `seed`. The first exposure of the capture is the frame with index `key` × (number of
     /// exposures). With `binning` 2, the result has half the width and height. An odd last row or column is
     /// dropped.
     ///
     /// # Errors
-    /// The same errors as [`Self::check`]. [`DetectorError::Count`] if `image` has another size (or more than
-    /// 2³² values). [`DetectorError::Radiance`] if `image` contains non-finite values.
+    /// Returns the same errors as [`Self::check`]. Returns [`DetectorError::Count`] if `image` has another
+    /// size (or more than 2³² values). Returns [`DetectorError::Radiance`] if `image` contains non-finite
+    /// values.
     pub fn capture(
         &self,
         image: &[f64],

@@ -25,7 +25,7 @@ pub enum DetectorError {
         index: usize,
         value: f64,
     },
-    /// The simulation would have too many single detections.
+    /// The simulation would have to process too many detections one by one.
     #[error(
         "the simulation would need about {expected:.0e} single detections, but the limit is {most:.0e}; reduce `pulses`, \
          `photons_per_unit` or `dark_counts_per_s`, or increase `dead_time_ps`"

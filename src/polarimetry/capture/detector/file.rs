@@ -86,8 +86,8 @@ struct Calibrated {
 /// the photon counter for data with time bins. For other data, the camera is selected.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read or a setting is invalid. The error states the file, the location
-/// and the fix.
+/// Returns [`InputError`] if the file cannot be read or a setting is invalid. The error states the file, the
+/// location and the fix.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
     let fix = "write a file with a table [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", fix)?;
@@ -97,7 +97,7 @@ pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
 /// Parses a detector from TOML text. `path` is used in messages.
 ///
 /// # Errors
-/// The same errors as [`load`].
+/// Returns the same errors as [`load`].
 pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, InputError> {
     let error = |span, message: String, help: &str| InputError::new(path, text, span, message, help);
     let file: DetectorFile = document::parse(path, text, |_| {
@@ -193,8 +193,8 @@ fn without_bins(diode: &Spad) -> Spad {
 /// starting at the laser pulse. Bin settings that differ from the defaults must agree with the histogram.
 ///
 /// # Errors
-/// [`DetectorError::Field`] if such a setting differs from the histogram, or if the histogram is longer than
-/// the period.
+/// Returns [`DetectorError::Field`] if a bin setting differs from the histogram, or if the histogram is
+/// longer than the period.
 pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, DetectorError> {
     let (standard, mut out) = (Spad::default(), diode.clone());
     let free = diode.bin_ps == standard.bin_ps;
@@ -243,7 +243,8 @@ mod tests {
         }
     }
 
-    /// A calibration file yields the photon counter for data with time bins, and the camera for other data.
+    /// Verifies that a calibration file yields the photon counter for data with time bins, and the camera for
+    /// other data.
     #[test]
     fn calibrations_are_read() {
         let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\

@@ -1,5 +1,5 @@
-//! Simulates detectors. A detector returns readings of instruments for a known radiance, and estimates the
-//! radiance from the readings.
+//! Simulates detectors. A detector model computes the readings of an instrument for a known radiance, and
+//! estimates the radiance from the readings.
 //!
 //! > radiance → (shot noise, dark counts, clipping, dead time) → readings → radiance with its variance
 //!

@@ -15,8 +15,8 @@
 //!
 //! > λ_i = n_i/A_i,  A_i = N - Σ_d n_{i-d} (H(D - d) - H(-d)),  Var λ_i ≈ n_i/A_i².
 //!
-//! The two results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
-//! neglects three effects:
+//! The formulas for λ_i and Var λ_i follow because n_i - λ_i A_i is a martingale with mean 0 and variance E
+//! n_i. The model neglects three effects:
 //!
 //! - After-pulses remain in the counts. The model interprets after-pulses as light that arrives a dead time
 //!   later.
@@ -33,7 +33,7 @@ pub struct Rate {
     /// An unbiased estimate of the variance. The estimate is 0 in an empty bin and is therefore
     /// unsuitable for weighting single bins.
     pub variance: f64,
-    /// True if too much light prevents an estimate.
+    /// True if the light is too intense for an estimate.
     pub saturated: bool,
 }
 
@@ -146,8 +146,8 @@ mod tests {
         seen.assert_variance(stated.mean, 0.1 * stated.mean.powi(2));
     }
 
-    /// Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse. The test
-    /// uses 2000 captures of 20 000 pulses.
+    /// Verifies that Coates's correction is unbiased for a peak over a background at 2.8 photons per pulse.
+    /// The test uses 2000 captures of 20 000 pulses.
     #[test]
     fn coates_corrects_pile_up() {
         let rates = [0.2, 0.2, 1.0, 0.5, 0.3, 0.2, 0.2, 0.2];
@@ -161,8 +161,8 @@ mod tests {
         assert_unbiased(&rates, &counts.iter().map(|c| coates(c, 20_000)).collect::<Vec<_>>());
     }
 
-    /// The live-time correction is unbiased for dead times from part of a bin to more than two periods. There
-    /// are 0.95 photons per pulse. The test uses 300 captures of 10 000 pulses.
+    /// Verifies that the live-time correction is unbiased for dead times from part of a bin to more than two
+    /// periods. There are 0.95 photons per pulse. The test uses 300 captures of 10 000 pulses.
     #[test]
     fn live_time_corrects_dead_time() {
         let rates: Vec<_> = (0..40).map(|i| if (10..14).contains(&i) { 0.08 } else { 0.0175 }).collect();
@@ -176,7 +176,7 @@ mod tests {
         }
     }
 
-    /// The weights of a count sum to the dead time D in bins.
+    /// Verifies that the weights of a count sum to the dead time D in bins.
     #[test]
     fn weights_of_a_count_sum_to_its_dead_time() {
         for dead in [0.0, 0.4, 1.0, 1.5, 2.0, 3.7, 8.0, 9.5, 16.0, 23.2] {

@@ -18,7 +18,7 @@
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
 
-/// Index in `ARRAY_DEG` of the polarizer in `[y % 2][x % 2]`.
+/// Index in `ARRAY_DEG` of the polarizer over a pixel (x, y), as `[y % 2][x % 2]`.
 const LAYOUT: [[usize; 2]; 2] = [[2, 1], [3, 0]];
 
 /// Returns the index (in `ARRAY_DEG`) of the polarizer over a pixel.
@@ -49,7 +49,7 @@ pub struct Images {
 /// Returns the raw frame of a sensor from one full-resolution image per polarizer.
 ///
 /// # Errors
-/// [`DetectorError::Count`] unless all images have `width`·`height` values.
+/// Returns [`DetectorError::Count`] unless all images have `width`·`height` values.
 pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result<Vec<T>, DetectorError> {
     for image in images {
         area("an image of a polarizer", width, height, image.len())?;
@@ -63,17 +63,17 @@ pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result
 /// Non-finite values (from saturated pixels) have zero weight. A result without any finite value is NaN.
 ///
 /// # Errors
-/// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
+/// Returns [`DetectorError::Count`] unless `raw` has `width`·`height` values.
 pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Result<Images, DetectorError> {
     apart(raw, width, height, method, |weighted, weights, _| weighted / weights)
 }
 
-/// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbours
-/// of a bilinear image share pixels, so their errors are correlated. The variances do not include this
-/// correlation.
+/// Returns the variances of the results of [`demosaic`] from the variances of independent pixels.
+/// Neighbouring pixels of a bilinear image share raw pixels, so their errors are correlated. The variances do
+/// not include this correlation.
 ///
 /// # Errors
-/// [`DetectorError::Count`] unless `variance` has `width`·`height` values.
+/// Returns [`DetectorError::Count`] unless `variance` has `width`·`height` values.
 pub fn demosaic_variance(
     variance: &[f64],
     width: usize,
@@ -192,8 +192,7 @@ mod tests {
         assert_eq!(got.images, images([4, 3], |x, y, p| (x * 31 + y * 7 + p) as f64));
     }
 
-    /// Variances of means of one, two or four pixels of equal variance are correct. The same is true at the
-    /// borders.
+    /// Verifies the variances of means of one, two or four pixels of equal variance, also at the borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");

@@ -1,5 +1,5 @@
-//! Random numbers of detectors. There is one stream per pixel and capture, with Poisson and normal
-//! distributions.
+//! Random numbers of detectors. There is one stream per pixel and capture. Functions of this module draw
+//! Poisson and normal random numbers from a stream.
 
 use optics::sampling::stream::Stream;
 use rand_distr::{Distribution, Poisson, StandardNormal};
@@ -9,9 +9,9 @@ use rand_distr::{Distribution, Poisson, StandardNormal};
 /// The value is arbitrary.
 const SALT: u64 = 0x6465_7465_6374_6f72;
 
-/// Mean above which a normal distribution replaces the Poisson distribution. The skewness of the Poisson
-/// distribution is then 1e-5, far below the resolution of any test. Rejection sampling would lose accuracy in
-/// double precision (rust-random/rand issue 1515).
+/// Mean above which a normal distribution replaces the Poisson distribution. At this mean, the skewness of
+/// the Poisson distribution is 1e-5, far below the resolution of any test. At larger means, rejection
+/// sampling would lose accuracy in double precision (rust-random/rand issue 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
 /// Returns the random stream of pixel `pixel` in capture `key`. The random streams of captures are separate

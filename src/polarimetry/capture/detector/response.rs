@@ -10,9 +10,9 @@
 //!
 //! > H(t) = Φ(t/σ) - a exp(σ²/2τ² - t/τ) Φ(t/σ - σ/τ),
 //!
-//! The cumulative response is a mixture of two distribution functions. The first is that of the exponentially
-//! modified Gaussian (Grushka 1972, Anal. Chem. 44:1733). The second is that of the normal distribution, Φ.
-//! Light is assumed to arrive in the middle of its bin.
+//! The cumulative response is a mixture of two distribution functions. The first is the distribution function
+//! of the exponentially modified Gaussian (Grushka 1972, Anal. Chem. 44:1733). The second is the distribution
+//! function Φ of the normal distribution. Light is assumed to arrive in the middle of its bin.
 
 /// Ratio of the FWHM of a Gaussian to its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;
@@ -104,7 +104,8 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Returns the time of each bin's centre and the bin's fraction. Times in the second half are negative.
+    /// Returns the time of each bin's centre (in bins) and the fraction of the response in the bin. Times in
+    /// the second half are negative.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;
@@ -137,7 +138,8 @@ mod tests {
         assert!((wide - 70.0).abs() <= 0.5, "{wide}");
     }
 
-    /// The closed form equals the convolution integral that the trapezoidal rule computes.
+    /// Verifies that the closed form equals the convolution integral, which the test computes by the
+    /// trapezoidal rule.
     #[test]
     fn tail_is_the_convolution_of_both() {
         for (sigma, tau) in [(1.0, 3.0), (2.0, 0.5), (1.0, 0.06)] {
@@ -172,7 +174,7 @@ mod tests {
         assert!((shares[3] / shares[2] - (-0.5_f64).exp()).abs() < 1e-12);
     }
 
-    /// A tail that is longer than the period wraps around. The sum of the wrapped parts is a geometric
+    /// Verifies that a tail longer than the period wraps around. The sum of the wrapped parts is a geometric
     /// series.
     #[test]
     fn tails_wrap_around_the_period() {

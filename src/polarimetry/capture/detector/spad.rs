@@ -8,8 +8,8 @@
 //! where η is the detection efficiency and Φ the photons per pulse and unit of radiance. The instrument's
 //! response h is cyclic in the period (`response.rs`). The dark counts per second are d, and Δ is the length
 //! of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and [`super::pile_up`]
-//! corrects for dead time. The estimates do not remove the response. The estimated quantity is h ∗ L, which
-//! is delayed by [`Spad::response_mean_ps`] on average.
+//! corrects for dead time. The estimates are not deconvolved with the response. The estimated quantity is h ∗
+//! L, which is delayed relative to L by [`Spad::response_mean_ps`] on average.
 //!
 //! The jitter is applied to the rates, before the dead time. The resulting relative error is of the order
 //! of the jitter divided by the dead time.
@@ -108,7 +108,7 @@ impl Spad {
     /// Checks the settings of the diode and its counter.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] if a setting is invalid. The error names the first invalid field.
+    /// Returns [`DetectorError::Field`] if a setting is invalid. The error names the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         let or_zero = |field, value, need| demand(field, value, non_negative(value), need);
@@ -176,7 +176,7 @@ impl Spad {
     /// cyclic in the period. The sum of the fractions is 1.
     ///
     /// # Errors
-    /// The same errors as [`Self::check`].
+    /// Returns the same errors as [`Self::check`].
     pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
         self.check()?;
         Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
@@ -185,11 +185,11 @@ impl Spad {
     /// Returns the detections per pulse in each bin of the period while the diode is armed.
     ///
     /// `histogram` is the radiance in each bin after the laser pulse, in the scene's units, at wavelength
-    /// `nm`. Light that arrives later than one period is counted with the following pulses. Negative sums are
-    /// treated as 0.
+    /// `nm`. Light that arrives later than one period is counted with the following pulses. Negative rates of
+    /// detected light are treated as 0.
     ///
     /// # Errors
-    /// The same errors as [`Self::check`], and [`DetectorError::Radiance`] if a value is not finite.
+    /// Returns the same errors as [`Self::check`], and [`DetectorError::Radiance`] if a value is not finite.
     pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
         finite(histogram)?;
         let response = self.response()?;
@@ -223,9 +223,9 @@ impl Spad {
     /// [`Self::rates`].
     ///
     /// # Errors
-    /// The same errors as [`Self::check`]. [`DetectorError::Count`] unless there is one rate per bin of the
-    /// period. [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸
-    /// detections.
+    /// Returns the same errors as [`Self::check`]. Returns [`DetectorError::Count`] unless there is one rate
+    /// per bin of the period. Returns [`DetectorError::Detections`] if a free-running diode is expected to
+    /// have more than 10⁸ detections.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
         count("the rates of a period", self.period_bins(), rates.len())?;
@@ -248,8 +248,8 @@ impl Spad {
     /// weights of single bins.
     ///
     /// # Errors
-    /// The same errors as [`Self::check`], and [`DetectorError::Count`] unless there is one count per bin of
-    /// the period.
+    /// Returns the same errors as [`Self::check`], and [`DetectorError::Count`] unless there is one count per
+    /// bin of the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
         count("the counts of a period", self.period_bins(), counts.len())?;

@@ -1,8 +1,9 @@
 //! Simulates time-correlated photon counting. The results are histograms of detections over the laser's
 //! period.
 //!
-//! In synchronous mode, the diode is rearmed at every pulse. The first detection in a period is counted, and
-//! later detections do not occur. One pulse causes a count in bin i with probability
+//! In synchronous mode, the diode is rearmed at every pulse. The first photon that the diode detects in a
+//! period is counted, and the diode detects no later photon of this period. One pulse causes a count in bin i
+//! with probability
 //!
 //! > p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i))
 //!
@@ -179,8 +180,8 @@ mod tests {
         Moments::of((0..n).map(|key| capture(&mut stream(11, 0, key)).iter().sum::<u64>() as f64))
     }
 
-    /// In 20 000 captures of 1000 pulses, each bin has a binomial distribution, and pairs of bins with
-    /// probabilities p and q have covariance -N p q.
+    /// Verifies that each bin has a binomial distribution, and that bins with probabilities p and q have the
+    /// covariance -N p q. The test uses 20 000 captures of 1000 pulses.
     #[test]
     fn synchronous_counts_are_multinomial() {
         let rates = [0.1, 0.0, 0.7, 2.0, 0.05];
@@ -208,8 +209,8 @@ mod tests {
         both.assert_variance(variance, variance * (1.0 - 6.0 * (p + q) * (1.0 - p - q)));
     }
 
-    /// Counts at low flux follow Poisson statistics, without dead time and with dead times that cover 1e-4 of
-    /// the capture. The test uses 5000 captures of 20 000 pulses.
+    /// Verifies that counts at low flux follow Poisson statistics, without dead time and with dead times that
+    /// cover 1e-4 of the capture. The test uses 5000 captures of 20 000 pulses.
     #[test]
     fn low_flux_gives_poisson_counts() {
         let rates = [1e-3, 4e-3, 0.0, 2e-3];
@@ -224,12 +225,12 @@ mod tests {
         }
     }
 
-    /// Counts of constant light saturate as predicted by theory. The rate is r per bin, and the dead times τ
-    /// are a fraction of a period to several periods. The count in a time T is that of a renewal process with
-    /// intervals τ + Exp(r). The intervals have mean μ = τ + 1/r and standard deviation 1/r. The diode is
-    /// armed at the start, as if the last event had occurred at time -τ. The mean count is therefore (T +
-    /// τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ). The variance is r
-    /// T/(1 + rτ)³. The test uses 400 captures of 10 000 bins.
+    /// Verifies that counts of constant light saturate as predicted by theory. The rate is r per bin, and the
+    /// dead times τ range from a fraction of a period to several periods. The count in a time T is the number
+    /// of events of a renewal process with intervals τ + Exp(r). The intervals have mean μ = τ + 1/r and
+    /// standard deviation 1/r. The diode is armed at the start, as if the last event had occurred at time -τ.
+    /// The mean count is therefore (T + τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r
+    /// T/(1 + rτ). The variance is r T/(1 + rτ)³. The test uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {
@@ -250,9 +251,9 @@ mod tests {
         }
     }
 
-    /// Each detection causes another detection with probability p. The cluster size is therefore geometric
-    /// with mean 1/(1 - p) and mean square (1 + p)/(1 - p)². The test uses 4000 captures with about 100
-    /// photons in 10⁶ pulses.
+    /// Verifies the counts of after-pulse clusters. In a cluster, each detection causes another detection
+    /// with probability p. The cluster size is therefore geometric with mean 1/(1 - p) and mean square (1 +
+    /// p)/(1 - p)². The test uses 4000 captures with about 100 photons in 10⁶ pulses.
     #[test]
     fn after_pulses_multiply_the_counts() {
         let p: f64 = 0.2;
@@ -267,8 +268,8 @@ mod tests {
         seen.assert_variance(variance, 890.0);
     }
 
-    /// The time from the end of the dead time to an after-pulse is exponentially distributed. Of 200 bins,
-    /// one has light. The test checks the counts in later bins.
+    /// Verifies that the time from the end of the dead time to an after-pulse is exponentially distributed.
+    /// Of 200 bins, one has light. The test checks the counts in later bins.
     #[test]
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];
@@ -286,7 +287,8 @@ mod tests {
         assert!((after as f64 - n * share).abs() < 5.0 * spread, "{after} of {n}");
     }
 
-    /// With a dead time of 2.5 periods and certain light in one bin, detections are three periods apart.
+    /// Verifies that detections are three periods apart, with a dead time of 2.5 periods and light so strong
+    /// that one bin always causes a detection.
     #[test]
     fn dead_times_beyond_the_period_skip_pulses() {
         let counts = free_running(&[0.0, 1e6, 0.0, 0.0], &recovery(10.0), 300, &mut stream(4, 0, 0));

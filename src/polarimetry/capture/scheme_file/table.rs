@@ -12,7 +12,7 @@ const COLUMNS: [&str; 6] =
 /// Parses a scheme from a CSV table of angles.
 ///
 /// # Errors
-/// The same errors as [`load`](super::load).
+/// Returns the same errors as [`load`](super::load).
 pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let place = Text { path, text: text.into() };
     let help = "use the columns polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees; for retardances other than 90 degrees, add \

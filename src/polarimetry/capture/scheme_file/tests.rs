@@ -78,7 +78,8 @@ fn errors_have_positions_and_fixes() {
     assert!(load(Path::new("/nowhere/s.toml")).expect_err("no file").to_string().contains("sunstone scheme"));
 }
 
-/// The scheme of a calibration file is read. If the file has no scheme, the error names the missing field.
+/// Verifies that the scheme of a calibration file is read. If the file has no scheme, the error names the
+/// missing field.
 #[test]
 fn calibration_files_contain_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\
@@ -115,7 +116,7 @@ fn tables_of_angles_are_read() {
 }
 
 proptest! {
-    /// Damaged files are rejected or read, and never cause a panic.
+    /// Verifies that damaged files are rejected or read, and never cause a panic.
     #[test]
     fn damaged_text_never_panics(at in 0_usize..FULL.len(), with in "[ -~]{0,6}", csv in "[ -~\n,]{0,80}") {
         let mut text = FULL.to_owned();

@@ -75,7 +75,8 @@ fn normal_noise_has_its_mean_and_variance() {
     assert_ne!(noisy.intensities, other.intensities);
 }
 
-/// A camera's stated variances agree with the scatter of readings over many seeds, with and without a mosaic.
+/// Verifies that a camera's stated variances agree with the scatter of readings over many seeds, with and
+/// without a mosaic.
 #[test]
 fn camera_variances_match_the_scatter() {
     let m = matrices(SMALL, 1.0);
@@ -136,7 +137,8 @@ fn saturated_intensities_are_nan() {
     assert!(got.variances.is_some_and(|v| v.iter().all(|v| v.is_infinite())));
 }
 
-/// Binning halves width and height. Each reading equals the intensity of the mean matrix.
+/// Verifies that binning halves width and height. Each reading equals the intensity for the mean matrix of
+/// the binned pixels.
 #[test]
 fn binning_is_the_mean_of_the_matrices() {
     let odd = Layout { height: 5, width: 7, ..SMALL };
@@ -150,8 +152,8 @@ fn binning_is_the_mean_of_the_matrices() {
     assert!(worst.fold(0.0, f32::max) < 2e-6);
 }
 
-/// Demosaicking by superpixels recovers images that are constant within each superpixel. Bilinear
-/// demosaicking recovers constant images.
+/// Verifies that demosaicking by superpixels recovers images that are constant within each superpixel.
+/// Bilinear demosaicking recovers constant images.
 #[test]
 fn mosaics_of_uniform_images_are_recovered() {
     let half = Layout { height: 2, width: 3, ..SMALL };

@@ -81,8 +81,8 @@ fn gradients_are_exact() {
     assert!(checked > 300);
 }
 
-/// With the metric M = 1, the error is the error of all elements. With M = Σ w wᵀ, the error is the sum of
-/// the functionals' errors.
+/// Verifies that, with the metric M = 1, the error is the error of all elements. With M = Σ w wᵀ, the error
+/// is the sum of the functionals' errors.
 #[test]
 fn errors_follow_the_metric() {
     for (captures, estimator) in
@@ -105,11 +105,12 @@ fn errors_follow_the_metric() {
     }
 }
 
-/// One capture is sufficient to measure the brightness in unpolarized light. With an uninformative prior, M00
-/// and one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²).
-/// Behind polarizers, every row has |a|² = 4 a₀₀². Three quarters of the variance therefore remain for any
-/// angles, and K captures with the same settings do not reduce this remainder. With the prior that light is
-/// never polarized, the relative variance of M00 after K captures is σ²/(K a₀₀² + σ²).
+/// Verifies that one capture is sufficient to measure the brightness in unpolarized light. With an
+/// uninformative prior, M00 and one intensity I = a·t + η are jointly Gaussian, and the smallest error is 1 -
+/// (a₀₀)²/(|a|² + σ²). Behind polarizers, every row has |a|² = 4 a₀₀². Three quarters of the variance
+/// therefore remain for any angles, and K captures with the same settings do not reduce this remainder. With
+/// the prior that light is never polarized, the relative variance of M00 after K captures is σ²/(K a₀₀² +
+/// σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
@@ -135,7 +136,8 @@ fn few_captures_reach_the_bound_of_one_functional() {
     }
 }
 
-/// The closed form is the mean of the paper's Monte Carlo loss (eq. 8) over noise, data and angle errors.
+/// Verifies that the closed form is the mean of the paper's Monte Carlo loss (eq. 8) over noise, data and
+/// angle errors.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn the_closed_form_equals_the_sampled_loss() {
@@ -189,8 +191,8 @@ fn the_closed_form_equals_the_sampled_loss() {
     }
 }
 
-/// Learned angles reach the lower bound of all schemes. The bound is 1600/K with an intensity sensor, and
-/// 440/K with a polarizer array.
+/// Verifies that learned angles reach the lower bound of tr (AᵀA)⁻¹ over all schemes. The bound is 1600/K
+/// with an intensity sensor, and 440/K with a polarizer array.
 #[test]
 #[ignore = "slow: tools/check --all"]
 fn learned_schemes_reach_the_bound() {
@@ -206,8 +208,8 @@ fn learned_schemes_reach_the_bound() {
     }
 }
 
-/// The observer is notified of every descent and can stop the learning. The loss histories contain the
-/// minimum that was found.
+/// Verifies that the observer is notified of every descent and can stop the learning. The loss histories
+/// contain the minimum that was found.
 #[test]
 fn an_observer_is_notified_and_can_stop_the_search() {
     use std::sync::atomic::{AtomicUsize, Ordering};

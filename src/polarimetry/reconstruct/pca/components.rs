@@ -32,8 +32,9 @@ pub struct Components {
 }
 
 impl Components {
-    /// Computes the components of a set. Returns `None` if the set is empty or overflowed. In a set of n < 17
-    /// rows, all components from the n-th on have no variance and arbitrary perpendicular directions.
+    /// Computes the components of a set. Returns `None` if the set is empty or its moments overflowed. In a
+    /// set of n < 17 rows, all components from the n-th on have no variance and arbitrary perpendicular
+    /// directions.
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
         let finite = mean.iter().chain(covariance.as_flattened()).all(|e| e.is_finite());
@@ -62,7 +63,8 @@ impl Components {
         })
     }
 
-    /// Returns the nearest row in the span of the mean and the first `n` components.
+    /// Returns the row that is nearest to `row` among sums of the mean and a combination of the first `n`
+    /// components.
     pub fn nearest(&self, row: &MatrixRow, n: usize) -> MatrixRow {
         let mut out = self.mean;
         for v in self.vectors.iter().take(n) {
@@ -80,7 +82,7 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Singular values and vectors are those of X - mean.
+    /// Verifies that singular values and vectors are those of X - mean.
     #[test]
     fn components_are_the_singular_vectors() {
         let rows = rows(400, 5);
@@ -109,7 +111,7 @@ mod tests {
         assert!(c.spectrum.windows(2).all(|w| w[0] >= w[1]));
     }
 
-    /// The residual of X after n components is the tail of the spectrum.
+    /// Verifies that the residual of X after n components is the tail of the spectrum.
     #[test]
     fn the_residual_equals_the_tail_of_the_spectrum() {
         let rows = rows(300, 6);
@@ -125,8 +127,8 @@ mod tests {
         }
     }
 
-    /// A set of few rows has fewer components with variance than rows. A set of equal rows has no component
-    /// with variance.
+    /// Verifies that a set of few rows has fewer components with variance than rows. A set of equal rows has
+    /// no component with variance.
     #[test]
     fn few_rows_and_equal_rows() {
         for n in [1, 2, 5, 15] {

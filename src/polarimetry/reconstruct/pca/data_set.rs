@@ -47,8 +47,8 @@ pub struct DataSet {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
     /// Weight in proportion to the number of a material's valid bins. The paper also uses this weight,
-    /// because its X stacks all bins. If all tables have one resolution, this weight is nearly the same as
-    /// [`Self::Materials`].
+    /// because its X stacks all bins. If all tables have the same resolution, this weight is nearly the same
+    /// as [`Self::Materials`].
     #[default]
     Bins,
     /// Equal weight for all materials.
@@ -56,8 +56,8 @@ pub enum Weight {
 }
 
 impl Weight {
-    /// Returns the pooled moments of some materials. `of` selects plain or mapped moments. The count is the
-    /// number of bins.
+    /// Returns the pooled moments of some materials. `of` selects the moments of T / T00 or of arctan(c T /
+    /// T00). The count of the result is the total number of bins.
     pub fn pool<'a>(
         self,
         materials: impl IntoIterator<Item = &'a Material>,
@@ -116,7 +116,7 @@ impl DataSet {
 /// accumulator.
 ///
 /// # Errors
-/// [`DataError::Factor`] if the factor c is invalid, and [`DataError::NoBins`] if no bin is valid.
+/// Returns [`DataError::Factor`] if the factor c is invalid, and [`DataError::NoBins`] if no bin is valid.
 pub fn gather(
     name: &str,
     slabs: usize,

@@ -31,8 +31,8 @@ pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
 /// once.
 ///
 /// # Errors
-/// [`DataError::Folds`] if there are fewer than two folds or fewer than two materials. The training set or
-/// the test set would then be empty.
+/// Returns [`DataError::Folds`] if there are fewer than two folds or fewer than two materials. The training
+/// set or the test set would then be empty.
 pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
     let all = &data.materials;
     if k < 2 || all.len() < 2 {
@@ -72,8 +72,8 @@ mod tests {
         DataSet { materials: (0..n).map(material).collect() }
     }
 
-    /// Every material is tested once. The training set and the test set of each fold together contain all
-    /// bins once.
+    /// Verifies that every material is tested once. The training set and the test set of each fold together
+    /// contain all bins once.
     #[test]
     fn folds_split_the_materials() {
         let data = data(25);
@@ -93,7 +93,8 @@ mod tests {
         assert!(split(0, 5).is_empty());
     }
 
-    /// For materials with equal weights, the pooled moments are the mean of the materials' moments.
+    /// Verifies that, for materials with equal weights, the pooled moments are the mean of the materials'
+    /// moments.
     #[test]
     fn materials_can_have_equal_weights() {
         let data = data(4);

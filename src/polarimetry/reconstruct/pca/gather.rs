@@ -201,8 +201,8 @@ mod tests {
         assert_eq!(g.samples().len(), 2);
     }
 
-    /// The samples do not depend on the grouping of slabs. All entries are equally likely, within 5
-    /// standard errors.
+    /// Verifies that the samples do not depend on the grouping of slabs. All entries are equally likely,
+    /// within 5 standard errors.
     #[test]
     fn samples_are_uniform_and_independent_of_grouping() {
         let (slabs, n, most) = (40, 500, 1000);

@@ -151,7 +151,8 @@ mod tests {
         }
     }
 
-    /// The first and second moments equal their definitions. Merging any subsets gives the same result.
+    /// Verifies that the first and second moments equal their definitions. Merging the moments of any subsets
+    /// gives the same result.
     #[test]
     fn moments_match_their_definitions() {
         let rows = rows(9001, 3);
@@ -173,8 +174,8 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 is computed correctly with a mean of 1e4. With a sum of squares, the variance
-    /// would be lost.
+    /// Verifies that a variance of 1e-12 is computed correctly with a mean of 1e4. With a sum of squares, the
+    /// variance would be lost.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> =
@@ -184,7 +185,7 @@ mod tests {
         assert!((c / 1e-12 - 1.0).abs() < 1e-5, "{c}");
     }
 
-    /// Weights are equivalent to repeated rows. With weight zero, the set is empty.
+    /// Verifies that weights are equivalent to repeated rows. With weight zero, the set is empty.
     #[test]
     fn weights_equal_repeated_rows() {
         let (a, b) = (Moments::of(&rows(50, 1)), Moments::of(&rows(70, 2)));
@@ -203,7 +204,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
 
-        /// Rows with non-finite elements are ignored, whatever the values of their other elements.
+        /// Verifies that rows with non-finite elements are ignored, whatever the values of their other
+        /// elements.
         #[test]
         fn rows_that_are_not_finite_are_ignored(
             odd in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..8),

@@ -59,8 +59,8 @@ fn every_wavelength_has_its_own_optics() {
     assert!(worst(&out) > 1e-2);
 }
 
-/// Saturated and missing measurements do not affect other pixels. A pixel with too few measurements is not
-/// determined, but the neighbours of the pixel are determined.
+/// Verifies that saturated and missing measurements do not affect other pixels. A pixel with too few
+/// measurements is not determined, but the neighbours of the pixel are determined.
 #[test]
 fn saturated_values_are_excluded_per_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
@@ -94,8 +94,8 @@ fn saturated_values_are_excluded_per_pixel() {
     }
 }
 
-/// Stated errors equal the actual errors. The test covers errors from σ, from a map of variances and from
-/// residuals.
+/// Verifies that stated errors equal the actual errors. The test covers errors from σ, from a map of
+/// variances and from residuals.
 #[test]
 fn errors_of_matrices_match_actual_errors() {
     let (scheme, rays, pixels, sigma) = (chromatic(24), rays(), 6000, 1e-3);
@@ -120,7 +120,8 @@ fn errors_of_matrices_match_actual_errors() {
     }
 }
 
-/// Projected matrices are realizable, and the projection does not change realizable matrices.
+/// Verifies that projected matrices are realizable, and that the projection does not change realizable
+/// matrices.
 #[test]
 fn projections_are_realizable() {
     let (scheme, rays, pixels) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec(), 200);
@@ -136,7 +137,8 @@ fn projections_are_realizable() {
     assert!(projected.chunks(16).all(|m| is_realizable(&of(m), 1e-9)));
 }
 
-/// With few captures, reconstruction fails without a prior and succeeds with a prior at any brightness.
+/// Verifies that, with few captures, reconstruction fails without a prior and succeeds with a prior at any
+/// brightness.
 #[test]
 fn priors_allow_few_captures() {
     let (scheme, rays, pixels) = (Scheme::qrpr(8, false).expect("a scheme"), rays()[..1].to_vec(), 400);
@@ -176,8 +178,8 @@ fn priors_allow_few_captures() {
 }
 
 proptest! {
-    /// Realizable matrices of any kind, captured without noise, are recovered from any built-in scheme of
-    /// full rank. The projection does not change these matrices.
+    /// Verifies that realizable matrices of any kind, captured without noise, are recovered from any built-in
+    /// scheme of full rank. The projection does not change these matrices.
     #[test]
     fn realizable_matrices_are_recovered(
         raw in prop::array::uniform16(-1.0_f64..1.0),

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// Polling interval of a moving stage.
 const ASK: Duration = Duration::from_millis(100);
-/// Number of consecutive equal positions away from the goal after which a stage counts as stalled.
+/// A stage counts as stalled after this number of consecutive equal positions that differ from its goal.
 const STANDS: u32 = 3;
 
 /// Units of a stage model, and limits of its motion.
@@ -102,7 +102,7 @@ impl AptStage {
         }
     }
 
-    /// Queries the status. Passes to `seen` every message that arrives.
+    /// Queries the status. Calls `seen` with every message that arrives.
     fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
         self.send(&Message::RequestDcStatus)?;
         loop {

@@ -38,8 +38,8 @@ pub enum Begin {
 pub struct Entry {
     /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Plane of the flash image, or [`Self::WHITE`]. Planes of one-bit patterns are numbered from 0 to 23,
-    /// starting at the lowest bit of green.
+    /// Index of the plane in the flash image, or [`Self::WHITE`]. Planes of one-bit patterns are numbered
+    /// from 0 to 23, starting at the lowest bit of green.
     pub plane: u8,
     /// Number of bits per pixel, 1 to 8.
     pub bits: u8,
@@ -150,8 +150,8 @@ pub enum Command {
     PatternTable(Vec<Entry>),
     /// Validates the sequence. [`Question::Validation`] returns the result.
     Validate,
-    /// Sets the LEDs. Under manual control, the bits are 1 for red, 2 for green and 4 for blue. With 8, the
-    /// sequence controls the LEDs.
+    /// Sets the LEDs. Under manual control, the bits are 1 for red, 2 for green and 4 for blue. If the value
+    /// is 8, the sequence controls the LEDs.
     Leds(u8),
 }
 

@@ -39,7 +39,7 @@ struct State {
     pattern_mode: bool,
     flash: bool,
     trigger: u8,
-    /// Data of the last trigger commands, by command code.
+    /// Data of the last trigger commands, with the command codes as keys.
     triggers: BTreeMap<u16, Vec<u8>>,
     times: [u32; 2],
     config: [u8; 4],
@@ -85,7 +85,7 @@ impl Emulator {
         self.state().trouble = trouble;
     }
 
-    /// Returns the data that were last set for a trigger, by command code.
+    /// Returns the data of the last trigger command with this code.
     pub fn trigger(&self, code: u16) -> Option<Vec<u8>> {
         self.state().triggers.get(&code).cloned()
     }

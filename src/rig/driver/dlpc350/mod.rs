@@ -3,7 +3,7 @@
 //! **Patterns.** In pattern mode the controller displays bit planes of the images in its flash, or bit planes
 //! of the video port. TI's own program writes these images together with the firmware. The images cannot be
 //! sent over USB while the sequence runs. The driver therefore takes a list of the flash contents
-//! (`dlpc350::projector::Flash`) and finds each pattern, or the negative of the pattern, in this list. White
+//! (`dlpc350::projector::Flash`). It finds each pattern, or the negative of the pattern, in this list. White
 //! and black are always available. Any other pattern fails with a limit error. The video port is not
 //! supported.
 //!

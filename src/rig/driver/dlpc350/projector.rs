@@ -51,8 +51,8 @@ impl Dlpc350 {
     /// A pattern repeats every `period`.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit if there are too many images or no LED, or if a pixel value or the
-    /// period is invalid.
+    /// Returns a [`Failure`] of kind `limit` if there are too many images or no LED. Also returns this
+    /// failure if a pixel value or the period is invalid.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -99,7 +99,7 @@ impl Dlpc350 {
     /// Sets the triggers of the projector.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit if a time is out of range, or if the period is too short for an
+    /// Returns a [`Failure`] of kind `limit` if a time is out of range, or if the period is too short for an
     /// input trigger. An input trigger requires 230 µs of black after a pattern.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;

@@ -28,7 +28,7 @@ impl AnalogGalvo {
     /// Creates a scanner on `card` with `wiring`. The scanner's name is that of the card.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit if the card cannot drive the mirrors.
+    /// Returns a [`Failure`] of kind `limit` if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
         wiring.check(&limits).map_err(|what| Failure::new(Fault::Limit, card.name(), what))?;

@@ -41,8 +41,8 @@ impl GenICamCamera {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - disconnected or timeout
-    /// - refused: the camera is in use, or a feature is missing
+    /// - `disconnected` or `timeout`
+    /// - `refused`: the camera is in use, or a feature is missing
     pub fn new(
         name: &str,
         control: Control,

@@ -1,5 +1,5 @@
 //! A simulated camera in memory. The camera has the bootstrap registers of GenCP, a manifest with XML, and
-//! feature registers that take effect. Pixel k of frame n has the value n + k.
+//! feature registers that control its behaviour. Pixel k of frame n has the value n + k.
 
 use super::stream::{Block, Frames};
 use crate::clock::locked;

@@ -1,4 +1,5 @@
-//! Features of a camera by name. `cameleon` evaluates the camera's XML. The driver does not cache values.
+//! Access to the features of a camera by their names. `cameleon` evaluates the camera's XML. The driver does
+//! not cache values.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
@@ -42,8 +43,8 @@ impl Nodes {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - disconnected or timeout
-    /// - refused: the camera is in use, or its XML is invalid
+    /// - `disconnected` or `timeout`
+    /// - `refused`: the camera is in use, or its XML is invalid
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
         let message = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
@@ -119,7 +120,7 @@ impl Nodes {
     /// Sets an integer feature.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// Returns a [`Failure`] of kind `limit` if the value is outside the feature's range, or an error of the
     /// line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
@@ -155,7 +156,7 @@ impl Nodes {
     /// Sets a numeric feature.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind limit if the value is outside the feature's range, or an error of the
+    /// Returns a [`Failure`] of kind `limit` if the value is outside the feature's range, or an error of the
     /// line.
     pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
         self.with(feature, |n, p| {
@@ -183,7 +184,7 @@ impl Nodes {
     ///
     /// # Errors
     ///
-    /// Returns a [`Failure`] of kind limit if the feature does not have the entry, or an error of the line.
+    /// Returns a [`Failure`] of kind `limit` if the feature does not have the entry, or an error of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {

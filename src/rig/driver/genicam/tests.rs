@@ -33,8 +33,8 @@ fn a_camera_conforms() {
     conformance::area_camera(&mut camera(&Fake::new())).assert_passed("GenICam camera", 18);
 }
 
-/// The driver writes features to their registers in the registers' units. The stream layout is first,
-/// followed by the lock and the start command.
+/// The driver writes features to their registers in the registers' units. It writes the stream layout first,
+/// then the lock and the start command.
 #[test]
 fn features_reach_their_registers() {
     let fake = Fake::new();

@@ -8,7 +8,7 @@ use std::time::Duration;
 /// Opens the camera with a serial number, or the first camera if `serial` is `None`.
 ///
 /// # Errors
-/// Returns errors of [`GenICamCamera::new`], or a [`Failure`] of kind disconnected that lists the available
+/// Returns errors of [`GenICamCamera::new`], or a [`Failure`] of kind `disconnected` that lists the available
 /// cameras.
 pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenICamCamera, Failure> {
     let cameras = cameleon::u3v::enumerate_cameras();

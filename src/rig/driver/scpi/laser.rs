@@ -20,7 +20,7 @@ impl ScpiLaser {
     /// Connects to the table's address.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind disconnected if the connection fails.
+    /// Returns a [`Failure`] of kind `disconnected` if the connection fails.
     pub fn connect(name: &str, table: LaserTable) -> Result<Self, Failure> {
         let line = StreamLine::tcp(&table.address)
             .map_err(|e| Failure::new(Fault::Disconnected, name, e.to_string()))?;

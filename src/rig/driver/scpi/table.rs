@@ -3,7 +3,8 @@
 use crate::instrument::LaserLimits;
 use serde::Deserialize;
 
-/// Description of a laser by its limits and commands. `{hz}` in [`Self::set_rate`] stands for the rate.
+/// Description of a laser by its limits and commands. `{hz}` in [`Self::set_rate`] stands for the rate in
+/// hertz.
 ///
 /// ```toml
 /// # Stanford Research DG645, whose output triggers a diode laser.

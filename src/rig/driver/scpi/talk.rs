@@ -42,7 +42,7 @@ impl Talk {
     /// Reopens the line and discards pending replies.
     ///
     /// # Errors
-    /// Returns a [`Failure`] of kind disconnected or timeout.
+    /// Returns a [`Failure`] of kind `disconnected` or `timeout`.
     pub fn reopen(&mut self) -> Result<(), Failure> {
         self.held.clear();
         let opened = self.line.reopen();
@@ -54,8 +54,8 @@ impl Talk {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - refused: the command is not a single line
-    /// - disconnected or timeout
+    /// - `refused`: the command is not a single line
+    /// - `disconnected` or `timeout`
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
             let what = format!("{command:?} is not a valid command: a command must be a single line");
@@ -77,8 +77,8 @@ impl Talk {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - timeout: no reply arrived in time
-    /// - disconnected: the connection is lost, or the reply is not text
+    /// - `timeout`: no reply arrived in time
+    /// - `disconnected`: the connection is lost, or the reply is not text
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -125,10 +125,10 @@ impl Talk {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - limit: a value is out of range (-222, -224 and similar errors)
-    /// - refused: the command is unknown or currently impossible
-    /// - disconnected: a query error occurred (-400 and below)
-    /// - timeout
+    /// - `limit`: a value is out of range (-222, -224 and similar errors)
+    /// - `refused`: the command is unknown or currently impossible
+    /// - `disconnected`: a query error occurred (-400 and below)
+    /// - `timeout`
     pub fn errors(&mut self, question: &str, after: &str, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let mut first = None;
@@ -156,7 +156,7 @@ impl Talk {
         )
     }
 
-    /// Queries maker, model, serial number and firmware (`*IDN?`).
+    /// Queries manufacturer, model, serial number and firmware version (`*IDN?`).
     pub fn identity(&mut self, within: Duration) -> Result<Identity, Failure> {
         let answer = self.ask("*IDN?", within)?;
         let fields: Vec<&str> = answer.splitn(4, ',').map(str::trim).collect();

@@ -41,9 +41,9 @@ impl Th260Counter {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - refused: the library is not found
-    /// - disconnected: no board is found
-    /// - limit: settings are invalid
+    /// - `refused`: the library is not found
+    /// - `disconnected`: no board is found
+    /// - `limit`: settings are invalid
     pub fn load(name: &str, library: Option<&Path>, settings: Th260Settings) -> Result<Self, Failure> {
         let library = load(library).map_err(|e| Failure::new(Fault::Refused, name, e))?;
         Self::new(name, Box::new(library), settings)
@@ -53,9 +53,9 @@ impl Th260Counter {
     ///
     /// # Errors
     /// Returns a [`Failure`] of one of these kinds:
-    /// - disconnected: no board is found
-    /// - refused: the board is in use
-    /// - limit: settings are invalid
+    /// - `disconnected`: no board is found
+    /// - `refused`: the board is in use
+    /// - `limit`: settings are invalid
     pub(super) fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()

@@ -53,7 +53,7 @@ pub(super) enum Question {
     SyncRate,
     /// Calls `GetFlags`, which returns the status flags.
     Flags,
-    /// Calls `SetHistoLen` with the length code, which returns the number of bins.
+    /// Calls `SetHistoLen` with the length code and returns the number of bins.
     Length(i32),
 }
 

@@ -55,7 +55,7 @@ pub enum JoinError {
     },
     #[error("{missing} missing: render with `sunstone render {option}`, then join again")]
     Missing {
-        /// Description of the missing parts or tiles, including a verb.
+        /// Description of the missing parts or tiles, including the verb `is` or `are`.
         missing: String,
         /// Option of `sunstone render` that renders the missing parts or tiles.
         option: String,
@@ -69,7 +69,7 @@ pub enum JoinError {
     Twice {
         /// Paths of the parts that were joined before `second`.
         first: Vec<PathBuf>,
-        /// Path of the part with the duplicate value.
+        /// Path of the part with the duplicate values.
         second: PathBuf,
         field: &'static str,
     },
@@ -87,7 +87,7 @@ pub enum JoinError {
 }
 
 impl JoinError {
-    /// Returns whether the cause is a system error and not the parts.
+    /// Returns whether the cause is a system error and not an invalid part.
     pub fn is_of_system(&self) -> bool {
         match self {
             Self::Create(e) => e.is_of_system(),

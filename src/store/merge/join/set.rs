@@ -150,8 +150,8 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(describe(&parts, &missing))
 }
 
-/// Returns the error for missing parts if all parts are `K/N` of one N, and otherwise the error for missing
-/// tiles.
+/// Returns the error for missing parts if all parts are `K/N` with the same N. Otherwise, returns the error
+/// for missing tiles.
 fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts.iter().all(|p| matches!(p, Part::Share { of: n, .. } if *n == of))
@@ -191,7 +191,7 @@ fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     }
 }
 
-/// Formats a list of names, truncated to the first few.
+/// Formats a list of at most [`NAMED`] names, and the number of further names.
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
     match names.len().checked_sub(NAMED) {

@@ -71,7 +71,7 @@ fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError
     sink.end(&Summary { complete: true, ..Summary::default() })
 }
 
-/// Returns the files of the same store, created in a folder.
+/// Returns the files of a store that `make` creates in a folder.
 fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("s.zarr");
@@ -79,9 +79,9 @@ fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     files(&path)
 }
 
-/// Runs `make` repeatedly, as a process that is killed before a change, for every third change. Resumes with
-/// `again`. Checks that incomplete stores never count as finished and that the result is `expected`. Returns
-/// the number of changes.
+/// Runs `make` repeatedly, each time as a process that is killed before a change, for about every third
+/// change. Then resumes with `again`. Checks that incomplete stores never count as finished, and that the
+/// final objects equal `expected`. Returns the number of changes.
 pub(super) fn kill_everywhere(
     name: &str,
     expected: &BTreeMap<PathBuf, Vec<u8>>,

@@ -4,7 +4,7 @@ use super::*;
 use crate::merge::{Options, merge};
 use crate::shard::{ShardError, shard, shard_to};
 
-/// Limits that give shards of several chunks for the small test stores.
+/// Limits with which the small test stores have shards of several chunks.
 pub(super) const SMALL: Limits = Limits { piece: 900, enough: 20 << 10, most: 60 << 10, pieces: 400 };
 
 /// Writes a finished store with dark tiles, negative zeros and NaN.
@@ -40,7 +40,7 @@ pub(super) fn both() -> (tempfile::TempDir, [PathBuf; 2]) {
     (dir, paths)
 }
 
-/// Checks that the content and regions of two stores are bit-identical.
+/// Checks that reading two stores, completely and by regions, gives bit-identical values.
 pub(super) fn same(a: &Path, b: &Path) {
     let [a, b] = [a, b].map(|path| TensorStore::open(path).expect("opens"));
     assert!(a.is_finished() && b.is_finished());
@@ -100,7 +100,7 @@ fn sharded_values_are_bit_identical() {
     assert!(message.is_err());
 }
 
-/// Verifies that the same command gives the same bytes, and that larger limits give fewer files with the
+/// Verifies that the same command writes the same bytes, and that larger limits give fewer files with the
 /// same values.
 #[test]
 fn shards_are_reproducible() {
@@ -152,8 +152,8 @@ fn invalid_requests_are_refused() {
     assert!(!out.exists());
 }
 
-/// Verifies that `verify` detects any changed byte and names the file, and that dependent reads report an
-/// error.
+/// Verifies that `verify` detects any changed byte and reports the path of the file, and that reads of the
+/// affected values report an error.
 #[test]
 fn damage_is_detected_and_named() {
     let (_dir, [plain, sharded]) = both();
@@ -232,8 +232,8 @@ fn exchanged_frames_are_detected() {
     assert_eq!(verify(&path).expect("a store").faults, ["a/c.0: was changed after it was written"]);
 }
 
-/// Prints how the cost of a shard's chunks depends on the chunk size. Run the test with `SUNSTONE_STORE=PATH
-/// cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
+/// Prints how the file size and the time for sharding depend on the chunk size. Run the test with
+/// `SUNSTONE_STORE=PATH cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
 #[test]
 #[ignore = "a measurement"]
 fn costs_of_small_chunks() {

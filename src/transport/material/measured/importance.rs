@@ -6,9 +6,9 @@
 //!
 //! Cells are evenly spaced in azimuth. The azimuth is measured from the plane of wo and n, and p is symmetric
 //! about this plane. In the coordinate q = 1 - cosθ_h, cells are narrower at small θ_h. A point that is
-//! uniform in (q, φ) in a cell is uniform in solid angle. One of the two adjacent values of θ_o is sampled
-//! with a probability equal to the linear weight of the value, so the density is linearly interpolated. Dupuy
-//! & Jakob (2018) also sample measured BRDFs from tables.
+//! uniform in (q, φ) in a cell is uniform in solid angle. One of the two adjacent values of θ_o is sampled,
+//! with a probability equal to the linear weight of the value. The density is therefore linearly
+//! interpolated. Dupuy & Jakob (2018) also sample measured BRDFs from tables.
 
 use super::axes::Axis;
 use glam::Vec3A;
@@ -127,7 +127,7 @@ impl Importance {
         (i, (x - i as f32).clamp(0.0, 1.0))
     }
 
-    /// Returns the probability of a cell for θ_o number `angle`.
+    /// Returns the probability of a cell for the tabulated θ_o with index `angle`.
     #[inline]
     fn mass(&self, angle: usize, cell: usize) -> f32 {
         let sums = &self.sums[angle * self.rows * self.columns..];

@@ -1,4 +1,5 @@
-//! A table of Mueller matrices in a file, which is checked on opening and interpolated in place.
+//! A table of Mueller matrices in a file. The file is checked on opening, and the table is interpolated in
+//! place.
 //!
 //! A file of up to 64 MiB is read completely, so that later changes to the file have no effect. A larger file
 //! is mapped copy-on-write and read on demand. If another program truncates a mapped file, access to the
@@ -108,8 +109,8 @@ impl Table {
     /// Opens a `.pbsdf` file and checks the structure and the axes. At least one entry must be valid.
     ///
     /// Only a small part of a large file is read. Other data remain on disk until needed. The module
-    /// documentation describes the risk. For wavelengths outside the table, the nearest band is used, and a
-    /// warning is logged once.
+    /// documentation describes the risk of changes to the file. For wavelengths outside the table, the
+    /// nearest band is used, and a warning is logged once.
     ///
     /// # Errors
     /// Returns a [`PbsdfError`], without the path, if the file cannot be read or its contents are invalid.

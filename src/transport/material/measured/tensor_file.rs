@@ -1,4 +1,4 @@
-//! Reads Mitsuba's tensor file, a container of named arrays, in place.
+//! Reads Mitsuba's tensor files, which are containers of named arrays, in place.
 //!
 //! All numbers are little-endian. The file begins with `"tensor_file\0"`, the version (two u8, 1.0) and the
 //! number of fields (u32). Each field consists of:

@@ -1,4 +1,4 @@
-//! Writes `.pbsdf` files from numbers or from another material.
+//! Writes `.pbsdf` files from given values or from another material.
 //!
 //! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data aligned
 //! to 8 bytes. Only the entries of one φ_d are in memory at a time. The file is written to the destination
@@ -130,8 +130,9 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
 /// below the horizon.
 ///
 /// A material has up to four wavelength lanes. `sources` therefore contains versions of the same material for
-/// different wavelengths, each with the index of the material in its table. Bands 0 to 3 are the lanes of the
-/// first source, and bands 4 to 7 are the lanes of the second source.
+/// different wavelengths. Each version is given by a table of materials and the index of the material in this
+/// table. Bands 0 to 3 are the lanes of the first source, and bands 4 to 7 are the lanes of the second
+/// source.
 ///
 /// # Errors
 /// Returns a [`PbsdfError`] if there are too few or too many sources, or if [`write()`] fails.

@@ -1,4 +1,4 @@
-//! Connections between camera subpaths and light subpaths, and the MIS weights of the connections.
+//! Connections between camera subpaths and light subpaths, and the MIS weights of these connections.
 
 use super::mis::{Densities, Tries, power_heuristic};
 use crate::accumulate::Contributions;
@@ -22,15 +22,16 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(crate) struct Setup {
     pub emission: Emission,
-    /// True if only redirected light is sampled ([`super`]). Camera subpaths end at a Lambertian first
-    /// surface.
+    /// True if only redirected light is sampled ([`super`]). In this case, a camera subpath ends at its first
+    /// surface if this surface is Lambertian.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
-    /// Fraction of samples in which subpaths from both ends are connected.
+    /// Fraction of samples in which vertices of the camera subpath are connected to vertices of the light
+    /// subpath.
     pub connections: f32,
     pub strategies: Strategies,
-    /// Mirrors through which the search for connections to emitters is made.
+    /// Mirrors for which reflected paths to emitters are searched.
     pub mirrors: Mirrors,
     /// Targets of guided scattering in media.
     pub guide: Guide,
@@ -157,8 +158,8 @@ impl<'a> Connector<'a> {
     }
 
     /// Connects the last vertices of a camera subpath and a light subpath, and appends the contribution. Each
-    /// of the vertices may be an end. If the caller has already made the roulette decision, `factor` is the
-    /// weight.
+    /// of these vertices may be the end of its subpath (pinhole or emitter). If the caller has already made
+    /// the roulette decision, `factor` is the resulting weight.
     pub fn connect(&mut self, camera: &[Vertex], light: &[Vertex], sender: Sender, factor: Option<f32>) {
         if self.are_separated(camera, light) {
             return;
@@ -203,8 +204,9 @@ impl<'a> Connector<'a> {
         }
     }
 
-    /// Returns true if the last vertices of two subpaths are in different media and light cannot pass between
-    /// the vertices in a straight line. In this case, the connection is blocked, and no ray is traced.
+    /// Returns true if the straight line between the last vertices of two subpaths starts and ends in
+    /// different media. The connection is then blocked, and no ray is traced. Returns false if the scene
+    /// contains sheets.
     #[inline]
     fn are_separated(&self, camera: &[Vertex], light: &[Vertex]) -> bool {
         let (scene, z, y) = (self.scene, last(camera), last(light));
@@ -216,7 +218,7 @@ impl<'a> Connector<'a> {
     }
 
     /// Decides by roulette whether to evaluate a connection with a contribution of about `expected`. Returns
-    /// the weight of the connection.
+    /// the weight of the connection, or `None` to skip the connection.
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Vertex; 2], expected: f32) -> Option<f32> {
         // Camera and light subpaths are connected only in a fraction of samples.
@@ -225,7 +227,8 @@ impl<'a> Connector<'a> {
         Some(factor / often)
     }
 
-    /// Implements [`Self::connect`] for the kinds of lobe given for each vertex, or for all lobes.
+    /// Implements [`Self::connect`] for the lobes of one kind at each vertex. `None` as the kind means all
+    /// lobes.
     fn connect_lobes(
         &mut self,
         camera: &[Vertex],

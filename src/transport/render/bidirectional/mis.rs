@@ -3,8 +3,9 @@
 //! A path with k inner vertices can be sampled by connecting a light subpath with s vertices to a camera
 //! subpath with t vertices. The ends of the path count as vertices, so s + t = k + 2. The power heuristic
 //! assigns the weight (n p)² / Σ (n' p')² to a strategy with density p and n samples. Ratios of densities are
-//! products along the path. If the camera subpath samples vertex i instead of the light subpath, p changes by
-//! a factor. The factor is the ratio of the densities of this vertex from the camera and from the light.
+//! products along the path. If vertex i is sampled by the camera subpath instead of by the light subpath, p
+//! changes by a factor. The factor is the density with which the camera subpath samples this vertex, divided
+//! by the density with which the light subpath samples this vertex.
 //!
 //! The heuristic assumes independent strategies, but connections inside a medium are correlated. If two
 //! subpaths with hundreds of medium vertices come close to each other, many connections of these subpaths
@@ -31,13 +32,14 @@ pub(super) struct Densities {
 /// Number of samples of each strategy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Number of light subpaths per connection. The number of light subpaths per connection is the
-    /// probability that a light subpath starts at the emitter of the path.
+    /// Number of light subpaths per connection, which is the probability that a light subpath starts at the
+    /// emitter of the path.
     pub light: f32,
     /// Number of light subpaths per camera pixel and sample. All of these subpaths are connected to the
     /// camera's pinhole.
     pub splats: f32,
-    /// Fraction of samples in which subpaths from both ends are connected.
+    /// Fraction of samples in which vertices of the camera subpath are connected to vertices of the light
+    /// subpath.
     pub connections: f32,
     pub strategies: Strategies,
 }

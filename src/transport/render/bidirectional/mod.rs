@@ -4,14 +4,16 @@
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
-//! where M_z and M_y are the scattering matrices at the two vertices, with the cosines to the connection. The
-//! Sᵢ are the matrices of sheets on the connection. The emitter and the camera's pinhole are vertices of
-//! their subpaths. If the light subpath has no other vertex, the connection is next-event estimation. If the
-//! camera subpath has no other vertex, the connection is a splat into the pixel that sees the light vertex.
-//! Paths that several strategies can sample are weighted by [`mis`].
+//! where C and L are the Mueller products of the camera subpath and of the light subpath. M_z and M_y are the
+//! scattering matrices at the two vertices, including the cosines between surface normals and connection. τ
+//! is the optical depth and d is the length of the connection. The Sᵢ are the matrices of sheets on the
+//! connection. The emitter and the camera's pinhole are vertices of their subpaths. If the light subpath has
+//! no other vertex, the connection is next-event estimation. If the camera subpath has no other vertex, the
+//! connection is a splat into the pixel that sees the light vertex. Paths that several strategies can sample
+//! are weighted by [`mis`].
 //!
-//! In scenes with media, `integrator = "path"` uses the same code with light subpaths that consist of the
-//! emitter alone. `integrator = "caustics"` uses the same code with few samples. The paths are then
+//! In scenes with media, `integrator = "path"` uses the same code with light subpaths that consist only of
+//! the emitter. `integrator = "caustics"` uses the same code with few samples per pixel. The paths are then
 //! restricted to those on which the light first hits a mirror, a smooth interface or a crystal.
 //! [`super::path`] cannot sample these paths. The paths of the two modules are disjoint, and their
 //! contributions are added.
@@ -49,11 +51,11 @@ use std::ops::Range;
 /// Key that separates the random streams of samples of redirected light from those of other paths.
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
-/// Fraction of samples in which camera and light subpaths are connected, if the media scatter light forward
-/// and are seen and illuminated through interfaces. Through interfaces, subpaths are guided toward the
-/// apparent position of the opposite end. Connections from each medium vertex to this end find nearly all
-/// light. Connections between medium vertices ignore the forward peaks. Connections between medium vertices
-/// take a fifth of the time and find a tenth of the light.
+/// Fraction of samples in which camera and light subpaths are connected. This fraction applies if the media
+/// scatter light forward and are seen and illuminated through interfaces. Subpaths behind interfaces are
+/// guided toward the apparent position of the opposite end. Connections from each medium vertex to this end
+/// find nearly all light. Connections between medium vertices ignore the forward peaks of the phase
+/// functions. Connections between medium vertices take a fifth of the time and find a tenth of the light.
 const RARELY: f32 = 0.04;
 
 /// Number of camera samples from which the roulette threshold is estimated.
@@ -64,7 +66,7 @@ const PATHS_PER_SAMPLE: u32 = 16;
 /// Minimum number of samples of redirected light per pixel.
 const LEAST_SAMPLES: u32 = 8;
 
-/// Returns the number of bidirectional samples for a camera pixel with `spp` samples.
+/// Returns the number of bidirectional samples for a camera pixel that has `spp` samples.
 pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
     match scene.settings.integrator {
         Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
@@ -91,8 +93,8 @@ pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// The contributions of each sample, in order. `elements` contains the Mueller elements of all
-    /// contributions.
+    /// The contributions of each sample, in order. `elements` contains the Mueller elements of the
+    /// contributions of all samples.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
@@ -366,7 +368,7 @@ impl Walks {
         rays
     }
 
-    /// Adds the light of the emitters on which the current branch of the camera subpath ends.
+    /// Adds the light of the emitters that the current branch of the camera subpath hits.
     fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);

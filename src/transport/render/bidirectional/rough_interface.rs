@@ -2,9 +2,9 @@
 //!
 //! Light inside a solid medium that will leave toward a pinhole travels within a narrow cone. A rough
 //! interface with index n deflects outgoing light n times as much as incoming light. Facets within an angle α
-//! of the normal therefore refract only light from directions within about α/3, which are at most a hundredth
-//! of all directions. A subpath that samples the phase function rarely enters this cone. A subpath that does
-//! enter contributes a hundred times the mean.
+//! of the normal therefore refract only light from a cone with a half angle of about α/3. The cone contains
+//! at most a hundredth of all directions. A subpath that samples the phase function rarely enters this cone.
+//! A subpath that does enter the cone contributes a hundred times the mean.
 //!
 //! At a medium vertex near the surface, a direction is therefore sampled from the directions into which the
 //! interface refracts light of the emitter. Facets visible from the emitter are sampled at the point where
@@ -40,7 +40,8 @@ struct Exit {
 }
 
 impl Exit {
-    /// Finds the exit for a vertex in medium `id`. Returns `None` if no rough interface is near.
+    /// Finds the exit for vertex `z` in medium `id` and an emitter at `to`. Returns `None` if no rough
+    /// interface is within the optical depth [`REACH`].
     fn find(scene: &Scene, id: u32, z: &Vertex, to: Vec3A) -> Option<Self> {
         let p = z.surface.p;
         let dir = (to - p).try_normalize()?;
@@ -68,12 +69,12 @@ impl Exit {
     }
 }
 
-/// Returns true if light from `to` enters the medium through a rough interface at the vertex `y`.
+/// Returns true if `to` is outside the surface at vertex `y`, and the path reaches `y` from inside.
 fn leaves(y: &Vertex, to: Vec3A) -> bool {
     y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
 }
 
-/// Returns the density per steradian with which a subpath from a vertex in medium `id` reaches `y`.
+/// Returns the density per steradian with which a subpath from vertex `z` in medium `id` reaches vertex `y`.
 fn walks(connector: &Connector, z: &Vertex, id: u32, y: &Vertex) -> f32 {
     let scene = connector.scene;
     let to = y.surface.p - z.surface.p;
@@ -84,7 +85,8 @@ fn walks(connector: &Connector, z: &Vertex, id: u32, y: &Vertex) -> f32 {
 }
 
 impl Connector<'_> {
-    /// Returns the MIS weight of a subpath whose vertex `y` after `z` receives light of an emitter at `to`.
+    /// Returns the MIS weight of a subpath on which vertex `y` follows vertex `z` and receives light from an
+    /// emitter at `to`.
     pub fn share_of_walk(&mut self, z: &Vertex, y: &Vertex, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;

@@ -2,8 +2,8 @@
 //!
 //! Each part renders a subset of the tiles, but the vertices that the pixels of a part see may be on any
 //! light subpath. Each part therefore traces a share of the *subpaths* and sorts the visible vertices by the
-//! part that sees the vertices. Each part then reads the vertices that its pixels see from the files of all
-//! parts. In addition, a part may trace shares that another part has not started or not finished.
+//! part whose pixels see the vertices. Each part then reads the vertices that its pixels see from the files
+//! of all parts. In addition, a part may trace shares that another part has not started or not finished.
 //!
 //! A file depends only on scene, seed and share, and is written atomically. The result is therefore the same
 //! if a part stops, starts late or computes a share twice. No scheduler is needed, and no part waits
@@ -19,8 +19,8 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Maximum time to wait for a share that another part has started. The unit is the longest time in which this
-/// part has computed a share.
+/// Maximum time to wait for a share that another part has started, in units of the longest time that this
+/// part has needed to compute a share.
 const PATIENCE: u32 = 2;
 /// Interval at which a part checks for the file of a share.
 const LOOK: Duration = Duration::from_millis(20);
@@ -29,7 +29,8 @@ const LOOK: Duration = Duration::from_millis(20);
 #[derive(Clone, Debug)]
 pub struct SharedLight {
     folder: PathBuf,
-    /// Prefix of the file names. The prefix is a key that depends on all inputs of the contents.
+    /// Prefix of the file names. The prefix is a key that depends on all inputs that determine the contents
+    /// of the files.
     key: String,
     /// Number of this part of the render, counted from 0.
     part: u32,
@@ -53,8 +54,8 @@ impl SharedLight {
         );
     }
 
-    /// Returns a number that depends only on scene and seed. Reads the number from the folder, or computes
-    /// and stores the number.
+    /// Returns the number called `name`, which must depend only on scene and seed. Reads the number from the
+    /// folder, or computes and stores the number.
     pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
         let path = self.folder.join(format!("{}.{name}", self.key));
         let kept = fs::read(&path).ok().and_then(|bytes| {
@@ -130,8 +131,8 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Writes the file of a share. The file contains the vertices, the extents of each part, and the position
-    /// of the extents.
+    /// Writes the file of a share. The file contains the vertices, the sections ([`Extent`]) of each part,
+    /// and the position of the list of sections.
     fn write(
         &self,
         share: u32,
@@ -173,7 +174,7 @@ impl SharedLight {
     }
 }
 
-/// Reads the extents in which the file of a share stores the vertices of a part.
+/// Reads the list of sections in which the file of a share stores the vertices of a part.
 fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     const END: u64 = 12;
     let wrong = || io::Error::from(ErrorKind::InvalidData);

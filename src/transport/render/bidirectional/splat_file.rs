@@ -1,9 +1,10 @@
 //! Stores the splats of all light subpaths in a file, for renders that exceed the available memory.
 //!
-//! The image is rendered in parts, and the splats of one part are in memory. All subpaths are traced once, in
-//! batches. The splats of each batch are sorted by part and appended to an unnamed temporary file. Each part
-//! reads its splats from this file. The cost per sample is therefore independent of the number of parts. Each
-//! part receives the same splats in the same order as if the subpaths were traced for this part alone.
+//! The image is rendered in parts, and only the splats of the current part are in memory. All subpaths are
+//! traced once, in batches. The splats of each batch are sorted by part and appended to an unnamed temporary
+//! file. Each part reads its splats from this file. The cost per sample is therefore independent of the
+//! number of parts. Each part receives the same splats in the same order as if the subpaths were traced only
+//! for this part.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};
@@ -153,8 +154,9 @@ pub(super) fn read(
 }
 
 impl SplatFile {
-    /// Traces all subpaths of all samples as [`Splats::new`] does, and stores the splats of pixels to which
-    /// `part_of` assigns one of `parts` parts. Returns `None` if `stop` returns true.
+    /// Traces all subpaths of all samples as [`Splats::new`] does, and stores the splats in a file. `part_of`
+    /// returns the part of a pixel (less than `parts`), or [`NO_PART`] to omit its splats. Returns `None` if
+    /// `stop` returns true.
     ///
     /// # Errors
     /// Returns an error if the temporary file cannot be created or written.
@@ -189,7 +191,7 @@ impl SplatFile {
 mod tests {
     use super::*;
 
-    /// Verifies that the splats of a part from the file equal those of a part that is traced separately. The
+    /// Verifies that the splats read from the file for a part equal the splats traced only for this part. The
     /// test includes refracted connections.
     #[test]
     fn parts_are_read_back() {

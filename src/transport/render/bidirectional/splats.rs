@@ -17,15 +17,15 @@ pub(crate) struct Splats {
     points: Vec<Splat>,
 }
 
-/// A vertex of a light subpath that the camera sees. The order of the fields leaves no padding between
-/// fields, and [`super::splat_file`] can omit the last field.
+/// A vertex of a light subpath that the camera sees. The fields are ordered so that there is no padding
+/// between fields. [`super::splat_file`] can omit the last field.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(crate) struct Splat {
     pub walk: WalkNumber,
-    /// Density with which light passes the interfaces at the start of the subpath, if the path can be found
-    /// from the vertex behind the interfaces. If no path is found, the value is NaN (see
-    /// [`super::connections::Seen`]).
+    /// Density per perpendicular area with which subpaths reach the first vertex behind the interfaces at the
+    /// start of the subpath ([`super::connections::Seen`]). The density is NaN if the path through these
+    /// interfaces cannot be found from the vertex.
     pub seen: f32,
     /// Weight of the vertex after roulette ([`crate::render::roulette`]).
     pub factor: f32,
@@ -70,7 +70,7 @@ impl Counts {
         upto(share)..upto(share + 1)
     }
 
-    /// Returns the sample and the index in the sample of subpath `i`.
+    /// Returns the number of subpath `i`, which consists of the sample and the index in the sample.
     pub fn number(self, i: u64) -> WalkNumber {
         WalkNumber { sample: (i / u64::from(self.walks)) as u32, walk: (i % u64::from(self.walks)) as u32 }
     }

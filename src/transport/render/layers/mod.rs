@@ -85,7 +85,7 @@ fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
     if ng.dot(wo) < 0.0 { -n.as_dvec3() } else { n.as_dvec3() }
 }
 
-/// Combines the hits of the rays of one pixel.
+/// Computes the values of one pixel from the hits of all rays of the pixel.
 fn pixel(scene: &Scene, surfaces: &[Option<VisibleSurface>]) -> Pixel {
     let key = |s: &VisibleSurface| (s.object, s.copy);
     let all = surfaces.len() as f32;

@@ -53,9 +53,9 @@ impl Connector<'_> {
 
     /// Appends the contribution of a specular path from a light vertex to the camera.
     ///
-    /// The path was traced from the vertex, so the matrix K of the path is for light from the camera. The
-    /// matrix for light to the camera is D Kᵀ D with D = diag(1, 1, -1, 1). The matrix D Kᵀ D has the inverse
-    /// radiance scaling.
+    /// The path was traced from the vertex, so the matrix K of the path applies to light that travels from
+    /// the camera. The matrix for light that travels to the camera is D Kᵀ D with D = diag(1, 1, -1, 1). This
+    /// matrix scales radiance by the inverse factor.
     pub fn splat_path(
         &mut self,
         light: &[Vertex],

@@ -1,6 +1,6 @@
 //! Specular paths to a pinhole through birefringent crystals that produce double images. As in
-//! [`manifold`](super), the search starts from the straight line. There is a search for each combination of
-//! ordinary and extraordinary waves.
+//! [`manifold`](super), the search starts from the straight line. A separate search is made for each
+//! combination of ordinary and extraordinary waves.
 //!
 //! Derivatives of rays with respect to their direction are approximated by finite differences.
 
@@ -17,7 +17,7 @@ use optics::polarization::frame::basis;
 /// Maximum number of crystals on a path. Each crystal has two waves.
 const CRYSTALS: u32 = 4;
 
-/// Maximum number of Newton steps. A few steps suffice, because crystals deflect light little.
+/// Maximum number of Newton steps. A few steps suffice, because crystals deflect light only slightly.
 const STEPS: usize = 12;
 
 /// Angular step for finite differences, radians. The step is far above rounding errors but small enough for
@@ -37,8 +37,8 @@ pub(super) struct CrystalSearch<'a> {
     crystals: u32,
 }
 
-/// The wavelength of a path, and the wave in each crystal. A bit is 1 for the extraordinary wave, and the
-/// lowest bit is for the next crystal.
+/// The wavelength of a path, and the wave in each crystal. In `waves`, each bit belongs to one crystal and is
+/// 1 for the extraordinary wave. The lowest bit belongs to the next crystal.
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
@@ -136,7 +136,7 @@ impl<'a> CrystalSearch<'a> {
         None
     }
 
-    /// Returns the Newton step for a direction, and the area J per solid angle.
+    /// Returns the Newton step for a direction, and the area J at the goal per solid angle, m²/sr.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
         let across = basis(dir);
         let slope = |axis: Vec3A| {

@@ -3,8 +3,9 @@
 //! 2020).
 //!
 //! If a fraction p of all random initial guesses leads to a path, the weight of the path is 1/p. The number
-//! of further guesses until the path is found again has the mean 1/p and is thus an unbiased estimate. The
-//! connections of this module are made only if no other strategy samples the path, so the MIS weight is one.
+//! of further guesses until the path is found again has the mean 1/p. This number is therefore an unbiased
+//! estimate of the weight. The connections of this module are made only if no other strategy samples the
+//! path, so the MIS weight is one.
 
 use super::PathLanes;
 use super::initial_guess::TracedGuess;
@@ -22,8 +23,8 @@ const MOST_TRIES: u32 = 1 << 16;
 
 impl Connector<'_> {
     /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
-    /// samples, and appends the contributions. The paths are found at random or lead through crystals. The
-    /// caller must ensure that other strategies do not sample the paths ([`Self::reached`]).
+    /// samples, and appends the contributions. The paths are found by random sampling or lead through
+    /// crystals. The caller must ensure that other strategies do not sample the paths ([`Self::reached`]).
     pub fn connect_alone(&mut self, camera: &[Vertex], source: usize) {
         if self.setup.mirrors.splits {
             self.connect_through_crystals(camera, source);
@@ -46,8 +47,9 @@ impl Connector<'_> {
         self.connect_by_chance(camera, source, factor, draw, |_, _| Some(1.0));
     }
 
-    /// Connects by all other paths that include a curved surface, over several mirrors and through curved
-    /// glass. Excludes the path that [`Self::connect_by_manifold`] finds.
+    /// Connects the last vertex of a camera subpath to an emitter by all other paths that include a curved
+    /// surface. These paths lead over several mirrors or through curved glass. Excludes the path that
+    /// [`Self::connect_by_manifold`] finds.
     fn connect_through(&mut self, camera: &[Vertex], source: usize) {
         let z = last(camera);
         let (scene, setup) = (self.scene, self.setup);
@@ -79,7 +81,8 @@ impl Connector<'_> {
         self.connect_by_chance(camera, source, factor, draw, decide);
     }
 
-    /// Returns true if the deterministic initial guess `over` leads to the path `path` over mirrors.
+    /// Returns true if a deterministic initial guess also leads to the path `path`, which has the mirror
+    /// points `over`.
     fn is_expected(&self, z: &Vertex, path: &SpecularPath, over: &[Seed], goal: Goal) -> bool {
         if over.iter().any(|s| s.is_curved()) {
             return false;
@@ -96,8 +99,9 @@ impl Connector<'_> {
     }
 
     /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path for
-    /// a wavelength. The last argument of `draw` is true for the first path, and false during the search for
-    /// the same path. `decide` returns the weight of a path, or `None` to skip the path.
+    /// a wavelength. The last argument of `draw` is true for the first path. The argument is false while
+    /// paths are sampled until the same path is found again. `decide` returns the weight of a path, or `None`
+    /// to skip the path.
     fn connect_by_chance(
         &mut self,
         camera: &[Vertex],

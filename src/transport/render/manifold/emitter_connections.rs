@@ -26,7 +26,7 @@ use optics::spectrum::{Spectral, max_lane};
 pub(crate) struct PathLanes {
     /// The wavelengths that use the path.
     pub lanes: Lanes,
-    /// The wavelength lane whose refractive indices were used.
+    /// The wavelength lane whose refractive indices determined the path.
     pub lane: usize,
     /// Weight of the path.
     pub factor: f32,
@@ -113,9 +113,9 @@ impl Connector<'_> {
     }
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors, and appends the
-    /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and
-    /// sequences of three or more mirrors are tried too. If `alone` is false, the weights of other strategies
-    /// must account for these connections ([`Mirrors::flats_weigh`]).
+    /// contribution. If `alone` is true, no other strategy samples the paths ([`Self::reached`]), and the
+    /// function also searches for paths over three or more mirrors. If `alone` is false, the weights of other
+    /// strategies must account for these connections ([`Mirrors::flats_weigh`]).
     pub fn connect_over_flats(&mut self, camera: &[Vertex], source: usize, alone: bool) {
         let z = last(camera);
         let (setup, scene) = (self.setup, self.scene);
@@ -354,7 +354,7 @@ impl Connector<'_> {
         })
     }
 
-    /// Returns the same as [`Self::seen_through`] for a camera subpath.
+    /// Returns the values of [`Self::seen_through`] for a camera subpath.
     #[inline]
     pub fn seen_from(&mut self, camera: &[Vertex]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
@@ -362,7 +362,8 @@ impl Connector<'_> {
     }
 
     /// Implements [`Self::seen_through`] and [`Self::seen_from`] for side 0 (camera) or side 1 (light). `to`
-    /// is the end on the given side, and `start` is the density of rays from the end.
+    /// is the end on the given side, and `start` returns the density per steradian of rays that leave the end
+    /// in a given direction.
     fn seen(
         &mut self,
         walk: &[Vertex],

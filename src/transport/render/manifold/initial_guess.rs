@@ -35,7 +35,7 @@ impl TracedGuess {
     }
 
     /// Returns false if other strategies find the path. Other strategies find paths over one curved mirror,
-    /// and paths over flat mirrors alone.
+    /// and paths over flat mirrors only.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());

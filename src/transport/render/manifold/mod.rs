@@ -12,7 +12,8 @@
 //!
 //! where M_x is the scattering matrix at x, and each Sᵢ is the transmission matrix of an interface, with
 //! radiance scaled by the squared refractive indices. Without refraction, 1/J is 1/d². A light subpath
-//! samples the same path with density p(ω_L) (n_x/n_L)² / J per perpendicular area.
+//! samples the same path with density p(ω_L) (n_x/n_L)² / J per perpendicular area. p(ω_L) is the density per
+//! steradian of the direction at the emitter. n_x and n_L are the refractive indices at x and at the emitter.
 //!
 //! A curved interface may have several specular paths, and the straight line leads to at most one of these
 //! paths. The path that is found from the straight line depends only on x. MIS weights
@@ -54,12 +55,12 @@ use tensor::label::SPECULAR;
 /// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Maximum of 1 - cosine between the directions of equal paths. The value of `SAME` corresponds to a
-/// milliradian.
+/// Maximum of 1 - cosine of the angle between the directions of two paths that count as equal. The value of
+/// `SAME` corresponds to a milliradian.
 const SAME: f32 = 5e-7;
 
 /// Factor by which the offset of traced rays from their surface is increased. The offset of these rays is
-/// along the ray and not along the normal, and rounding errors have a component along the surface too.
+/// along the ray and not along the normal, and rounding errors also have a component along the surface.
 const LEAVE: f32 = 2.0;
 
 /// Minimum cosine for which the offset along a ray is extended to clear a surface. For a smaller cosine, the
@@ -69,8 +70,8 @@ const LEAST_COSINE: f32 = 0.05;
 /// Maximum Newton step, radians. For larger steps, the derivative is not meaningful.
 const LEAP: f32 = 0.3;
 
-/// Factor that shortens a Newton step that would increase the distance to the goal. The factor is applied at
-/// most `CUTS` times (0.4⁵ = 1 %).
+/// Factor that shortens a Newton step that would increase the distance to the goal. At most `CUTS` step
+/// lengths are tested. The smallest is 0.4⁵ = 1 % of the first.
 const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
@@ -140,8 +141,8 @@ fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal
     search.solve(dir)
 }
 
-/// Returns the distance along `dir` that clears a surface as well as an offset `off` along the normal,
-/// multiplied by [`LEAVE`].
+/// Returns the offset along `dir` that has the same component along the normal as the offset `off`. The
+/// result is multiplied by [`LEAVE`].
 #[inline]
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
@@ -152,8 +153,8 @@ fn clear(off: Vec3A, dir: Vec3A) -> f32 {
 
 impl Search<'_> {
     /// Traces a ray along the route, up to the point that is nearest to the goal. Calls `bent` for each
-    /// interface or mirror. The arguments are the directions before and after the interaction, and true for a
-    /// flat interface.
+    /// interface or mirror. The arguments of `bent` are the surface, the directions before and after the
+    /// interaction, and true for a flat interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self { scene, start, route, goal } = self;
         let Goal { to, lane } = *goal;

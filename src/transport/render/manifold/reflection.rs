@@ -12,8 +12,8 @@ use glam::{Mat3A, Vec3A};
 /// unknown. Rounding errors are ten times smaller.
 const PERTURBED: f32 = 1e-6;
 
-/// Step for finite differences, as a fraction of a triangle or as a sine on a quadric. Images have up to a
-/// few thousand texels per side.
+/// Step for finite differences, as a fraction of a triangle or as a sine on a quadric. The step is less than
+/// a texel, because images have at most a few thousand texels per side.
 const STEP: f32 = 1e-4;
 
 /// Shading normal of a mirror at a point, on the side of the incoming light, and the derivative of this

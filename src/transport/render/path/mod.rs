@@ -40,7 +40,7 @@ use std::ops::Range;
 use tensor::label;
 pub(super) use views::Views;
 
-/// Requirements of slices that ordinary paths do not meet.
+/// Data that slices require in addition to ordinary paths.
 #[derive(Clone, Copy)]
 pub(super) struct Wants<'a> {
     /// Projector pixels for which separate paths are sampled.
@@ -49,7 +49,7 @@ pub(super) struct Wants<'a> {
     pub labels: bool,
 }
 
-/// The samples of a camera pixel to trace, and their groups for stratification.
+/// The samples to trace for a camera pixel, and the sample groups for stratification.
 pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub views: &'a Views,
@@ -90,7 +90,7 @@ pub struct Paths {
     /// The contributions of each path, in order, and the Mueller elements of all contributions.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-    /// For each path, the surface points that are illuminated by the projector pixels sampled for slices.
+    /// For each path, the surface points that the sampled projector pixels illuminate.
     points: Vec<Vec<LitPoint>>,
 }
 
@@ -99,8 +99,8 @@ pub struct Paths {
 struct Rows {
     /// Positions of the paths' vertices, metres.
     points: Many<BATCH>,
-    /// Normals of Lambertian surfaces, on the side of scattering. `uniforms` are the random numbers from
-    /// which the next directions are sampled.
+    /// Normals of Lambertian surfaces, on the side to which the surface scatters light. `uniforms` are the
+    /// random numbers from which the next directions are sampled.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
     /// Points for which lights are chosen. The following fields contain the chosen lights and the random
@@ -138,7 +138,7 @@ impl Paths {
     }
 
     /// Implements [`Self::trace`] with AVX2 instructions. Multiplications and additions are not fused, so the
-    /// results are bit-identical.
+    /// results are bit-identical to those without AVX2.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2<const MORE: bool>(&mut self, batch: &Batch) -> u32 {
@@ -449,8 +449,8 @@ impl Path {
     }
 
     /// Scatters the path at the surface, after `bounces` earlier interactions. Returns true if the path
-    /// continues. On a Lambertian surface, the path continues along `diffuse`, and `frame` is the frame of
-    /// the light.
+    /// continues. On a Lambertian surface, the path continues along `diffuse`, and `frame` is the Stokes
+    /// frame of the light along `diffuse`.
     #[inline(always)]
     fn scatter<const MORE: bool>(
         &mut self,

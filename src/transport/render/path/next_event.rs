@@ -30,7 +30,7 @@ pub(super) struct ShadingPoint<'a> {
     pub state: &'a State,
     pub hit: Hit,
     pub surface: &'a Surface,
-    /// Direction in which light leaves toward the camera.
+    /// Unit direction in which light leaves the surface toward the camera.
     pub wo: Vec3A,
     /// Number of surface interactions, including the interaction at this point.
     pub bounces: u32,
@@ -253,8 +253,8 @@ enum Visibility {
     Hidden,
 }
 
-/// Returns the number of traced rays and the visibility of an emitter. If `known` is set, the emitter is
-/// visible, and no ray is traced.
+/// Returns the number of traced rays and the visibility of an emitter. If `known` is true, the emitter is
+/// visible, and no ray is traced. `known` must not be false.
 #[inline(always)]
 fn visibility(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Visibility) {
     if known.is_some() {

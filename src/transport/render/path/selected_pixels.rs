@@ -12,10 +12,10 @@
 //! - d' and θ' are the distance and the angle at which y is illuminated,
 //! - r and θ are the distance and the angle of z as seen from y.
 //!
-//! Scattering at z can reach y too, with density q, and gives the same path. For a slice that keeps s', the
-//! balance heuristic (Veach & Guibas 1995) weights the two techniques by q/(q + p) and p/(q + p). All other
-//! slices are unchanged. Paths over mirrors and through sheets are unchanged too, because only scattering can
-//! sample these paths.
+//! Scattering at z can also sample the direction to y, with density q. The resulting path is the same. For a
+//! slice that keeps s', the balance heuristic (Veach & Guibas 1995) weights the two techniques by q/(q + p)
+//! and p/(q + p). All other slices are unchanged. Paths over mirrors and through sheets are also unchanged,
+//! because only scattering can sample these paths.
 
 use super::next_event::{ShadingPoint, connect_known};
 use super::sheets::Connection;
@@ -51,13 +51,14 @@ pub(super) struct LitPoint {
     pixel: u32,
     hit: Hit,
     surface: Surface,
-    /// Exact position of the point, metres.
+    /// Position of the point in double precision, metres.
     at: DVec3,
     /// Unit direction from the point to the projector. `distance` is in metres.
     wi: Vec3A,
     distance: f32,
     irradiance: Spectral,
-    /// Probability of the projector pixel, and density per area of the point if this probability is 1.
+    /// Probability of the projector pixel. `per_area` is the density per area of the point for this projector
+    /// pixel.
     chance: f32,
     per_area: f32,
 }
@@ -89,7 +90,7 @@ pub(super) fn draw_all(
         .sum()
 }
 
-/// Record of how a surface vertex z of a path was sampled. Contains the connections of z to the projector.
+/// Record of how a surface vertex z of a path was sampled. Contains the direct line from z to the projector.
 pub(super) struct Sampling {
     /// Density per steradian with which the direction toward z was sampled, or 0 for a delta lobe.
     pub density: f32,

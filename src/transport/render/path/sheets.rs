@@ -17,7 +17,8 @@ use optics::spectrum::Spectral;
 
 /// A connection to a point emitter or the projector.
 pub(super) struct Connection {
-    /// Unit direction to the emitter. `position` and `distance` (metres) are those of the emitter.
+    /// Unit direction to the emitter. `position` and `distance` are the emitter's position and distance,
+    /// metres.
     pub wi: Vec3A,
     pub position: Vec3A,
     pub distance: f32,

@@ -10,7 +10,8 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 
 impl Paths {
-    /// Starts a path for each sample, and returns the index of the cell of each path in the camera's view.
+    /// Starts a path for each sample. Returns, for each path, the index of the cell of the camera's view that
+    /// contains the path's ray.
     #[inline(always)]
     pub(super) fn start(&mut self, batch: &Batch) -> [u32; BATCH] {
         let &Batch { scene, views, pixel: [x, y], group, .. } = batch;

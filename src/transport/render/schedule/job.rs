@@ -79,8 +79,8 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Returns lens coefficients by name. The list contains the five coefficients of the Brown–Conrady model, and
-/// all other coefficients that are non-zero.
+/// Returns lens coefficients by name. The result contains the five coefficients of the Brown–Conrady model,
+/// and all other coefficients that are non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),

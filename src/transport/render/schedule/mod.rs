@@ -84,7 +84,8 @@ impl Share<'_> {
         Ok(part.tiles(tiles).filter(any).collect())
     }
 
-    /// Returns the exchange of light subpaths for the render that `attributes` describe.
+    /// Returns the object that exchanges the light subpaths of the render that `attributes` describe, or
+    /// `None` if there is no exchange.
     fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
         let Some(folder) = self.light else {
             return Ok(None);

@@ -1,5 +1,5 @@
-//! Samples the paths of a camera pixel. The paths are unidirectional, bidirectional, or of both kinds in
-//! turn.
+//! Samples the paths of a camera pixel. The paths are unidirectional or bidirectional, or both kinds are
+//! sampled in turn.
 
 use super::tiles;
 use crate::accumulate::Contribution;

@@ -1,18 +1,18 @@
 //! Samples the azimuth of scattering events of polarized light in media.
 //!
 //! The scattered intensity depends on the azimuth if the light is polarized. Let (I, Q, U, V) be the first
-//! row of the Mueller product before the event, and let φ be the rotation to the scattering plane. The ratio
-//! of the scattered intensity to that of unpolarized light is
+//! row of the Mueller product before the event, and let φ be the rotation to the scattering plane. The
+//! scattered intensity, divided by the scattered intensity of unpolarized light, is
 //!
 //! > 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I.
 //!
-//! With a uniform azimuth, the weight of a subpath would contain a factor for each event. The factor is the
-//! ratio and is at most 2. The product of many factors has mean 1, but the variance of the product increases
-//! exponentially with the number of factors. As a result, few paths dominate, and errors estimated from the
-//! samples are too small. In a conservative Rayleigh slab of optical depth 4, the variance of the transmitted
-//! intensity is 15 times that of isotropic scattering.
+//! With a uniform azimuth, the weight of a subpath would contain a factor for each event. This factor is the
+//! ratio above and is at most 2. The product of many factors has mean 1, but the variance of the product
+//! increases exponentially with the number of factors. As a result, few paths dominate, and errors estimated
+//! from the samples are too small. In a conservative Rayleigh slab of optical depth 4, the variance of the
+//! transmitted intensity is 15 times that of isotropic scattering.
 //!
-//! The azimuth is therefore sampled in proportion to the factor. Rejection is used by Bartel & Hielscher
+//! The azimuth is therefore sampled in proportion to the factor. Bartel & Hielscher use rejection sampling
 //! (2000, Appl. Opt. 39, 1580). This module rejects no sample, because the factors at two azimuths 90° apart
 //! have the sum 2. An azimuth is accepted with probability factor/2 and is otherwise increased by 90°.
 
@@ -22,9 +22,9 @@ use optics::polarization::frame::turn;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Returns, for each lane, the ratio of the scattered intensities of light with the product `chain` and of
-/// unpolarized light with the same intensity. The ratio is in [0, 2]. In lanes without light, the ratio is 1.
-/// `d_out` and `frame` are as in [`Chain::push`]. Returns `None` if the light is unpolarized.
+/// Returns, for each wavelength lane, the scattered intensity of light with the Mueller product `chain`,
+/// divided by the scattered intensity of unpolarized light. The ratio is in [0, 2]. In lanes without light,
+/// the ratio is 1. `d_out` and `frame` are as in [`Chain::push`]. Returns `None` if the light is unpolarized.
 #[inline]
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {
@@ -70,8 +70,8 @@ mod tests {
         media
     }
 
-    /// Verifies that the factor equals the gain of the product. After a rotation by 90°, the factor must be 2
-    /// minus this gain.
+    /// Verifies that the factor equals the ratio of scattered intensities that the Mueller products give.
+    /// After a rotation by 90°, the factor must be 2 minus this ratio.
     #[test]
     fn factors_equal_gains() {
         let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);

@@ -34,7 +34,7 @@ enum Emitter<'a> {
 pub(crate) struct Emission {
     /// Each source, with the probability of sampling this source.
     sources: Vec<(Source, f32)>,
-    /// Filled objects that contain each source, and filled objects that contain the camera.
+    /// Filled objects that contain each source. `camera` lists the filled objects that contain the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
     /// Density of start points on the projector's image, or `None` for a uniform density.
@@ -168,8 +168,7 @@ impl Emission {
         out
     }
 
-    /// Returns the same emission, but most subpaths start where light of the projector hits redirecting
-    /// surfaces.
+    /// Returns the same emission, but most subpaths from the projector start toward redirecting surfaces.
     pub fn importance_sampled(self, scene: &Scene) -> Self {
         let starts = scene.projector.as_ref().and_then(|p| ProjectorDistribution::new(scene, &p.pinhole));
         Self { starts, ..self }
@@ -251,8 +250,8 @@ impl Emission {
         }
     }
 
-    /// Starts a subpath. Samples a source by power, and a point on the projector's image from `at`. `at`
-    /// contains two uniform random numbers in [0, 1). Returns `None` if the scene has no sources.
+    /// Starts a subpath. Samples a source by power, and samples the start direction from `at`. `at` contains
+    /// two uniform random numbers in [0, 1). Returns `None` if the scene has no sources.
     pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;

@@ -1,5 +1,5 @@
-//! Flights, which are straight segments of subpaths between vertices, through media and boundaries without
-//! effect.
+//! Flights of subpaths. A flight is a straight segment between two vertices, through media and through
+//! boundaries without an effect on light.
 
 use super::azimuth;
 use super::{End, Site, Vertex};
@@ -58,8 +58,8 @@ impl Hero {
         Self { lane: lanes.nth(0), likely: lanes.ones() }
     }
 
-    /// Records an event with `densities` by lane. Returns the density that divides weights, or `None` on
-    /// underflow.
+    /// Records a sampling event that has the given density in each lane. Returns the density by which weights
+    /// are divided, or `None` on underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -221,13 +221,14 @@ impl Flight {
         Some(scene.media.reach(id, &self.sent(), self.hero.lane, -u.ln()))
     }
 
-    /// Returns the ray from the exact end of the last segment.
+    /// Returns the ray that starts at the exact end of the last segment, without an offset.
     #[inline]
     fn sent(&self) -> Ray {
         Ray { origin: self.state.from.as_vec3a(), dir: self.state.ray.dir }
     }
 
-    /// Advances `way` metres through a medium, or by the free path `free` if `free` is shorter.
+    /// Advances the flight by `way` metres through a medium, or by the free path `free` (metres) if `free` is
+    /// shorter.
     #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let ray = self.sent();

@@ -1,18 +1,18 @@
 //! Guiding in media. Subpaths are scattered toward targets at the opposite end more often than light is
-//! scattered.
+//! scattered in these directions.
 //!
-//! If a medium scatters light mostly forward, most light from an illuminated medium to a camera has had many
-//! small deflections and one large deflection. Small deflections are sampled from the phase function. If the
-//! phase function or a connection also sampled the large deflection, the few paths that contain this
-//! deflection would dominate.
+//! If a medium scatters light mostly forward, most light that reaches a camera from an illuminated medium has
+//! undergone many small deflections and one large deflection. Small deflections are sampled from the phase
+//! function. If the phase function or a connection also sampled the large deflection, the few paths that
+//! contain this deflection would dominate.
 //!
 //! At a medium vertex, a subpath is therefore guided with probability [`SHARE`]. A guided subpath continues
-//! like light on a ray *from the opposite end* and not like light on the ray of the subpath. A camera subpath
-//! is thus deflected toward the emitters, except for a small angle that is sampled from the phase function.
-//! The next small deflection leads to the emitter and is evaluated with the phase function, so the two peaks
-//! cancel. The large deflection is evaluated with the phase function too, which has no peak at large angles.
-//! Georgiev et al. (2013) and Herholz et al. (2019) sample directions toward a light that is blurred by
-//! scattering. The method in this module is the simplest case.
+//! as if its ray had travelled *toward the opposite end*, instead of in the actual direction of the ray. A
+//! camera subpath is thus deflected toward the emitters, except for a small angle that is sampled from the
+//! phase function. The next small deflection leads to the emitter and is evaluated with the phase function,
+//! so the two peaks cancel. The large deflection is also evaluated with the phase function, which has no peak
+//! at large angles. Georgiev et al. (2013) and Herholz et al. (2019) sample directions toward a light that is
+//! blurred by scattering. The method in this module is the simplest case.
 //!
 //! In addition, subpaths *lean* toward targets. Light with many small deflections changes direction gradually
 //! and reaches the opposite end only if the final direction leads to this end. For two directions that are
@@ -39,12 +39,12 @@ const SHARE: f32 = 0.06;
 /// possible.
 const LEAN: f32 = 0.9;
 
-/// Number of scattering events with guiding. Subsequent events follow the phase function alone. The weight of
-/// a subpath is a product of one factor per guided event. The tail of the weight distribution grows with the
-/// number of guided events beyond what splitting compensates. For example, light is scattered hundreds of
-/// times in a lossless slab of optical depth 32 and asymmetry 0.82. With guiding in all events, the result
-/// for up to 36,000 samples is 5 to 14 % too low, with estimated errors of 2 %. Paths in the milky tank have
-/// at most 49 events.
+/// Number of scattering events with guiding. Subsequent events follow only the phase function. The weight of
+/// a subpath is a product of one factor per guided event. With more guided events, the tail of the weight
+/// distribution grows more than splitting can compensate. For example, light is scattered hundreds of times
+/// in a lossless slab of optical depth 32 and asymmetry 0.82. With guiding in all events, the result for up
+/// to 36,000 samples is 5 to 14 % too low, with estimated errors of 2 %. Paths in the milky tank have at most
+/// 49 events.
 pub(super) const MOST_EVENTS: u32 = 48;
 
 /// Maximum number of targets in a medium for subpaths from one end.
@@ -71,7 +71,7 @@ impl Guide {
         }
     }
 
-    /// Returns true if subpaths from both ends have targets in at least one medium.
+    /// Returns true if in at least one medium, both camera subpaths and light subpaths have targets.
     pub fn turns_both(&self) -> bool {
         self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
     }
@@ -88,8 +88,9 @@ impl Guide {
         !self.targets(medium, from).is_empty()
     }
 
-    /// Decides at random whether a subpath is guided toward a target. For a guided subpath, returns the
-    /// direction from which the subpath would come if the subpath came straight from the opposite end.
+    /// Decides at random whether a subpath is guided toward a target. For a guided subpath, returns the unit
+    /// direction from the target to the vertex. A subpath that travels straight toward the target reaches the
+    /// vertex from this direction.
     #[inline]
     pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
         let targets = self.targets(at.medium, at.from);
@@ -293,8 +294,8 @@ mod tests {
         }
     }
 
-    /// Verifies that the density is that of the phase function alone for subpaths from the opposite end, in
-    /// other media, and at a target.
+    /// Verifies that the density equals the phase function for subpaths from the opposite end, in other
+    /// media, and at a target.
     #[test]
     fn other_subpaths_keep_the_density_of_the_medium() {
         let (media, guide) = guided();

@@ -68,7 +68,7 @@ impl ProjectorDistribution {
         Self { densities: densities.collect(), before }
     }
 
-    /// Maps two uniform random numbers in [0, 1) to a point of the unit square.
+    /// Maps two uniform random numbers in [0, 1) to a point of the unit square that has this density.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         // `u` selects a cell in row-major order. The remainder of `u` determines the position in the cell.

@@ -42,7 +42,7 @@ pub(super) enum Continuation {
 
 /// Samples the continuation of a subpath that came from direction `back` to a surface. Returns the
 /// continuation and its density (1 for a delta lobe). The scattering matrix is for the direction in which
-/// light travels. For light subpaths, the matrix is per flux.
+/// light travels. For light subpaths, the matrix is as in [`Vertex::scatter_flux`].
 #[inline]
 fn sample_surface(
     scene: &Scene,

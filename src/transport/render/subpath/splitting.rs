@@ -42,9 +42,9 @@ pub(crate) struct Branch {
 }
 
 impl Splitting {
-    /// Splits a subpath at its last vertex, if this vertex is in a medium and the weight is large enough. If
-    /// all branches are traced, returns the branch that is traced later. `lineage` is the lineage of the
-    /// subpath before the split.
+    /// Splits a subpath at its last vertex, if this vertex is in a medium with guiding and the weight is
+    /// large enough. If all branches are traced, returns the branch that is traced later. `lineage` is the
+    /// lineage of the subpath before the split.
     #[inline]
     pub fn split(
         self,

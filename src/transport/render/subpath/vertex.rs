@@ -2,8 +2,8 @@
 //!
 //! Each vertex stores the Mueller product from the end of its subpath. For a camera subpath, the product is C
 //! = M₁ M₂ ⋯. For a light subpath, the product is the transpose of L = ⋯ M₂ M₁. Matrices are appended to C
-//! and to the transpose of L on the same side, so both kinds of subpaths use the same code. A whole path is C
-//! · L. The product excludes the scattering at the vertex itself.
+//! and to the transpose of L on the same side, so both kinds of subpaths use the same code. The Mueller
+//! product of a whole path is C · L. The stored products exclude the scattering at the vertex itself.
 //!
 //! Densities are per area on surfaces, and per volume in media. The factor μ_t of the medium at each vertex
 //! is omitted, because this factor is the same from both ends. Densities depend only on the path, not on the
@@ -79,7 +79,7 @@ pub(crate) struct Vertex {
     pub label: u8,
     /// True if the subpath continued from this vertex along a delta lobe.
     pub delta: bool,
-    /// Density with which the subpath sampled this vertex.
+    /// Density with which the subpath sampled this vertex, per area on a surface and per volume in a medium.
     pub forward: f32,
     /// Density with which a subpath in the opposite direction would have sampled this vertex from the
     /// following vertex.
@@ -136,7 +136,7 @@ impl Vertex {
         }
     }
 
-    /// Returns the intensity that is scattered along `wo`, divided by the flux from `wi`.
+    /// Returns the scattering matrix for the intensity along `wo`, divided by the flux from `wi`.
     #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
@@ -232,8 +232,8 @@ impl Vertex {
         }
     }
 
-    /// Returns true if connections can end at the vertex because the vertex scatters light between all
-    /// directions.
+    /// Returns true if connections can end at the vertex. On a surface, the material must have at least one
+    /// lobe that is not a delta lobe.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {

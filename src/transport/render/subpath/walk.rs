@@ -22,7 +22,7 @@ const SURVIVAL: f32 = 0.99;
 #[derive(Default)]
 pub(crate) struct Walk {
     pub points: Vec<Vertex>,
-    /// State of the subpath after leaving the scene, or `None`.
+    /// State of the subpath after it has left the scene, or `None` if the subpath ended in the scene.
     pub escape: Option<Escape>,
     /// The points at which the subpath hit emissive surfaces.
     pub glows: Vec<EmitterHit>,
@@ -67,7 +67,7 @@ pub(crate) enum First {
     Anything,
     /// The vertex must redirect the subpath into a single direction. Other subpaths are discarded.
     Redirects,
-    /// The vertex must not be on a Lambertian surface, where the subpath ends.
+    /// The vertex must not be on a Lambertian surface. At a Lambertian surface, the subpath ends.
     NotLambert,
 }
 
@@ -305,8 +305,8 @@ mod tests {
         }
     }
 
-    /// Returns the weight of a branch at a vertex, and the product of the weight and the cosine to the first
-    /// direction.
+    /// Returns the weight of a branch at a vertex, and the product of the weight and the cosine of the angle
+    /// to the first direction.
     fn counts(walk: &Walk, at: usize) -> [f64; 2] {
         let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
@@ -342,7 +342,7 @@ mod tests {
         ([of(0), of(1)], of(0).1.powi(2) * n)
     }
 
-    /// Verifies the weights of subpaths without absorption, for all kinds of guiding and splitting. After n
+    /// Verifies the weights of guided subpaths without absorption, with and without splitting. After n
     /// scattering events, the mean weight must be one and the mean cosine must be gⁿ. Splitting must reduce
     /// the variance to less than half.
     #[test]
@@ -375,7 +375,7 @@ mod tests {
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 
-    /// Verifies that a trace along the lineage of a branch gives the same vertices.
+    /// Verifies that a trace along the lineage of a branch gives the vertices of the branch.
     #[test]
     fn following_a_lineage_gives_the_same_vertices() {
         let (scene, guide, end) = milk();

@@ -18,8 +18,8 @@ fn readings(camera: &Cmos, radiance: f64, key: u32) -> Moments {
     Moments::of((0..100_000).map(|_| f64::from(camera.sample(radiance, NM, 1.0, &mut stream).dn)))
 }
 
-/// Readings have the expected mean and variance for 0 to 9100 of 10 700 e⁻ and two gains. The fourth cumulant
-/// κ₄ of the readings equals that of a Poisson distribution.
+/// Verifies that readings have the expected mean and variance, for 0 to 9100 of 10 700 e⁻ and for two gains.
+/// The fourth cumulant κ₄ of the readings equals that of a Poisson distribution.
 #[test]
 fn readings_have_the_expected_mean_and_variance() {
     for gain in [None, Some(1.3)] {
@@ -35,9 +35,9 @@ fn readings_have_the_expected_mean_and_variance() {
     }
 }
 
-/// The slope of variance over mean (photon transfer) is 1/K. The test fits the slope by least squares over 8
-/// levels of 100 000 readings. The relative error of each variance is √(2/n). The errors of the variances
-/// determine the error of the slope.
+/// Verifies that the slope of variance over mean (photon transfer) is 1/K. The test fits the slope by least
+/// squares over 8 levels of 100 000 readings. The relative error of each variance is √(2/n). The errors of
+/// the variances determine the error of the slope.
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
@@ -61,9 +61,9 @@ fn without_shot_noise_only_read_noise_remains() {
     seen.assert_variance(variance, 0.0);
 }
 
-/// Estimates are unbiased, and the mean of the stated variances is the true variance. The estimate and its
-/// variance are linear in the reading above the dark level. The test uses 100 000 readings. The scatter of
-/// the stated variance is due to shot noise.
+/// Verifies that estimates are unbiased, and that the mean of the stated variances is the true variance. The
+/// estimate and its variance are linear in the reading above the dark level. The test uses 100 000 readings.
+/// The scatter of the stated variance is due to shot noise.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     let camera = camera();
@@ -101,8 +101,8 @@ fn too_much_light_saturates() {
     }
 }
 
-/// Exposure brackets are unbiased from read-noise levels to shot-noise levels, and with saturated long
-/// exposures. The test uses 40 000 captures for each level.
+/// Verifies that estimates from exposure brackets are unbiased at low light (read noise), at high light (shot
+/// noise), and with saturated long exposures. The test uses 40 000 captures for each level.
 #[test]
 fn bracketing_is_unbiased_with_its_stated_variance() {
     let camera = Cmos { bracket: vec![0.125, 1.0, 8.0], read_noise_e: 5.0, ..camera() };
@@ -127,7 +127,7 @@ fn bracketing_is_unbiased_with_its_stated_variance() {
     }
 }
 
-/// Weights from the variances of the single readings would cause a bias of more than a tenth of a
+/// Verifies that weights from the variances of the single readings cause a bias of more than a tenth of a
 /// standard deviation.
 #[test]
 fn weights_by_measured_variances_would_be_biased() {
@@ -158,8 +158,8 @@ fn combining_ignores_saturated_estimates() {
     assert!(camera.combine(&[], NM).radiance.is_nan());
 }
 
-/// Binning of 2×2 pixels divides the variance by four and drops odd last rows and columns. The test uses 10
-/// 000 binned pixels.
+/// Verifies that binning of 2×2 pixels divides the variance by four and drops odd last rows and columns. The
+/// test uses 10 000 binned pixels.
 #[test]
 fn binning_quarters_the_variance() {
     let camera = Cmos { binning: 2, ..camera() };
@@ -182,7 +182,7 @@ fn binning_averages_neighbours() {
     assert!((out.radiance[0] - 4.0).abs() < 0.5 * camera.gain() / camera.electrons(NM, 1.0).0);
 }
 
-/// Without noise, the error of an estimate is at most half a DN.
+/// Verifies that, without noise, the error of an estimate is at most half a DN.
 #[test]
 fn without_noise_half_a_dn_is_the_bound() {
     let camera = Cmos { shot_noise: false, read_noise_e: 0.0, ..camera() };

@@ -58,9 +58,9 @@ fn rates_add_up_to_light_and_dark_counts() {
     assert!(rates.iter().zip(light()).all(|(rate, light)| (rate - 0.15 * light).abs() < 1e-15));
 }
 
-/// In each mode, estimates are unbiased after conversion from radiance to counts and back. The test uses 500
-/// captures of 20 000 pulses with 0.2 light and 0.4 dark detections per pulse. Estimates match the light
-/// convolved with the response within 5 stated standard errors.
+/// Verifies that, in each mode, estimates are unbiased after conversion from radiance to counts and back. The
+/// test uses 500 captures of 20 000 pulses with 0.2 light and 0.4 dark detections per pulse. Estimates match
+/// the light convolved with the response within 5 stated standard errors.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     for (mode, pixel) in [(Mode::Synchronous, 0), (Mode::FreeRunning, 1)] {

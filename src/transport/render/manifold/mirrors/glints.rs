@@ -8,8 +8,8 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// Returns the specular reflectance of a material at normal incidence. The result is the maximum over lanes
-/// and sides.
+/// Returns the specular reflectance of a material at normal incidence. The result is the maximum over
+/// wavelength lanes and both sides of the surface.
 pub(crate) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface { ng: Vec3A::Z, ns: Vec3A::Z, tangent: Vec3A::X, material, ..Surface::default() };
     let reflects = |wo: Vec3A| {
@@ -57,8 +57,8 @@ impl Glints {
 mod tests {
     use super::*;
 
-    /// Verifies that a distant sphere uniformly scatters the light that arrives on the cross-section. The
-    /// cross-section of a sphere is a quarter of the surface area.
+    /// Verifies the estimate for a distant sphere, which uniformly scatters the light that arrives on its
+    /// cross-section. The cross-section of a sphere is a quarter of its surface area.
     #[test]
     fn a_ball_scatters_the_light_on_its_cross_section() {
         let ball = Outline::Ball { centre: Vec3A::X, radius: 0.1 };

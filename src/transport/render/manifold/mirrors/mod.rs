@@ -7,7 +7,7 @@
 //!
 //! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines the point of
 //!   reflection. Each group and each pair of groups therefore has one candidate path. Sequences of three or
-//!   more groups are tried only if no other strategy samples the same light.
+//!   more groups are considered only if no other strategy samples the same light.
 //! - Curved mirrors: any number of specular paths may exist. One initial guess is sampled at random. If a
 //!   fraction p of all guesses leads to a path, the weight of the path is 1/p. The number of further guesses
 //!   until the path is found again has the mean 1/p.
@@ -38,9 +38,9 @@ type Key = (u32, Owner);
 
 const EVERY: Owner = Owner::instance(u32::MAX);
 
-/// Maximum number of mirrors in instances that are listed individually, like those of the world. If there are
-/// more mirrors, the mirrors of each group are listed once, and flat mirrors are sampled at random like
-/// curved mirrors.
+/// Maximum number of mirrors in instances that are listed individually, like the mirrors outside instances.
+/// If there are more mirrors, the mirrors of each group are listed once, and flat mirrors are sampled at
+/// random like curved mirrors.
 const MOST_LISTED: usize = 65536;
 
 /// Maximum number of planes of flat mirrors. If there are more planes, flat mirrors are sampled at random
@@ -53,10 +53,12 @@ const MOST_IN_PAIRS: usize = 64;
 /// Maximum number of flat mirrors in a sequence.
 const MOST_IN_ROW: usize = 8;
 
-/// Maximum number of sequences of three or more flat mirrors that are considered.
+/// Maximum number of sequences of a given length that are considered, for sequences of three or more flat
+/// mirrors.
 const MOST_ROWS: usize = 1024;
 
-/// Intensity of light through curved glass (into π sr), relative to a mirror that scatters uniformly.
+/// Estimated intensity of light that curved glass transmits into π sr, relative to a mirror that scatters
+/// light uniformly into 4π sr.
 const PASSED: f32 = 4.0;
 
 /// Fraction of random target points that are replaced by their image in a flat mirror.
@@ -109,7 +111,7 @@ pub(crate) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Curved mirrors in groups with many instances.
     copied: Copied,
-    /// Estimate of the light from curved mirrors. `bright` includes the light through curved glass too.
+    /// Estimate of the light from curved mirrors. `bright` also includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`]. [`EVERY`] denotes all owners.
@@ -308,7 +310,8 @@ impl Mirrors {
     }
 
     /// Calls `f` with each sequence of three to `most` flat mirrors that can reflect light between `from` and
-    /// `to`, in the order from `from`. If there are many mirrors, the maximum length is smaller.
+    /// `to`. The mirrors of a sequence are in the order from `from` to `to`. If there are many mirrors, the
+    /// maximum length is smaller.
     pub fn flat_sequences(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
         let most = most.min(self.longest_row());
         if self.flats.len() > 1 && most > 2 {
@@ -380,8 +383,8 @@ impl Mirrors {
     }
 }
 
-/// Returns the primitives that may be mirrors, and true. If there are too many primitives, returns those of
-/// the world, and false.
+/// Returns the primitives that may be mirrors, and true. If there are too many primitives in instances,
+/// returns only the primitives outside instances, and false.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();
