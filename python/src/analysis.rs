@@ -41,9 +41,13 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        _ => bail!(
-            "std_error: the dtype of std_error differs from the dtype of the matrices; pass both arrays with one dtype"
-        ),
+        (m, _) => {
+            let is_single = matches!(m, Either::Single(_));
+            let [m, e] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
+            bail!(
+                "std_error: the dtype of std_error is {e}, but the dtype of the matrices is {m}; pass both arrays with one dtype"
+            );
+        }
     }
 }
 
@@ -71,8 +75,8 @@ fn all<'py, T: Real + Element>(
     }
     let elements = slice("matrices", matrices)?;
     let sigmas = sigmas.map(|s| slice("std_error", s)).transpose()?;
-    if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
-        bail!("std_error: some values are negative; expected 0 or more");
+    if let Some(bad) = sigmas.and_then(|s| s.iter().map(|e| e.get()).find(|e| *e < 0.0)) {
+        bail!("std_error: expected values of 0 or more, got {bad}");
     }
     let ((found, missing), spread) =
         off_python(py, 0, || (maps(elements, &wanted), sigmas.map(|s| errors(elements, s))))?;

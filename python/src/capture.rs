@@ -153,8 +153,9 @@ pub fn simulate<'py>(
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
         bail!(
-            "matrices: the number of matrices is not a multiple of the number of wavelengths; pass an array whose last axis before \
-             the matrices has one entry per wavelength"
+            "matrices: the number of matrices, {pixels}, is not a multiple of the number of wavelengths, {}; pass an array whose last \
+             axis before the matrices has one entry per wavelength",
+            rays.len()
         );
     }
     let layout = Layout { height: 1, width: pixels / rays.len(), times: 1, lanes: rays.len() };
@@ -217,9 +218,13 @@ pub fn reconstruct<'py>(
         (Either::Double(i), Some(Either::Double(v))) => {
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
-        _ => bail!(
-            "variance: the dtype of the variance differs from the dtype of the intensities; pass both arrays with one dtype"
-        ),
+        (i, _) => {
+            let is_single = matches!(i, Either::Single(_));
+            let [i, v] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
+            bail!(
+                "variance: the dtype of the variance is {v}, but the dtype of the intensities is {i}; pass both arrays with one dtype"
+            );
+        }
     }
 }
 

@@ -110,10 +110,11 @@ fn noise(image: &MuellerImage, with: &Instrument) -> PyResult<Noise> {
             if sigma >= 0.0 && sigma.is_finite() {
                 Ok(Noise::Gaussian { sigma })
             } else {
-                Err(input(
-                    "relative_noise: the mean M00 of the matrices is not positive; pass `noise`, in the unit of the matrices, \
-                     instead of `relative_noise`",
-                ))
+                Err(input(format!(
+                    "relative_noise: the mean M00 of the matrices is {}; expected a positive number; pass `noise`, in the unit of the \
+                     matrices, instead of `relative_noise`",
+                    image.mean()
+                )))
             }
         }
         (None, None, None) => Ok(Noise::None),

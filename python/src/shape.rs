@@ -24,9 +24,14 @@ pub struct Devices(Rig);
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
-    let all = focal.iter().chain(&principal).chain(&origin).chain(axes.as_flattened());
-    if !all.clone().all(|v| v.is_finite()) {
-        bail!("some numbers of the camera or projector are not finite; expected finite numbers");
+    let all = [
+        ("focal", &focal[..]),
+        ("principal", &principal[..]),
+        ("origin", &origin[..]),
+        ("axes", axes.as_flattened()),
+    ];
+    if let Some((name, found)) = all.into_iter().find(|(_, list)| !list.iter().all(|v| v.is_finite())) {
+        bail!("{name}: expected finite numbers, got {found:?}");
     }
     if focal.contains(&0.0) {
         bail!("focal: expected nonzero focal lengths, in pixels, got {focal:?}");

@@ -155,10 +155,11 @@ pub fn seen<S>(
 ) -> Result<[Vec<S>; 2], ApplyError> {
     let all = |of: &[Observation]| of.iter().map(&see).collect::<Result<Vec<_>, _>>();
     let both = [all(train)?, all(test)?];
-    if both.iter().any(Vec::is_empty) {
-        return Err(ApplyError::Empty(
-            "variants are missing; pass at least one variant for training and one for testing".into(),
-        ));
+    if let Some(i) = both.iter().position(Vec::is_empty) {
+        return Err(ApplyError::Empty(format!(
+            "there are no variants for {}; pass at least one variant for training and one for testing",
+            ["training", "testing"][i]
+        )));
     }
     Ok(both)
 }

@@ -88,7 +88,9 @@ impl NoiseArguments {
             let sigma = good("--relative-noise", relative)? * target.mean();
             if !(sigma >= 0.0 && sigma.is_finite()) {
                 bail!(
-                    "--relative-noise: the mean M00 of the matrices is not positive; use --noise, in the unit of the matrices"
+                    "--relative-noise: the mean M00 of the matrices is {}; expected a positive number; use --noise, in the unit of the \
+                     matrices",
+                    target.mean()
                 );
             }
             return Ok(Noise::Gaussian { sigma });

@@ -58,9 +58,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
-        _ => bail!(
-            "--errors: the dtype of the errors differs from the dtype of the matrices; save both arrays with one dtype"
-        ),
+        _ => {
+            let is_single = matches!(values, Values::Single(_));
+            let [m, e] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
+            bail!(
+                "--errors: the dtype of the errors is {e}, but the dtype of the matrices is {m}; save both arrays with one dtype"
+            );
+        }
     };
     if missing == all {
         bail!(
@@ -122,11 +126,11 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
         );
     }
     let negative = match &sigmas {
-        Values::Single(v) => v.iter().any(|e| *e < 0.0),
-        Values::Double(v) => v.iter().any(|e| *e < 0.0),
+        Values::Single(v) => v.iter().find(|e| **e < 0.0).map(ToString::to_string),
+        Values::Double(v) => v.iter().find(|e| **e < 0.0).map(ToString::to_string),
     };
-    if negative {
-        bail!("{}: some standard errors are negative; expected 0 or more", path.display());
+    if let Some(bad) = negative {
+        bail!("{}: expected standard errors of 0 or more, got {bad}", path.display());
     }
     Ok(sigmas)
 }

@@ -260,15 +260,20 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     let (width, height) = match a.pixels[..] {
         [] => return Ok(None),
         [width, height] if width > 0 && height > 0 => (width, height),
-        _ => bail!("--pixels: expected columns and rows, such as --pixels 128,128"),
+        _ => bail!(
+            "--pixels: expected two positive numbers, columns and rows, such as --pixels 128,128; got {:?}",
+            a.pixels
+        ),
     };
     let bit = |n: &u8| 1 << (n - 1);
     let markers = |begin: &u8, end: u8| {
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
-        if begin & end != 0 || (begin | end) & frame != 0 {
+        let shared: u8 = (begin & end) | ((begin | end) & frame);
+        if shared != 0 {
             bail!(
-                "--pixel-marker, --frame-marker: two of the markers are equal; pass different markers for the start of a pixel, the \
-                 end of a pixel and the start of a frame"
+                "--pixel-marker, --frame-marker: the marker {} is used twice; pass different markers for the start of a pixel, the \
+                 end of a pixel and the start of a frame",
+                shared.trailing_zeros() + 1
             );
         }
         Ok(Clock { begin, end, frame, sweep: None })
@@ -277,7 +282,10 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         [] => return of_header(a, reader, width, height).map(Some),
         [begin] => markers(begin, 0)?,
         [begin, end] => markers(begin, bit(end))?,
-        _ => bail!("--pixel-marker: expected one or two markers, such as --pixel-marker 1,2"),
+        more => bail!(
+            "--pixel-marker: expected one or two markers, such as --pixel-marker 1,2; got {} markers",
+            more.len()
+        ),
     };
     Ok(Some(Scan { width, height, bidirectional: is_bidirectional(reader.header()), clock }))
 }

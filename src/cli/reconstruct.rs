@@ -107,7 +107,8 @@ fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
     };
     let [height, width, ..] = *leading else {
         bail!(
-            "--view: the intensities have no row and column axes after the axes of captures and channels; remove --view"
+            "--view: the intensities have the shape {leading:?} after the axes of captures and channels; expected a row axis and a \
+             column axis; remove --view"
         );
     };
     let layout = Layout { height, width, ..one_place(a) };

@@ -165,10 +165,13 @@ impl<'a> Data<'a> {
             }
             out
         };
-        if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
-            return Err(wrong(
-                "does not match the compressed data: the element count or the element type differs",
-            ));
+        let length = count.saturating_mul(size * N);
+        if let Some(d) = decoded.filter(|d| (d.count, d.bytes.len()) != (count, length)) {
+            return Err(wrong(&format!(
+                "does not match the compressed data: expected {count} elements ({length} bytes), got {} elements ({} bytes)",
+                d.count,
+                d.bytes.len()
+            )));
         }
         let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
             (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),

@@ -94,7 +94,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
         };
         let p = place.transform_point3(DVec3::new(x, y, z));
         if !p.as_vec3().is_finite() || !(radius as f32).is_finite() {
-            return wrong("a coordinate or the radius of the point is not a finite number".into());
+            return wrong(format!("a coordinate or the radius is not a finite number: `{}`", line.trim()));
         }
         if radius < 0.0 {
             return wrong(format!("expected a radius of at least 0, got {radius}"));

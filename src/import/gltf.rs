@@ -250,7 +250,10 @@ impl Importer<'_> {
             [moves.as_ref().map(Vec::len), turns.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
         let count = counts.iter().flatten().copied().next().unwrap_or(0);
         if counts.iter().flatten().any(|&c| c != count) {
-            return Err(broken(format!("{INSTANCING}: the attributes have different numbers of elements")));
+            let found: Vec<_> = counts.iter().flatten().collect();
+            return Err(broken(format!(
+                "{INSTANCING}: the attributes have different numbers of elements: {found:?}"
+            )));
         }
         if count == 0 {
             return Err(broken(format!("{INSTANCING}: the attributes have no elements")));
@@ -339,7 +342,12 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
         return Ok(tops(root));
     }
     let scene = root.scene.map_or(0, |scene| scene.value());
-    let missing = || broken("the default scene does not exist");
+    let missing = || {
+        let count = root.scenes.len();
+        broken(format!(
+            "the default scene {scene} (counted from 0) does not exist: the file has {count} scenes"
+        ))
+    };
     let nodes = &root.scenes.get(scene).ok_or_else(missing)?.nodes;
     let others = root.scenes.len() - 1;
     if others > 0 {
@@ -360,7 +368,10 @@ fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
     };
     let column = |i: usize| DVec3::new(m[i].into(), m[i + 1].into(), m[i + 2].into());
     if [m[3], m[7], m[11], m[15] - 1.0].iter().any(|x| x.abs() > 1e-5) {
-        let what = format!("the matrix of node {index} is not affine (the bottom row is not 0 0 0 1)");
+        let what = format!(
+            "the matrix of node {index} is not affine (the bottom row is {} {} {} {}, not 0 0 0 1)",
+            m[3], m[7], m[11], m[15]
+        );
         return Err(broken(what));
     }
     let linear = DMat3::from_cols(column(0), column(4), column(8));

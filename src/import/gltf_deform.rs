@@ -42,7 +42,7 @@ pub(super) fn joints(
     let joint = |(i, node): (usize, &Index<_>)| {
         let world = worlds.get(node.value()).copied().flatten();
         let world =
-            world.ok_or_else(|| broken(format!("a joint of skin {skin} is not part of a node tree")))?;
+            world.ok_or_else(|| broken(format!("joint {i} of skin {skin} is not part of a node tree")))?;
         Ok(inverses.get(i).map_or(world, |m| world * affine(m)))
     };
     json.joints.iter().enumerate().map(joint).collect()
@@ -98,9 +98,12 @@ pub(super) fn skin(
         };
         let (of, weights) = (data.joints(of)?, data.floats::<4>(weights)?);
         if [of.len(), weights.len()] != [mesh.positions.len(); 2] {
-            return Err(broken(
-                "in a primitive with a skin, the numbers of joints, weights and positions differ",
-            ));
+            return Err(broken(format!(
+                "in a primitive with a skin, the numbers of joints ({}), weights ({}) and positions ({}) differ",
+                of.len(),
+                weights.len(),
+                mesh.positions.len()
+            )));
         }
         sets.push((of, weights));
     }

@@ -24,7 +24,7 @@ fn affine(rows: &[f64]) -> Result<DAffine3, String> {
         return Err(format!("{v} is not a finite number"));
     }
     if rows.len() == 16 && rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err("the last row of the 4×4 matrix is not 0 0 0 1".into());
+        return Err(format!("the last row of the 4×4 matrix is {:?}, not 0 0 0 1", &rows[12..]));
     }
     let column = |j: usize| DVec3::new(rows[j], rows[4 + j], rows[8 + j]);
     Ok(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))
@@ -55,7 +55,8 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
         return Err(format!(": expected the shape [n, 3, 4] or [n, 4, 4], got {:?}", header.shape));
     };
     if !matches!(header.element(), Some((Element::Float4 | Element::Float8, _))) {
-        return Err(": expected numbers of type f4 or f8".into());
+        let found = header.kind.as_deref().unwrap_or("records");
+        return Err(format!(": expected numbers of type f4 or f8, got {found}"));
     }
     let values = header.numbers(elements).ok_or(": the file is truncated")?;
     let copy = |i: usize| -> Vec<f64> {

@@ -69,8 +69,8 @@ impl AnalogLimits {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
             return Err(format!(
-                "got a buffer of {} lists, but expected {channels} lists of equal length",
-                buffer.len()
+                "got lists of {:?} samples, but expected {channels} lists of equal length",
+                buffer.iter().map(Vec::len).collect::<Vec<_>>()
             ));
         }
         if samples == 0 || samples > self.samples {

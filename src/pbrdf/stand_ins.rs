@@ -26,7 +26,7 @@ pub enum BandedError {
     #[error(transparent)]
     File(#[from] InputError),
     /// The list of bands is empty.
-    #[error("expected at least one band, got none")]
+    #[error("expected at least one band, got none; pass bands in nanometres")]
     NoBands,
 }
 

@@ -57,7 +57,13 @@ impl Plan {
         let channels = record.channels();
         if self.bin == 0 || elements == Some(0) {
             return Some((
-                "the histogram has no elements".into(),
+                format!(
+                    "the histogram has no elements: {} channels, {} bins of width {} and {} pixels",
+                    self.channels.len(),
+                    self.bins,
+                    self.bin,
+                    self.pixels().unwrap_or(usize::MAX)
+                ),
                 "use at least one channel, one bin and one pixel, and a bin width above 0".into(),
             ));
         }

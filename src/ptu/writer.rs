@@ -134,7 +134,8 @@ impl<W: Write + Seek> Writer<W> {
         };
         if periods / most > LONGEST_PAUSE {
             return Err(refused(format!(
-                "the gap of {periods} clock overflows before time {time} is too long to write"
+                "the gap of {periods} clock overflows before time {time} is too long to write; expected fewer than {}",
+                most * (LONGEST_PAUSE + 1)
             )));
         }
         while periods > 0 {

@@ -76,14 +76,16 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         values.extend(numbers.list(vertical.len(), "a candela value")?);
     }
     if let Some(bad) = values.iter().find(|v| **v < 0.0) {
-        return Err(format!("a candela value is negative: {bad}"));
+        return Err(format!("a candela value is {bad}; expected 0 or more"));
     }
     let most = values.iter().fold(0.0_f32, |a, v| a.max(*v));
     if most <= 0.0 {
         return Err("the luminaire emits no light: all candela values are 0".into());
     }
     if multiplier <= 0.0 {
-        return Err(format!("the luminaire emits no light: the multiplier is {multiplier}"));
+        return Err(format!(
+            "the luminaire emits no light: the multiplier is {multiplier}, but must be above 0"
+        ));
     }
     for v in &mut values {
         *v /= most;
@@ -150,7 +152,7 @@ impl Numbers<'_> {
         if n.fract() == 0.0 && n >= 1.0 && n <= MOST as f32 {
             return Ok(n as usize);
         }
-        Err(format!("line {}: the number of {what} is invalid: {n}", self.last))
+        Err(format!("line {}: the number of {what} is {n}; expected an integer from 1 to {MOST}", self.last))
     }
 
     fn list(&mut self, count: usize, what: &str) -> Result<Vec<f32>, String> {
@@ -160,13 +162,13 @@ impl Numbers<'_> {
     /// Reads `count` increasing angles in degrees.
     fn angles(&mut self, count: usize, what: &str, most: f32) -> Result<Vec<f32>, String> {
         let list = self.list(count, what)?;
-        let rising = list.windows(2).all(|w| w[0] < w[1]);
-        if rising && list[0] >= 0.0 && list[count - 1] <= most {
+        let fits = |i: usize| (0.0..=most).contains(&list[i]) && (i == 0 || list[i - 1] < list[i]);
+        let Some(i) = (0..count).find(|i| !fits(*i)) else {
             return Ok(list);
-        }
+        };
         Err(format!(
-            "line {}: {what} is out of order or out of range; angles must increase within 0..{most} degrees",
-            self.last
+            "line {}: {what} is {}, out of order or out of range; angles must increase within 0..{most} degrees",
+            self.last, list[i]
         ))
     }
 }
@@ -199,11 +201,11 @@ mod tests {
             ("TILT=NONE", "TILT=lamp.tlt", "line 3: TILT=lamp.tlt"),
             ("1 1000", "1 x", "line 4: expected the lumens per lamp, got `x`"),
             ("3 3 1 2", "3 3 2 2", "line 4: expected photometric type 1 (C), got 2"),
-            ("3 3 1 2", "3 0 1 2", "line 4: the number of horizontal angles is invalid: 0"),
-            ("0 45 90", "0 95 90", "line 6: a vertical angle is out of order"),
+            ("3 3 1 2", "3 0 1 2", "line 4: the number of horizontal angles is 0; expected an integer"),
+            ("0 45 90", "0 95 90", "line 6: a vertical angle is 90, out of order"),
             ("90 180 270", "90 180 280", "cover 90 to 280"),
             ("10 2 0\n", "10 2", "the file ends after line 10"),
-            ("10 5 0", "10 -5 0", "a candela value is negative: -5"),
+            ("10 5 0", "10 -5 0", "a candela value is -5"),
             ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "emits no light"),
         ];
         for (a, b, expected) in cases {

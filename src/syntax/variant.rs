@@ -156,9 +156,12 @@ impl<'a> Vary<'a> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),
             (None, Some(range)) => self.ranged(name, range, present),
-            _ => Err(self.error(
+            (values, _) => Err(self.error(
                 p.span(),
-                format!("vary.{name}: expected exactly one of `values` and `range`"),
+                format!(
+                    "vary.{name}: expected exactly one of `values` and `range`, got {}",
+                    if values.is_some() { "both" } else { "neither" }
+                ),
                 "give values = [..], or range = { min = .., max = .. }",
             )),
         }

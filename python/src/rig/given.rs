@@ -162,9 +162,11 @@ impl PatternProjector for Projector {
                 );
                 return limit(what);
             }
-            if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
+            if self.limits.bits == 1
+                && let Some(grey) = p.pixels.iter().find(|v| **v != 0 && **v != 255)
+            {
                 return limit(format!(
-                    "pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported"
+                    "pattern {i} has a pixel with the value {grey}; only 255 (on) and 0 (off) are supported"
                 ));
             }
         }

@@ -195,13 +195,11 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         Some(OpticsFrom::File(p)) => Optics::Known(Box::new(scheme_file::load(&beside(p))?)),
         Some(OpticsFrom::Drawn(t)) => {
             let span = file.optics.as_ref().map_or(0..0, Located::span);
-            let degrees = |v: f64| (0.0..=90.0).contains(&v);
-            if !degrees(t.axis_error_deg) || !degrees(t.retardance_error_deg) {
-                return Err(fault(
-                    span,
-                    "`axis_error_deg` or `retardance_error_deg` is outside 0 to 90 degrees".into(),
-                    "set both errors to values from 0 to 90 degrees",
-                ));
+            let errors =
+                [("axis_error_deg", t.axis_error_deg), ("retardance_error_deg", t.retardance_error_deg)];
+            if let Some((name, v)) = errors.into_iter().find(|(_, v)| !(0.0..=90.0).contains(v)) {
+                let help = "set both errors to values from 0 to 90 degrees";
+                return Err(fault(span, format!("`{name}` is {v}"), help));
             }
             if !(0.0..=1.0).contains(&t.extinction) {
                 let message = format!("`extinction` is {}", t.extinction);

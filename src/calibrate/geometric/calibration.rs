@@ -242,15 +242,18 @@ impl Calibration {
         let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;
         let calibration: Self = calibration_file::parse(path, &text, fix)?;
-        let tables = [Some(&calibration.camera), calibration.projector.as_ref()];
-        let message = if tables.iter().flatten().any(|d| d.device().is_none()) {
-            "the resolution, the matrix or the distortion coefficients of a device are invalid"
-        } else if tables.iter().flatten().any(|d| d.pose().is_none()) {
-            "the pose of a device is not a rotation and a translation"
-        } else {
-            return Ok(calibration);
-        };
-        Err(InputError::new(path, text, None, message, fix))
+        let tables = [("camera", Some(&calibration.camera)), ("projector", calibration.projector.as_ref())];
+        for (name, table) in tables.into_iter().filter_map(|(name, table)| Some((name, table?))) {
+            let message = if table.device().is_none() {
+                format!("the resolution, the matrix or the distortion coefficients of [{name}] are invalid")
+            } else if table.pose().is_none() {
+                format!("the pose of [{name}] is not a rotation and a translation")
+            } else {
+                continue;
+            };
+            return Err(InputError::new(path, text, None, message, fix));
+        }
+        Ok(calibration)
     }
 }
 

@@ -89,15 +89,17 @@ impl Image {
             "png" => photo(path, ImageFormat::Png),
             "jpg" | "jpeg" => photo(path, ImageFormat::Jpeg),
             "npy" => npy(path).map(|image| Loaded { image, orientation: 1 }),
-            _ => Err("expected a .png (8 or 16 bits), .jpg or .npy image: convert the file".into()),
+            other => Err(format!(
+                "expected a .png (8 or 16 bits), .jpg or .npy image, got the extension {other:?}: convert the file"
+            )),
         };
         let loaded = loaded.map_err(error)?;
         let values = &loaded.image.values;
         if values.is_empty() {
             return Err(error("the image has no pixels: use an image with at least one pixel".into()));
         }
-        if !values.iter().all(|v| v.is_finite()) {
-            return Err(error("a pixel value is not a finite number: correct the image".into()));
+        if let Some(v) = values.iter().find(|v| !v.is_finite()) {
+            return Err(error(format!("the pixel value {v} is not a finite number: correct the image")));
         }
         Ok(loaded)
     }

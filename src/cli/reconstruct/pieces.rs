@@ -97,8 +97,8 @@ impl<T: PixelNumber> Work<'_, T> {
         if let Some(variances) = &self.variances {
             let v = &mut buffers.variances[..n * count];
             self.read(variances, v, first, n)?;
-            if v.iter().any(|v| v.get() < 0.0) {
-                bail!("--variance: some values are negative; expected 0 or more");
+            if let Some(bad) = v.iter().map(|v| v.get()).find(|v| *v < 0.0) {
+                bail!("--variance: expected values of 0 or more, got {bad}");
             }
             weights = Some(&*v);
         }

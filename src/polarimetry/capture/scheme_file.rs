@@ -79,7 +79,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
         if !(s0 > 0.0 && polarized <= s0 * (1.0 + 1e-9) && s0 <= 1e12) {
             return Err(place.error(
                 Some(source.span()),
-                "`source` is not a physical Stokes vector".to_owned(),
+                format!("`source` is {:?}, not a physical Stokes vector", **source),
                 "set [s0, s1, s2, s3] with 0 < s0 ≤ 1e12 and s1² + s2² + s3² ≤ s0²",
             ));
         }

@@ -43,17 +43,17 @@ impl SpectralValue {
     /// Returns the text of the fault if a check fails. In a message, the text follows the name of the field.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
-        let ok = match self {
-            Self::Same(value) => inside(*value),
+        let outside = match self {
+            Self::Same(value) => Some(*value).filter(|v| !inside(*v)),
             Self::Table(rows) => {
                 let rising = rows.windows(2).all(|w| w[0][0] < w[1][0]);
                 if rows.is_empty() || !rising || rows.iter().any(|row| !(row[0] > 0.0 && row[0] <= 1e6)) {
                     return Err("must have rows [nm, value] with positive, increasing nm".to_owned());
                 }
-                rows.iter().all(|row| inside(row[1]))
+                rows.iter().map(|row| row[1]).find(|v| !inside(*v))
             }
         };
-        if ok { Ok(()) } else { Err(format!("must be from {low} to {high}")) }
+        outside.map_or(Ok(()), |v| Err(format!("must be from {low} to {high}, got {v}")))
     }
 }
 

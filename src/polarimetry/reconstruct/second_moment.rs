@@ -101,7 +101,10 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     let rows = &file.second_moment;
     let wrong = |message: &str| Err(InputError::new(path, text.as_str(), Some(rows.span()), message, FIX));
     if rows.len() != 16 || rows.iter().any(|row| row.len() != 16) {
-        return wrong("expected 16 rows of 16 numbers in `second_moment`");
+        let (count, total) = (rows.len(), rows.iter().map(Vec::len).sum::<usize>());
+        return wrong(&format!(
+            "expected 16 rows of 16 numbers in `second_moment`, got {count} rows with {total} numbers in total"
+        ));
     }
     let s = Moment::from_fn(|i, j| rows[i][j]);
     match fault(&s) {

@@ -58,9 +58,9 @@ impl Lens {
                 k.len()
             ));
         }
-        if !k.iter().all(|v| v.is_finite()) {
+        if let Some(v) = k.iter().find(|v| !v.is_finite()) {
             return Err(format!(
-                "`{name}.distortion` contains a number that is not finite; correct the number"
+                "`{name}.distortion` contains {v}, which is not a finite number; correct the number"
             ));
         }
         Self::of(file.matrix, Opencv::from_list(k).into(), name)
@@ -74,7 +74,7 @@ impl Lens {
         let inverse = matrix.try_inverse();
         let (true, true, Some(inverse)) = (finite, shape, inverse) else {
             return Err(format!(
-                "`{name}.matrix` is not a camera matrix; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+                "`{name}.matrix` is {rows:?}; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with positive fx and fy"
             ));
         };
         Ok(Self { matrix, inverse, distortion })
@@ -131,9 +131,9 @@ impl Geometry {
     /// Creates a geometry from calibration tables. The tables' common frame is arbitrary.
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
         let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
-        let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
-            return Err("the pose of [camera] or [projector] is not a rotation and a translation".into());
-        };
+        let fault = |name: &str| format!("the pose of [{name}] is not a rotation and a translation");
+        let from = camera.pose().ok_or_else(|| fault("camera"))?;
+        let to = projector.pose().ok_or_else(|| fault("projector"))?;
         let between = to.after(&from.inverse());
         // A distance below one nanometer is due to rounding errors.
         if between.translation.norm() < 1e-9 {
@@ -151,7 +151,10 @@ impl Geometry {
             return Err("`rotation` is not a rotation matrix; copy OpenCV's R".into());
         }
         if !apart {
-            return Err("`translation` is zero or not finite; copy OpenCV's t".into());
+            return Err(format!(
+                "`translation` is {:?}; expected finite numbers that are not all zero: copy OpenCV's t",
+                t.as_slice()
+            ));
         }
         // Compute F for pixel centres at integers, then shift by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;

@@ -323,8 +323,10 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
             (None, Some(element)) => (0..captures).map(|k| element.set_at(k).angle).collect(),
             (None, None) => continue,
         };
-        if angles.iter().any(|a| !a.is_finite()) {
-            return Err(format!("an angle of `{name}` is not a finite number"));
+        if let Some(k) = angles.iter().position(|a| !a.is_finite()) {
+            return Err(format!(
+                "the angle of `{name}` at capture {k} (counted from 0) is not a finite number"
+            ));
         }
         out = out.turned(&name, &angles).map_err(|e| e.to_string())?;
     }

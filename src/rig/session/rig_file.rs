@@ -212,7 +212,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             file.stages.contains_key(name) || roles.contains(&(name, true))
         };
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
-            let what = format!("the fault for `{}` at use {} is invalid", odd.instrument, odd.at);
+            let why = if odd.at == 0 { "uses are counted from 1" } else { "the file has no such instrument" };
+            let what = format!("the fault for `{}` at use {} is invalid: {why}", odd.instrument, odd.at);
             let help = "set the name of an instrument of this file, or \"disk\", and a use of at least 1";
             return Err(fault(b.span(), (what, help)));
         }
@@ -361,8 +362,9 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
                 let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
                 // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
-                    let help = "set four rows of four numbers; no element may exceed M00 (the first number) in absolute value";
-                    return Err(("`sample` is not a Mueller matrix".into(), help));
+                    let help = "set four rows of four numbers; M00 (the first number) is at most 1e15, and no element exceeds M00 in \
+                                absolute value";
+                    return Err((format!("`sample` is {rows:?}, not a Mueller matrix"), help));
                 }
                 m
             }
@@ -371,9 +373,11 @@ fn bench(path: &Path, file: &BenchFile, cmos: &Cmos, spad: &Spad) -> Result<Benc
                 (format!("unknown sample `{name}`"), help)
             })?,
         }),
-        _ => {
-            let what = "[bench] must have exactly one of `tensor`, `scene` and `sample`";
-            return Err((what.into(), "set exactly one of `tensor`, `scene` and `sample`"));
+        (tensor, scene, sample) => {
+            let set = [tensor.is_some(), scene.is_some(), sample.is_some()];
+            let count = set.into_iter().filter(|b| *b).count();
+            let what = format!("[bench] has {count} of the keys `tensor`, `scene` and `sample`");
+            return Err((what, "set exactly one of `tensor`, `scene` and `sample`"));
         }
     };
     for fov in [file.camera_fov_deg, file.projector_fov_deg].into_iter().flatten() {

@@ -339,8 +339,13 @@ impl Session<'_> {
         let frame = camera.frame(settings.exposure + self.within)?;
         let name = camera.name().to_owned();
         if frame.region != settings.region || frame.format != settings.format {
-            let what =
-                format!("unexpected frame with region {:?} and format {}", frame.region, frame.format.name());
+            let what = format!(
+                "unexpected frame with region {:?} and format {}; expected region {:?} and format {}",
+                frame.region,
+                frame.format.name(),
+                settings.region,
+                settings.format.name()
+            );
             return Err(Failure::new(Fault::Timeout, &name, what));
         }
         let Some(part) = pixels::unpack(&frame) else {

@@ -38,8 +38,12 @@ impl Simulated<Projector> {
                     p.width, p.height
                 ));
             }
-            if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
-                return Err(format!("pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported"));
+            if self.limits.bits == 1
+                && let Some(grey) = p.pixels.iter().find(|v| **v != 0 && **v != 255)
+            {
+                return Err(format!(
+                    "pattern {i} has a pixel with the value {grey}; only 255 (on) and 0 (off) are supported"
+                ));
             }
         }
         Ok(())

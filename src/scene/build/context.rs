@@ -224,8 +224,12 @@ impl Context {
                     format!("has {} entries in nm and {} in values", nm.len(), values.len())
                 } else if nm.is_empty() {
                     "is empty".to_owned()
+                } else if let Some(bad) = nm.iter().chain(values).find(|v| !v.is_finite()) {
+                    format!("contains {bad}, but all numbers must be finite")
+                } else if let Some(bad) = nm.iter().find(|nm| **nm <= 0.0) {
+                    format!("has the wavelength {bad} nm, but nm must be positive")
                 } else {
-                    "is invalid: nm must be positive and increasing, and all numbers finite".to_owned()
+                    format!("has the wavelengths {nm:?} nm, but nm must be increasing")
                 };
                 return Err(self.error(
                     span,

@@ -50,9 +50,14 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
     };
     match grid {
         Some(grid) => Ok(grid),
+        None if low.cmplt(high).all() => Err(ctx.error(
+            file.span(),
+            "the grid or its transform has zero extent along a direction",
+            "give an extent above 0 along every direction",
+        )),
         None => Err(ctx.error(
             file.span(),
-            "the box of the grid has no volume",
+            format!("the box of the grid is {corners:?}, which has no volume"),
             "give box = [[x, y, z], [x, y, z]] with the minimum corner first",
         )),
     }

@@ -93,7 +93,7 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
     let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));
     if last != [0.0, 0.0, 1.0] || below != 0.0 {
         return error(
-            "opencv_matrix is not a camera matrix".into(),
+            format!("opencv_matrix is {:?}, which is not a camera matrix", **m),
             "write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; some programs write the transposed matrix",
         );
     }
@@ -151,11 +151,11 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
             (opencv(&all), all.to_vec(), "check the signs and the order of k1, k2, k3, p1, p2")
         }
     };
-    let finite = coefficients.iter().all(|c| c.abs() < 1e6);
-    if let (false, Some(at)) = (finite, &span) {
+    let bad = coefficients.iter().find(|c| c.is_nan() || c.abs() >= 1e6);
+    if let (Some(bad), Some(at)) = (bad, &span) {
         return Err(ctx.error(
             at.clone(),
-            "a distortion coefficient is not a finite number below 1e6",
+            format!("the distortion coefficient {bad} is not a number in -1e6..1e6"),
             "copy the coefficients from the calibration",
         ));
     }

@@ -98,11 +98,12 @@ fn spot_slide(ctx: &mut Context, s: &SpotFile, at: Range<usize>) -> Result<Optio
     };
     let cutoff = ctx.number(&s.cutoff_deg, "cutoff_deg of a spot with an image", 0.01..=89.9)?;
     let z = direction(ctx, s.direction, at.clone(), "direction")?;
-    let up = vector(ctx, s.up.unwrap_or([0.0, 1.0, 0.0]), at.clone(), "up")?;
+    let given = s.up.unwrap_or([0.0, 1.0, 0.0]);
+    let up = vector(ctx, given, at.clone(), "up")?;
     let Some(x) = z.cross(up).try_normalize() else {
         return Err(ctx.error(
             at,
-            "the vector `up` is parallel to the direction of the emitter",
+            format!("the vector `up` is {given:?}, which is parallel to the direction of the emitter"),
             "give an `up` vector that is not parallel to the direction",
         ));
     };
@@ -206,7 +207,7 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
     let Some(x) = (zero - z * zero.dot(z)).try_normalize() else {
         return Err(ctx.error(
             at,
-            "the vector `zero` is parallel to the direction of the emitter",
+            format!("the vector `zero` is {:?}, which is parallel to the direction of the emitter", i.zero),
             "set `zero` (the direction of horizontal angle 0) to a vector that is not parallel to the direction",
         ));
     };

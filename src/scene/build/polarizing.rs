@@ -89,10 +89,11 @@ pub(super) fn retarder(
             let waves_per_nm = ctx.wavelengths.map(|nm| (std::f64::consts::TAU / nm) as f32);
             ctx.located(nm, "retardance_nm", 0.0..=100_000.0)? * waves_per_nm
         }
-        _ => {
+        (deg, _) => {
+            let got = if deg.is_some() { "both" } else { "neither" };
             return Err(ctx.error(
                 place.span(),
-                "expected exactly one of retardance_deg and retardance_nm",
+                format!("expected exactly one of retardance_deg and retardance_nm, got {got}"),
                 "give either retardance_deg (90 for a quarter-wave plate) or retardance_nm",
             ));
         }

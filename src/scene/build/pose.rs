@@ -14,10 +14,10 @@ pub(crate) fn vector(
     span: Range<usize>,
     what: &str,
 ) -> Result<Vec3A, InputError> {
-    if v.iter().all(|x| x.abs() <= HUGE) {
+    let Some(bad) = v.iter().find(|x| x.is_nan() || x.abs() > HUGE) else {
         return Ok(DVec3::from_array(v).as_vec3a());
-    }
-    let message = format!("{what} has a component outside the supported range");
+    };
+    let message = format!("{what} has the component {bad}, outside the supported range");
     Err(ctx.error(span, message, "give three numbers in -1e12..1e12; positions are in metres"))
 }
 
@@ -43,9 +43,13 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
             let forward = (DVec3::from_array(l.target) - origin).try_normalize();
             let right = forward.and_then(|f| f.cross(DVec3::from_array(l.up)).try_normalize());
             let (Some(forward), Some(right)) = (forward, right) else {
+                let message = match forward {
+                    None => format!("look_at.target is {:?}, equal to look_at.origin", l.target),
+                    Some(_) => format!("look_at.up is {:?}, parallel to the viewing direction", l.up),
+                };
                 return Err(ctx.error(
                     span,
-                    "look_at does not define a pose",
+                    message,
                     "target must differ from origin, and up must not be parallel to the viewing direction",
                 ));
             };
@@ -63,7 +67,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
             if !rigid {
                 return Err(ctx.error(
                     span,
-                    "the pose matrix does not consist of a rotation and a translation",
+                    format!("the pose matrix {m:?} does not consist of a rotation and a translation"),
                     "give the columns right, down, forward (right-handed unit vectors) and position, with the last row 0 0 0 1",
                 ));
             }
@@ -89,22 +93,24 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
             let v = DVec3::from_array(v);
             DMat3::from_quat(DQuat::from_scaled_axis(v))
         }
-        (None, Some(_)) => {
+        (None, Some(v)) => {
             return Err(error(
-                "rvec is not a valid rotation vector".into(),
-                "give the axis times the angle in radians",
+                format!("rvec is {v:?}, which is not a valid rotation vector"),
+                "give the axis times the angle in radians, with components in -1e3..1e3",
             ));
         }
-        _ => {
+        (r, _) => {
+            let got = if r.is_some() { "both" } else { "neither" };
             return Err(error(
-                "expected exactly one of R and rvec in extrinsics".into(),
+                format!("expected exactly one of R and rvec in extrinsics, got {got}"),
                 "give R (three rows) or rvec (axis times angle in radians)",
             ));
         }
     };
     let ((Some(t), None) | (None, Some(t))) = (e.t, e.tvec) else {
+        let got = if e.t.is_some() { "both" } else { "neither" };
         return Err(error(
-            "expected exactly one of t and tvec in extrinsics".into(),
+            format!("expected exactly one of t and tvec in extrinsics, got {got}"),
             "give t or tvec, in metres",
         ));
     };

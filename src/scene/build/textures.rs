@@ -192,7 +192,7 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
     }
     Err(ctx.error(
         span,
-        "uv contains numbers that are not finite",
+        format!("uv is {rows:?}, which contains numbers that are not finite"),
         "give [[a, b, c], [d, e, f]]: u' = a u + b v + c, v' = d u + e v + f",
     ))
 }

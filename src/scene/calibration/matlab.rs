@@ -36,7 +36,8 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
     if let Some(skew) = get("Skew")
         && skew.number()? != 0.0
     {
-        return Err(skew.error("a skew is not supported", "calibrate without skew (EstimateSkew = false)"));
+        let message = format!("a skew of {} is not supported", skew.number()?);
+        return Err(skew.error(&message, "calibrate without skew (EstimateSkew = false)"));
     }
     let matrix = if let (Some(f), Some(c)) = (get("FocalLength"), get("PrincipalPoint")) {
         let [cx, cy] = c.vector::<2>()?;
@@ -130,8 +131,9 @@ fn pose(
     if let Some(views) = views {
         let one = views.item(view).unwrap_or_else(|| views.clone());
         let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
+            let missing = if one.get("R").is_none() { "R" } else { "Translation" };
             return Err(one.error(
-                "a view has no R or no Translation",
+                &format!("view {view} has no {missing}"),
                 "write the rigidtform3d objects with jsonencode",
             ));
         };

@@ -146,7 +146,7 @@ impl<'a> Node<'a> {
         } else {
             Err(self.error(
                 &format!("invalid image size {w} × {h} pixels"),
-                "pass the size, such as --resolution 640x480",
+                "pass a width and height in 1..32768, such as --resolution 640x480",
             ))
         }
     }

@@ -146,12 +146,13 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
 pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], InputError> {
     if m[2] != [0.0, 0.0, 1.0] || m[1][0] != 0.0 {
         return Err(node.error(
-            "expected a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+            &format!("expected a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {m:?}"),
             "for a transposed matrix of MATLAB, use the key IntrinsicMatrix, which also converts MATLAB's pixel coordinates",
         ));
     }
     if m[0][1] != 0.0 {
-        return Err(node.error("a camera matrix with skew is not supported", "calibrate without skew"));
+        let message = format!("a camera matrix with a skew of {} is not supported", m[0][1]);
+        return Err(node.error(&message, "calibrate without skew"));
     }
     Ok(m)
 }

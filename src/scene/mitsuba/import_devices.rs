@@ -151,7 +151,9 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
     if (lengths[0] / lengths[1] - 1.0).abs() > 1e-4 || (lengths[2] - 1.0).abs() > 1e-4 {
         return importer.error(
             &node.span,
-            "to_world of an orthographic camera has different scales of x and y, or a scale of z",
+            format!(
+                "to_world of an orthographic camera has different scales of x and y, or a scale of z: {lengths:.4?}"
+            ),
             "scale x and y by half of the image width, and do not scale z",
         );
     }
@@ -226,7 +228,10 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     if window[0] + window[2] > size[0] || window[1] + window[3] > size[1] {
         return importer.error(
             &node.span,
-            "the crop window extends beyond the film",
+            format!(
+                "the crop window of {} × {} pixels at ({}, {}) extends beyond the film of {} × {} pixels",
+                window[2], window[3], window[0], window[1], size[0], size[1]
+            ),
             "keep crop offset plus crop size within width and height",
         );
     }
@@ -318,7 +323,10 @@ pub(super) fn integrator<'a>(
                 if next.is_none() {
                     return importer.error(
                         &node.span,
-                        format!("the integrator {} contains no integrator, so it renders no light", node.kind),
+                        format!(
+                            "the integrator {} contains no nested integrator, so it renders no light",
+                            node.kind
+                        ),
                         "nest <integrator type=\"path\">; to write depths, normals and positions, use `sunstone layers`",
                     );
                 }
@@ -475,10 +483,12 @@ pub(super) fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputEr
 fn posed(importer: &Importer, node: &Node, place: DAffine3) -> Result<PoseFile, InputError> {
     let m = place.matrix3;
     let lengths = [m.x_axis, m.y_axis, m.z_axis].map(|c| (c.length() - 1.0).abs());
-    if lengths.iter().any(|l| *l > 1e-4) || m.determinant() < 0.0 {
+    let is_scaled = lengths.iter().any(|l| *l > 1e-4);
+    if is_scaled || m.determinant() < 0.0 {
+        let what = if is_scaled { "scale" } else { "reflection" };
         return importer.error(
             &node.span,
-            format!("to_world of {} `{}` contains a scale or a reflection", node.tag, node.kind),
+            format!("to_world of {} `{}` contains a {what}", node.tag, node.kind),
             "use only lookat, rotate and translate",
         );
     }

@@ -292,7 +292,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
             return importer.error(
                 &node.span,
-                "a projector without an image must be square",
+                format!("a projector without an image cannot have {w} × {h} pixels"),
                 "set projector_resolution to two equal integers in 1..32768",
             );
         }

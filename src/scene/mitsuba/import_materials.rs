@@ -441,7 +441,10 @@ fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError
     {
         return importer.error(
             &node.span,
-            format!("the bsdf evaluates the table only at {nm} nm, but the scene has other wavelengths"),
+            format!(
+                "the bsdf evaluates the table only at {nm} nm, but the scene has the wavelengths {:?} nm",
+                importer.wavelengths
+            ),
             "remove `wavelength`, or set the scene's wavelength: -D wavelengths_nm=…",
         );
     }

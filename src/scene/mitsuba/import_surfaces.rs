@@ -164,10 +164,11 @@ pub(super) fn facets<'a>(
             let [u, v] = ["alpha_u", "alpha_v"].map(|name| number(importer, name, None));
             round(importer, node, u?, v?)?
         }
-        _ => {
+        (has_u, _) => {
+            let [given, missing] = if has_u { ["alpha_u", "alpha_v"] } else { ["alpha_v", "alpha_u"] };
             return importer.error(
                 &node.span,
-                "alpha_u and alpha_v must be given together",
+                format!("{given} is given without {missing}"),
                 "give both, or only alpha",
             );
         }

@@ -212,9 +212,15 @@ impl<'a> Importer<'a> {
         match self.resolve(child)? {
             inner if is_spectrum(inner) => match self.spectrum_plugin(inner)? {
                 SpectrumFile::Scalar(v) => Ok(Some(v)),
-                _ => self.error(&inner.span, format!("`{name}` must be a single number"), "give a <float>"),
+                _ => {
+                    let message = format!("`{name}` must be a single number, got a spectrum");
+                    self.error(&inner.span, message, "give a <float>")
+                }
             },
-            inner => self.error(&inner.span, format!("`{name}` must be a single number"), "give a <float>"),
+            inner => {
+                let message = format!("`{name}` must be a single number, got {} `{}`", inner.tag, inner.kind);
+                self.error(&inner.span, message, "give a <float>")
+            }
         }
     }
 
@@ -269,7 +275,7 @@ impl<'a> Importer<'a> {
             numbers(text).ok_or_else(|| {
                 self.source.error(
                     &node.span,
-                    format!("`{name}` is not a list of numbers"),
+                    format!("`{name}` is `{text}`, which is not a list of numbers"),
                     "give numbers separated by commas or spaces",
                 )
             })
@@ -283,8 +289,9 @@ impl<'a> Importer<'a> {
                         format!("the spectrum has {} wavelengths and {} values", nm.len(), values.len());
                     return self.error(&node.span, message, "give one value per wavelength");
                 }
-                if !nm.is_sorted_by(|a, b| a < b) {
-                    let message = "the wavelengths of the spectrum do not increase";
+                if let Some(w) = nm.windows(2).find(|w| !w.is_sorted_by(|a, b| a < b)) {
+                    let message =
+                        format!("the wavelengths of the spectrum do not increase: {} nm, {} nm", w[0], w[1]);
                     return self.error(&node.span, message, "give increasing wavelengths");
                 }
                 let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();

@@ -435,7 +435,14 @@ impl<'s> Reader<'s> {
         let pairs: Option<Vec<[f64; 2]>> = lines.filter(|l| !l.is_empty()).map(pair).collect();
         match pairs {
             Some(pairs) if !pairs.is_empty() && pairs.is_sorted_by(|a, b| a[0] < b[0]) => Ok(pairs),
-            _ => Err(wrong(format!("{} is not a spectrum file", path.display()))),
+            Some(pairs) if pairs.is_empty() => {
+                Err(wrong(format!("the spectrum file {} contains no values", path.display())))
+            }
+            Some(_) => Err(wrong(format!("the wavelengths of {} do not increase", path.display()))),
+            None => Err(wrong(format!(
+                "{} is not a spectrum file: a line does not contain exactly two numbers",
+                path.display()
+            ))),
         }
     }
 
@@ -471,15 +478,15 @@ impl<'s> Reader<'s> {
             }
             "rotate" => {
                 self.only(op, &["x", "y", "z", "value", "angle"])?;
-                let angle = self.needed(op, "angle")?;
+                let text = self.needed(op, "angle")?;
                 let axis = self.xyz(op, Some(0.0))?;
-                let Some(angle) = number(&angle).filter(|_| axis != DVec3::ZERO) else {
-                    return wrong(
-                        self,
-                        "the rotation has no axis or an invalid angle",
-                        "give x, y, z and angle",
-                    );
+                let Some(angle) = number(&text) else {
+                    let message = format!("the angle of the rotation is `{text}`, which is not a number");
+                    return wrong(self, &message, "give the angle in degrees");
                 };
+                if axis == DVec3::ZERO {
+                    return wrong(self, "the rotation has no axis: x, y and z are 0", "give x, y and z");
+                }
                 if (axis.length() - 1.0).abs() > 1e-4 {
                     self.note(
                         "the axis of a <rotate> is not a unit vector: the transform contains scale and shear, as in Mitsuba 3",
@@ -508,7 +515,10 @@ impl<'s> Reader<'s> {
                 let (Some(forward), Some(left)) = (forward, left) else {
                     return wrong(
                         self,
-                        "lookat does not define a pose",
+                        match forward {
+                            None => "the target of lookat is equal to the origin",
+                            Some(_) => "the vector up of lookat is parallel to the viewing direction",
+                        },
                         "target must differ from origin, and up must not be parallel to the viewing direction",
                     );
                 };

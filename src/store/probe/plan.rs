@@ -248,7 +248,8 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             let (a, b) = (axis.coords[0], axis.coords[n - 1]);
             let units = Some(axis.kind.units()).filter(|units| *units != "1");
             let units = units.map_or(String::new(), |units| format!(" {units}"));
-            format!("the value is outside the range {a} to {b}{units}")
+            let asked = if from == to { from.to_string() } else { format!("{from}:{to}") };
+            format!("the value {asked} is outside the range {a} to {b}{units}")
         };
         ProbeError::Selection { axis: axis.kind.name(), reason }
     };

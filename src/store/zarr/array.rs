@@ -75,7 +75,10 @@ impl Array {
             }
         }
         if json["zarr_format"] != 3 || json["node_type"] != "array" {
-            return Err("the metadata does not describe an array of Zarr format 3".into());
+            return Err(format!(
+                "the metadata does not describe an array of Zarr format 3: `zarr_format` is {} and `node_type` is {}",
+                json["zarr_format"], json["node_type"]
+            ));
         }
         if name(&json["data_type"]) != Some(data_type) {
             return Err(format!("the data type is {}, expected {data_type}", json["data_type"]));
@@ -91,7 +94,9 @@ impl Array {
         let grid = Some(&json["chunk_grid"]).filter(|grid| name(grid) == Some("regular"));
         let stored = grid.and_then(|grid| lengths(&grid["configuration"]["chunk_shape"]));
         let stored = stored.filter(|stored| stored.len() == shape.len());
-        let stored = stored.ok_or("the chunk grid must be regular and match the dimensions")?;
+        let stored = stored.ok_or_else(|| {
+            format!("the chunk grid must be regular and match the dimensions, got {}", json["chunk_grid"])
+        })?;
         let (coding, inner) = coding::of(&json["codecs"])?;
         let names = match json.get("dimension_names").and_then(Value::as_array) {
             None => vec![String::new(); shape.len()],
@@ -108,7 +113,7 @@ impl Array {
         let (beginning, usual) = match name(keys) {
             Some("default") => ("c", '/'),
             Some("v2") => ("", '.'),
-            _ => return Err("the chunk key encoding must be `default` or `v2`".into()),
+            _ => return Err(format!("the chunk key encoding must be `default` or `v2`, got {keys}")),
         };
         let separator = match keys["configuration"]["separator"].as_str() {
             None => usual,

@@ -41,10 +41,12 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
         }
         for axis in &layout.axes {
             if axis.is_empty() {
-                return Err(fault("an axis has no entries: keep at least one entry"));
+                let name = axis.kind.name();
+                return Err(fault(&format!("axis `{name}` has no entries: keep at least one entry")));
             }
             if axis.chunk == 0 {
-                return Err(fault("the chunk length of an axis is 0: use at least 1"));
+                let name = axis.kind.name();
+                return Err(fault(&format!("the chunk length of axis `{name}` is 0: use at least 1")));
             }
             if let Some(reason) = check::coordinates_fault(axis) {
                 return Err(fault(&format!("axis `{}`: {reason}", axis.kind.name())));

@@ -46,15 +46,16 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let (axis, (start, bin)) = match (axis, layout.time) {
         (None, None) => return None,
         (Some(axis), Some(time)) => (axis, time),
-        _ => {
-            return Some(
-                "axis `t` and attributes `time_start_ps` and `time_bin_ps` must occur together".into(),
-            );
+        (Some(_), None) => {
+            return Some("axis `t` requires the attributes `time_start_ps` and `time_bin_ps`".into());
+        }
+        (None, Some(_)) => {
+            return Some("the attributes `time_start_ps` and `time_bin_ps` require axis `t`".into());
         }
     };
     if !(start.is_finite() && bin.is_finite() && bin > 0.0) {
         return Some(format!(
-            "time bins of {bin} ps from {start} ps are invalid: `time_bin_ps` must be positive"
+            "time bins of {bin} ps from {start} ps are invalid: both numbers must be finite, and `time_bin_ps` positive"
         ));
     }
     // If a slice keeps only some of the bins, the start of the bins is a sum with rounding error.
@@ -156,8 +157,8 @@ const OF_SLICES: [(&str, Form); 4] = [
 /// Returns the fault in the attributes of the root group, if any.
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
-    if part.is_some_and(|value| Part::from_json(value).is_none()) {
-        return Some(format!("attribute `{}` is not a valid part of a render", part::ATTRIBUTE));
+    if let Some(value) = part.filter(|value| Part::from_json(value).is_none()) {
+        return Some(format!("attribute `{}` is {value}, not a valid part of a render", part::ATTRIBUTE));
     }
     attributes_fault(attributes, &OF_ROOT)
 }

@@ -130,7 +130,10 @@ impl<T: Number> ChunkedArray<T> {
             && chunk.iter().zip(&array.shape).all(|(c, n)| (1..=*n).contains(c))
             && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
         if !inside {
-            return Err("the chunk grid must be regular, with chunks within the shape of the array".into());
+            return Err(format!(
+                "the chunks have shape {chunk:?}; expected chunks within the shape {:?} of the array, of at most {MAX_CHUNK} elements",
+                array.shape
+            ));
         }
         Ok(Self {
             storage: storage.clone(),

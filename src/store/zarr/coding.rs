@@ -132,12 +132,10 @@ fn names(codecs: &Value) -> Vec<&str> {
 /// machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") { "big" } else { "little" };
-    match codecs[0]["configuration"]["endian"].as_str() {
+    let endian = &codecs[0]["configuration"]["endian"];
+    match endian.as_str() {
         Some(endian @ ("little" | "big")) => Ok(endian != ours),
-        _ => Err(
-            "the configuration of the codec `bytes` has no valid `endian`, expected \"little\" or \"big\""
-                .into(),
-        ),
+        _ => Err(format!("`endian` of the codec `bytes` is {endian}, expected \"little\" or \"big\"")),
     }
 }
 

@@ -241,18 +241,22 @@ impl FrameStore {
         let damaged = |reason: &str| OpenError::Damaged { path: place.to_owned(), reason: reason.into() };
         let run_axes = group["attributes"]["run_axes"].as_u64().unwrap_or(u64::MAX) as usize;
         if run_axes > shape.len() {
-            return Err(damaged("`run_axes` exceeds the number of axes"));
+            let (found, most) = (&group["attributes"]["run_axes"], shape.len());
+            return Err(damaged(&format!(
+                "`run_axes` is {found}, expected at most {most}, the number of axes"
+            )));
         }
         let mut axes = vec![];
         for (name, n) in names.iter().zip(shape) {
             if describe::name_fault(name).is_some() {
-                return Err(damaged("an axis of the frames has no valid name"));
+                return Err(damaged(&format!("{name:?} is not a valid name of an axis")));
             }
             let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
             if array.shape() != [*n] {
-                return Err(damaged(
-                    "the number of coordinates of an axis differs from the length of the axis",
-                ));
+                let found = array.shape();
+                return Err(damaged(&format!(
+                    "the coordinates of axis `{name}` have shape {found:?}, expected [{n}]"
+                )));
             }
             let json = description::read_json(&array.path.join("zarr.json"))?;
             axes.push(FrameAxis {

@@ -42,7 +42,10 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, Fault> {
                     None => (inside.as_str(), None),
                     Some((name, digits)) => match digits.parse() {
                         Ok(n) if n <= 12_usize => (name, Some(n)),
-                        _ => return Err(fault("the number of digits must be 0 to 12")),
+                        _ => {
+                            let message = format!("the number of digits must be 0 to 12, got `{digits}`");
+                            return Err(fault(&message));
+                        }
                     },
                 };
                 out.push(Piece::Text(std::mem::take(&mut text)));

@@ -74,8 +74,11 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &Application) -> Resu
             let range = links::captures(text).map_err(|e| (e, help.to_owned()))?;
             Ok(Links::Few(chain, range))
         }
-        _ => fault(
-            "a view of curves needs exactly one of `sweep` and `captures`".into(),
+        (sweep, _) => fault(
+            format!(
+                "a view of curves needs exactly one of `sweep` and `captures`, got {}",
+                if sweep.is_some() { "both" } else { "neither" }
+            ),
             "set sweep = \"photons=30,300,3000\" or captures = \"1-8\"",
         ),
     }

@@ -237,15 +237,16 @@ impl Source {
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
         let arrow = Arrow { from: at.from, to: at.to, ink: self.ink(at, &at.colour)? };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
-        let refuse = |message: &str| {
+        let refuse = |message: String| {
             let help = "set `from` and `to` to different points [x, y], in fractions of the image, 0 to 1";
             Err(self.error(at, message, help))
         };
         if !near(arrow.from) || !near(arrow.to) {
-            return refuse("an end of the arrow is far outside the image");
+            let (from, to) = (arrow.from, arrow.to);
+            return refuse(format!("an end of the arrow is far outside the image: from {from:?} to {to:?}"));
         }
         if arrow.from == arrow.to {
-            return refuse("the arrow has no length, because both ends are equal");
+            return refuse(format!("the arrow has no length, because both ends are {:?}", arrow.to));
         }
         Ok(arrow)
     }

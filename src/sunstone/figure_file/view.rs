@@ -108,7 +108,7 @@ fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), St
     if low < high && (high - low).is_finite() {
         Ok((quantity, name, Scale::Linear { low, high }))
     } else {
-        Err("`limits` must be [low, high], where low is smaller than high".into())
+        Err(format!("`limits` is [{low}, {high}]; expected [low, high], where low is smaller than high"))
     }
 }
 

@@ -148,7 +148,7 @@ impl Text<'_> {
             // Larger angles lose precision, and all other valid numbers are smaller.
             Some(v) if !(-LARGEST..=LARGEST).contains(&**v) => Err(self.error(
                 Some(v.span()),
-                format!("`{name}` is not a number from -1e6 to 1e6"),
+                format!("`{name}` is {}", **v),
                 "set a number from -1e6 to 1e6",
             )),
             Some(v) => Ok(**v),
@@ -262,7 +262,7 @@ impl Text<'_> {
                 if let Some(v) = offsets.filter(|v| !v.iter().all(|v| v.abs() <= LARGEST)) {
                     return Err(self.error(
                         Some(v.span()),
-                        "an offset is not a number from -1e6 to 1e6".to_owned(),
+                        format!("`axis_offsets_deg` is {:?}; expected numbers from -1e6 to 1e6", **v),
                         "set four offsets in degrees, for the polarizers at 0°, 45°, 90° and 135°",
                     ));
                 }

@@ -51,11 +51,12 @@ pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
             }
         }
     }
+    let missing = columns.iter().position(Option::is_none).map_or("", |i| COLUMNS[i]);
     let [p1, r2, r3, p4, d2, d3] = columns;
     let (Some(p1), Some(r2), Some(r3)) = (p1, r2, r3) else {
         return Err(place.error(
             Some(0..0),
-            "a column is missing: polarizer_1, retarder_2 and retarder_3 are required".to_owned(),
+            format!("column `{missing}` is missing: polarizer_1, retarder_2 and retarder_3 are required"),
             help,
         ));
     };

@@ -52,7 +52,9 @@ fn rgb(path: &Path) -> Result<Vec<u8>, String> {
     let [w, h] = SIZE;
     if !known || (info.width, info.height) != (w, h) {
         return Err(format!(
-            "expected an RGB image of {w} x {h} pixels with 8 bits per channel; create the image with `sunstone rig flash`"
+            "expected an RGB image of {w} x {h} pixels with 8 bits per channel, got {:?} of {} x {} pixels with {} bits; create the \
+             image with `sunstone rig flash`",
+            info.color_type, info.width, info.height, info.bit_depth as u8
         ));
     }
     let mut bytes = vec![0; 3 * w as usize * h as usize];

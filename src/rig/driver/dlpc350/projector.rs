@@ -61,9 +61,11 @@ impl Dlpc350 {
         period: Duration,
     ) -> Result<Self, Failure> {
         let limit = |what: String| Err(Failure::new(Fault::Limit, name, what));
-        if flash.0.len() > IMAGES || flash.0.iter().any(|i| i.len() > PLANES) {
+        let (images, planes) = (flash.0.len(), flash.0.iter().map(Vec::len).max().unwrap_or(0));
+        if images > IMAGES || planes > PLANES {
             return limit(format!(
-                "the flash memory holds at most {IMAGES} images of {PLANES} planes; list fewer images in `flash`"
+                "got {images} images of up to {planes} planes, but the flash memory holds at most {IMAGES} images of {PLANES} \
+                 planes; list fewer images in `flash`"
             ));
         }
         if flash.0.iter().flatten().any(|p| !fits(p)) {
@@ -321,7 +323,12 @@ impl PatternProjector for Dlpc350 {
         for (i, pattern) in patterns.iter().enumerate() {
             if !fits(pattern) {
                 let [w, h] = SIZE;
-                return limit(format!("pattern {i} must have {w} x {h} pixels with values 0 or 255"));
+                let grey = pattern.pixels.iter().find(|v| !matches!(v, 0 | 255));
+                let grey = grey.map_or(String::new(), |v| format!(" and the value {v}"));
+                return limit(format!(
+                    "pattern {i} must have {w} x {h} pixels with values 0 or 255, got {} x {} pixels{grey}",
+                    pattern.width, pattern.height
+                ));
             }
             match self.find(pattern) {
                 Some(place) => places.push(place),

@@ -135,9 +135,12 @@ impl LaserTable {
                 return Err(format!("`nominal_power` is {p}; expected a finite number above 0"));
             }
             _ => {
-                return Err(
-                    "only one of `ask_power` and `nominal_power` is set; set both, or remove both".into()
-                );
+                let mut keys = ["ask_power", "nominal_power"];
+                if self.ask_power.is_none() {
+                    keys.reverse();
+                }
+                let [set, missing] = keys;
+                return Err(format!("`{set}` is set, but `{missing}` is missing; set both, or remove both"));
             }
         }
         let optional = [&self.set_rate, &self.ask_rate, &self.ask_power, &self.ask_interlock];

@@ -89,7 +89,7 @@ impl Talk {
             }
             looked = self.held.len();
             if looked > LONGEST {
-                return Err(self.nonsense(question, "a reply that exceeds the maximum length"));
+                return Err(self.nonsense(question, &format!("a reply of more than {LONGEST} bytes")));
             }
             self.more(question, until)?;
         };

@@ -64,13 +64,13 @@ impl Th260Settings {
             }
         }
         if !(-40..=0).contains(&self.zero_cross_mv) {
-            return Err("`zero_cross_mv` must be from -40 to 0".into());
+            return Err(format!("`zero_cross_mv` must be from -40 to 0, got {}", self.zero_cross_mv));
         }
         if ![1, 2, 4, 8].contains(&self.sync_divider) {
-            return Err("`sync_divider` must be 1, 2, 4 or 8".into());
+            return Err(format!("`sync_divider` must be 1, 2, 4 or 8, got {}", self.sync_divider));
         }
         if !(0..2).contains(&self.channel) {
-            return Err("`channel` must be 0 or 1".into());
+            return Err(format!("`channel` must be 0 or 1, got {}", self.channel));
         }
         Ok(())
     }
