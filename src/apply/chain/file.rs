@@ -199,7 +199,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
                 [("axis_error_deg", t.axis_error_deg), ("retardance_error_deg", t.retardance_error_deg)];
             if let Some((name, v)) = errors.into_iter().find(|(_, v)| !(0.0..=90.0).contains(v)) {
                 let help = "set both errors to values from 0 to 90 degrees";
-                return Err(fault(span, format!("`{name}` is {v}"), help));
+                return Err(fault(span, format!("`{name}` is {v}, outside 0 to 90 degrees"), help));
             }
             if !(0.0..=1.0).contains(&t.extinction) {
                 let message = format!("`extinction` is {}", t.extinction);

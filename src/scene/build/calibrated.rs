@@ -210,7 +210,11 @@ mod tests {
             (same, ["[camera]", "[photo]"], "c.toml:1:2: unknown field `photo`"),
             (same, [&camera, ""], "s.toml:2:15: sub/c.toml has no [camera]"),
             (same, [&projector, ""], "s.toml:5:15: sub/c.toml has no [projector]"),
-            (same, ["[0, 9.25", "[1, 9.25"], "c.toml:3:17: opencv_matrix is not a camera matrix"),
+            (
+                same,
+                ["[0, 9.25", "[1, 9.25"],
+                "c.toml:3:17: opencv_matrix is [[9.5, 0.0, 3.25], [1.0, 9.25, 2.5], [0.0, 0.0, 1.0]], which is not a camera matrix",
+            ),
             (
                 same,
                 ["resolution = [8, 6]", "calibration = \"d.toml\""],
