@@ -85,8 +85,7 @@ pub struct SchemeResult {
     pub captures: usize,
     /// Rank of the design matrix. The rank is the smallest rank of all wavelengths.
     pub rank: usize,
-    /// Condition number of the design matrix. The number is the largest of all wavelengths, and is infinite
-    /// below rank 16.
+    /// Condition number of the design matrix: the maximum over all wavelengths, or infinity below rank 16.
     pub condition: f64,
     pub estimate: EstimateKind,
     /// RMSE divided by the mean T00, for normal noise and rank 16. The value is computed from the closed form
