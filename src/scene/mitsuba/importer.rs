@@ -7,6 +7,7 @@ use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
 use base::locate::{InputError, Located};
 use std::cell::Cell;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -209,19 +210,14 @@ impl<'a> Importer<'a> {
         let Some(child) = node.named(name) else {
             return Ok(None);
         };
-        match self.resolve(child)? {
-            inner if is_spectrum(inner) => match self.spectrum_plugin(inner)? {
-                SpectrumFile::Scalar(v) => Ok(Some(v)),
-                _ => {
-                    let message = format!("`{name}` must be a single number, got a spectrum");
-                    self.error(&inner.span, message, "give a <float>")
-                }
-            },
-            inner => {
-                let message = format!("`{name}` must be a single number, got {} `{}`", inner.tag, inner.kind);
-                self.error(&inner.span, message, "give a <float>")
-            }
+        let inner = self.resolve(child)?;
+        if is_spectrum(inner)
+            && let SpectrumFile::Scalar(v) = self.spectrum_plugin(inner)?
+        {
+            return Ok(Some(v));
         }
+        let message = format!("`{name}` must be a single number, got {} `{}`", inner.tag, inner.kind);
+        self.error(&inner.span, message, "give a <float>")
     }
 
     /// Converts wavelength–value pairs to a table. Outside the range of the pairs, Mitsuba's spectra are zero
@@ -289,9 +285,9 @@ impl<'a> Importer<'a> {
                         format!("the spectrum has {} wavelengths and {} values", nm.len(), values.len());
                     return self.error(&node.span, message, "give one value per wavelength");
                 }
-                if let Some(w) = nm.windows(2).find(|w| !w.is_sorted_by(|a, b| a < b)) {
-                    let message =
-                        format!("the wavelengths of the spectrum do not increase: {} nm, {} nm", w[0], w[1]);
+                let mut steps = nm.iter().zip(nm.iter().skip(1));
+                if let Some((a, b)) = steps.find(|(a, b)| a.partial_cmp(b).is_none_or(Ordering::is_ge)) {
+                    let message = format!("the wavelengths of the spectrum do not increase: {a} nm, {b} nm");
                     return self.error(&node.span, message, "give increasing wavelengths");
                 }
                 let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
