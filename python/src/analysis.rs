@@ -20,6 +20,16 @@ pub enum Either<'py> {
     Double(PyReadonlyArrayDyn<'py, f64>),
 }
 
+impl Either<'_> {
+    /// Returns NumPy's name of the dtype.
+    pub fn dtype(&self) -> &'static str {
+        match self {
+            Self::Single(_) => "float32",
+            Self::Double(_) => "float64",
+        }
+    }
+}
+
 /// Returns the values of a contiguous array. The Python package always passes contiguous arrays.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
     a.as_slice().map_err(|_| {
@@ -41,13 +51,11 @@ pub fn decompose<'py>(
         (Either::Double(m), None) => all(py, &m, None, &only),
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
-        (m, _) => {
-            let is_single = matches!(m, Either::Single(_));
-            let [m, e] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
-            bail!(
-                "std_error: the dtype of std_error is {e}, but the dtype of the matrices is {m}; pass both arrays with one dtype"
-            );
-        }
+        (m, Some(e)) => bail!(
+            "std_error: the dtype of std_error is {}, but the dtype of the matrices is {}; pass both arrays with one dtype",
+            e.dtype(),
+            m.dtype()
+        ),
     }
 }
 

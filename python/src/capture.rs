@@ -218,13 +218,11 @@ pub fn reconstruct<'py>(
         (Either::Double(i), Some(Either::Double(v))) => {
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
-        (i, _) => {
-            let is_single = matches!(i, Either::Single(_));
-            let [i, v] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
-            bail!(
-                "variance: the dtype of the variance is {v}, but the dtype of the intensities is {i}; pass both arrays with one dtype"
-            );
-        }
+        (i, Some(v)) => bail!(
+            "variance: the dtype of the variance is {}, but the dtype of the intensities is {}; pass both arrays with one dtype",
+            v.dtype(),
+            i.dtype()
+        ),
     }
 }
 

@@ -58,13 +58,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Single(m), Some(Values::Single(e))) => arrays(a, shape, m, Some(e), Values::Single),
         (Values::Double(m), None) => arrays(a, shape, m, None, Values::Double),
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
-        _ => {
-            let is_single = matches!(values, Values::Single(_));
-            let [m, e] = if is_single { ["float32", "float64"] } else { ["float64", "float32"] };
-            bail!(
-                "--errors: the dtype of the errors is {e}, but the dtype of the matrices is {m}; save both arrays with one dtype"
-            );
-        }
+        (m, Some(e)) => bail!(
+            "--errors: the dtype of the errors is {}, but the dtype of the matrices is {}; save both arrays with one dtype",
+            e.dtype(),
+            m.dtype()
+        ),
     };
     if missing == all {
         bail!(

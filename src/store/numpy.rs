@@ -20,6 +20,16 @@ pub enum Values {
     Double(Vec<f64>),
 }
 
+impl Values {
+    /// Returns NumPy's name of the dtype.
+    pub fn dtype(&self) -> &'static str {
+        match self {
+            Self::Single(_) => "float32",
+            Self::Double(_) => "float64",
+        }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct NumpyArray {
     pub shape: Vec<usize>,
