@@ -38,6 +38,32 @@ impl ProjectorLimits {
         }
         Err(format!("{patterns} patterns exceed the limit of {} patterns", self.patterns))
     }
+
+    /// Checks the size of patterns and, for a binary projector, their values.
+    ///
+    /// # Errors
+    /// Returns a message about the first pattern that the projector cannot show.
+    pub fn check_pixels(&self, patterns: &[Pattern]) -> Result<(), String> {
+        let [width, height] = self.size;
+        for (i, p) in patterns.iter().enumerate() {
+            let whole = p.pixels.len() == width as usize * height as usize;
+            if [p.width, p.height] != self.size || !whole {
+                return Err(format!(
+                    "pattern {i} has {} x {} pixels, but the projector has {width} x {height} pixels; use patterns of the projector's \
+                     size",
+                    p.width, p.height
+                ));
+            }
+            if self.bits == 1
+                && let Some(grey) = p.pixels.iter().find(|v| **v != 0 && **v != 255)
+            {
+                return Err(format!(
+                    "pattern {i} has a pixel with the value {grey}; only 255 (on) and 0 (off) are supported"
+                ));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Returns the entry with index `pattern`, counted from 0, of a projector's list of loaded patterns.

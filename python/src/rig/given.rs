@@ -144,7 +144,6 @@ impl PatternProjector for Projector {
     }
 
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
-        let [width, height] = self.limits.size;
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
         if patterns.len() > self.limits.patterns {
             let most = self.limits.patterns;
@@ -153,22 +152,8 @@ impl PatternProjector for Projector {
                 patterns.len()
             ));
         }
-        for (i, p) in patterns.iter().enumerate() {
-            if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
-                let what = format!(
-                    "pattern {i} has {} x {} pixels, but the projector has {width} x {height} pixels; use patterns of the projector's \
-                     size",
-                    p.width, p.height
-                );
-                return limit(what);
-            }
-            if self.limits.bits == 1
-                && let Some(grey) = p.pixels.iter().find(|v| **v != 0 && **v != 255)
-            {
-                return limit(format!(
-                    "pattern {i} has a pixel with the value {grey}; only 255 (on) and 0 (off) are supported"
-                ));
-            }
+        if let Err(what) = self.limits.check_pixels(patterns) {
+            return limit(what);
         }
         self.state = 0;
         let arrays = Python::attach(|py| of_patterns(py, patterns).map(Bound::unbind));

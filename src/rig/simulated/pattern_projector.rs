@@ -28,25 +28,7 @@ impl Simulated<Projector> {
 
     fn check(&self, patterns: &[Pattern]) -> Result<(), String> {
         self.limits.check(patterns.len())?;
-        let [width, height] = self.limits.size;
-        for (i, p) in patterns.iter().enumerate() {
-            let whole = p.pixels.len() == width as usize * height as usize;
-            if [p.width, p.height] != self.limits.size || !whole {
-                return Err(format!(
-                    "pattern {i} has {} x {} pixels, but the projector has {width} x {height} pixels; use patterns of the projector's \
-                     size",
-                    p.width, p.height
-                ));
-            }
-            if self.limits.bits == 1
-                && let Some(grey) = p.pixels.iter().find(|v| **v != 0 && **v != 255)
-            {
-                return Err(format!(
-                    "pattern {i} has a pixel with the value {grey}; only 255 (on) and 0 (off) are supported"
-                ));
-            }
-        }
-        Ok(())
+        self.limits.check_pixels(patterns)
     }
 }
 
