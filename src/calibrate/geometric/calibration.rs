@@ -150,6 +150,19 @@ impl DeviceTable {
         (off < 1e-6 && rotation.determinant() > 0.0 && translation.iter().all(|x| x.is_finite()))
             .then_some(Pose { rotation, translation })
     }
+
+    /// Returns the device and its pose. `name` is the name of this table in the file.
+    ///
+    /// # Errors
+    /// Returns a message that names the table if [`Self::device`] or [`Self::pose`] returns `None`.
+    pub fn checked(&self, name: &str) -> Result<(Device, Pose), String> {
+        let device = self.device().ok_or_else(|| {
+            format!("the resolution, the matrix or the distortion coefficients of [{name}] are invalid")
+        })?;
+        let pose = self.pose();
+        let pose = pose.ok_or_else(|| format!("the pose of [{name}] is not a rotation and a translation"))?;
+        Ok((device, pose))
+    }
 }
 
 fn six(c: &nalgebra::Matrix6<f64>) -> [f64; 6] {
@@ -243,17 +256,11 @@ impl Calibration {
         let text = document::read(path, "calibration", fix)?;
         let calibration: Self = calibration_file::parse(path, &text, fix)?;
         let tables = [("camera", Some(&calibration.camera)), ("projector", calibration.projector.as_ref())];
-        for (name, table) in tables.into_iter().filter_map(|(name, table)| Some((name, table?))) {
-            let message = if table.device().is_none() {
-                format!("the resolution, the matrix or the distortion coefficients of [{name}] are invalid")
-            } else if table.pose().is_none() {
-                format!("the pose of [{name}] is not a rotation and a translation")
-            } else {
-                continue;
-            };
-            return Err(InputError::new(path, text, None, message, fix));
+        let fault = tables.into_iter().find_map(|(name, table)| table?.checked(name).err());
+        match fault {
+            Some(message) => Err(InputError::new(path, text, None, message, fix)),
+            None => Ok(calibration),
         }
-        Ok(calibration)
     }
 }
 

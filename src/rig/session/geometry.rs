@@ -15,6 +15,7 @@
 
 use super::masks::Epipolar;
 use crate::calibrate::geometric::calibration::DeviceTable;
+use crate::calibrate::geometric::pose::Pose;
 use glam::DVec2;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::distortion::Distortion;
@@ -80,16 +81,14 @@ impl Lens {
         Ok(Self { matrix, inverse, distortion })
     }
 
-    /// Creates a lens from a calibration table.
-    fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
-        let device = table.device().ok_or_else(|| {
-            format!("the resolution, the matrix or the distortion coefficients of [{name}] are invalid")
-        })?;
+    /// Creates a lens, and the pose from world to device, from a calibration table.
+    fn calibrated(table: &DeviceTable, name: &str) -> Result<(Self, Pose), String> {
+        let (device, pose) = table.checked(name)?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
             None => Opencv::from_list(&device.coefficients).into(),
         };
-        Self::of(table.opencv_matrix, distortion, name)
+        Ok((Self::of(table.opencv_matrix, distortion, name)?, pose))
     }
 
     /// Maps a pixel coordinate to the coordinate for a lens without distortion. The centre of the first pixel
@@ -130,10 +129,8 @@ impl Geometry {
 
     /// Creates a geometry from calibration tables. The tables' common frame is arbitrary.
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
-        let lenses = (Lens::calibrated(camera, "camera")?, Lens::calibrated(projector, "projector")?);
-        let fault = |name: &str| format!("the pose of [{name}] is not a rotation and a translation");
-        let from = camera.pose().ok_or_else(|| fault("camera"))?;
-        let to = projector.pose().ok_or_else(|| fault("projector"))?;
+        let (camera, from) = Lens::calibrated(camera, "camera")?;
+        let (projector, to) = Lens::calibrated(projector, "projector")?;
         let between = to.after(&from.inverse());
         // A distance below one nanometer is due to rounding errors.
         if between.translation.norm() < 1e-9 {
@@ -141,7 +138,7 @@ impl Geometry {
                 "camera and projector have the same position; calibrate them at their real positions".into(),
             );
         }
-        Self::between(lenses.0, lenses.1, between.rotation, between.translation)
+        Self::between(camera, projector, between.rotation, between.translation)
     }
 
     fn between(camera: Lens, projector: Lens, r: Matrix3<f64>, t: Vector3<f64>) -> Result<Self, String> {
