@@ -134,13 +134,15 @@ impl LaserTable {
             (Some(_), Some(p)) => {
                 return Err(format!("`nominal_power` is {p}; expected a finite number above 0"));
             }
-            _ => {
-                let mut keys = ["ask_power", "nominal_power"];
-                if self.ask_power.is_none() {
-                    keys.reverse();
-                }
-                let [set, missing] = keys;
-                return Err(format!("`{set}` is set, but `{missing}` is missing; set both, or remove both"));
+            (Some(_), None) => {
+                return Err(
+                    "`ask_power` is set, but `nominal_power` is missing; set both, or remove both".into()
+                );
+            }
+            (None, Some(_)) => {
+                return Err(
+                    "`nominal_power` is set, but `ask_power` is missing; set both, or remove both".into()
+                );
             }
         }
         let optional = [&self.set_rate, &self.ask_rate, &self.ask_power, &self.ask_interlock];
