@@ -32,7 +32,7 @@ pub struct BandStatistics {
     pub high: f32,
     /// Mean depolarization index of Gil & Bernabéu (1985). The index is 1 if the matrices do not depolarize,
     /// and 0 if the matrices depolarize completely.
-    pub kept: f64,
+    pub depolarization_index: f64,
 }
 
 /// Returns the stride with which [`band_statistics`] subsamples entries. The stride is 1 for small tables.
@@ -46,7 +46,7 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     let step = statistics_step(table);
     let of = |(band, nm): (usize, &u16)| {
-        let (mut seen, mut known, mut low, mut high, mut kept) =
+        let (mut seen, mut known, mut low, mut high, mut index) =
             (0_usize, 0_usize, f32::INFINITY, 0.0_f32, 0.0_f64);
         for i in (0..p * d * h).step_by(step) {
             seen += 1;
@@ -57,14 +57,14 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
             (low, high) = (low.min(m[0]), high.max(m[0]));
             let square: f64 = m.iter().map(|e| f64::from(*e).powi(2)).sum();
             let m00 = f64::from(m[0]).powi(2);
-            kept += ((square - m00).max(0.0) / (3.0 * m00.max(1e-30))).sqrt();
+            index += ((square - m00).max(0.0) / (3.0 * m00.max(1e-30))).sqrt();
         }
         BandStatistics {
             nm: *nm,
             known: known as f64 / seen.max(1) as f64,
             low,
             high,
-            kept: kept / known.max(1) as f64,
+            depolarization_index: index / known.max(1) as f64,
         }
     };
     table.wavelengths_nm().iter().enumerate().map(of).collect()
@@ -165,6 +165,6 @@ mod tests {
         let [a, b] = band_statistics(&table)[..] else { panic!("two bands") };
         assert!((a.known - 59.0 / 60.0).abs() < 1e-12 && b.known == 1.0);
         assert_eq!((a.nm, a.low, b.low, b.high), (450, 3.0, 2.0, 120.0));
-        assert_eq!((a.kept, b.kept), (0.0, 0.0));
+        assert_eq!((a.depolarization_index, b.depolarization_index), (0.0, 0.0));
     }
 }

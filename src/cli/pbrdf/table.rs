@@ -50,8 +50,8 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
         "statistics over {of} entries:\n  nm    known      M00 from        to  mean depolarization index\n"
     );
     for band in band_statistics(&table) {
-        let (nm, share, kept) = (band.nm, 100.0 * band.known, band.kept);
-        text += &format!("  {nm}  {share:5.1} %  {:12.4e}  {:12.4e}  {kept:.3}\n", band.low, band.high);
+        let (nm, share, index) = (band.nm, 100.0 * band.known, band.depolarization_index);
+        text += &format!("  {nm}  {share:5.1} %  {:12.4e}  {:12.4e}  {index:.3}\n", band.low, band.high);
     }
     print(text.trim_end())
 }
