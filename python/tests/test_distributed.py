@@ -13,7 +13,7 @@ from typing import Any
 import distributed as dask
 import pytest
 from clusters import Killer
-from rendered import command, content, sunstone
+from rendered import ROOT, command, content, folder, sunstone
 
 from pysunstone import distributed
 from pysunstone._units import Command, Made, Unit
@@ -24,7 +24,19 @@ COMMAND = command()
 # Dask has no type annotations.
 DASK: Any = dask
 
-SCENE = Path(__file__).parents[2] / "scenes" / "mirror_room" / "scene.toml"
+SIDE = 96
+SCENE = folder() / "mirror_room" / "scene.toml"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _scene() -> None:
+    """Copy the shipped scene with fewer pixels, in 36 tiles."""
+    shutil.copytree(ROOT / "scenes" / "mirror_room", SCENE.parent)
+    text, fewer = SCENE.read_text().split("[[figures]]")[0], {"256": str(SIDE), "[150]": "[56]", "spp = 128": "spp = 128\ntile = 16"}
+    for word, other in fewer.items():
+        assert word in text
+        text = text.replace(word, other)
+    SCENE.write_text(text)
 
 
 @pytest.fixture(scope="module")
@@ -56,14 +68,14 @@ def key(job: Job) -> str:
 
 def assert_same(a: Path, b: Path | str) -> None:
     one, other = content(a), content(Path(b))
-    assert sorted(one) == sorted(other) and len(one) > 100
+    assert sorted(one) == sorted(other) and len(one) > 60
     assert [name for name in one if one[name] != other[name]] == []
 
 
 def test_killed_workers_do_not_change_the_output(cluster: Any, client: Any, whole: Path, tmp_path: Path) -> None:
     begun = time.monotonic()
     counts: list[tuple[int, int]] = []
-    with Killer(cluster, 2.0) as killer:
+    with Killer(cluster, 1.0) as killer:
         path = distributed.render(
             SCENE,
             tmp_path / "killed.zarr",
@@ -125,7 +137,7 @@ def test_rounds_to_a_target_error_equal_those_of_one_process(cluster: Any, clien
     words = ["--spp", 32, "--target-error", 0.05, "--target-share", 0.6, "--integrator", "path", "--slices", "conventional"]
     sunstone("render", SCENE, *words, "--no-figures", "--threads", 1, "-o", one)
     reported: list[distributed.Metrics] = []
-    with Killer(cluster, 2.0):
+    with Killer(cluster, 1.0):
         path = distributed.render(SCENE, tmp_path / "many.zarr", parts=6, client=client, report=reported.append, **goal)
     assert_same(one, path)
     assert not (tmp_path / "many.zarr.parts").exists()
@@ -133,7 +145,7 @@ def test_rounds_to_a_target_error_equal_those_of_one_process(cluster: Any, clien
     assert reached["reached"] <= 0.05 and reached["rounds"] >= 2
     assert [(t.round, t.finished) for t in reported] == [(k, n) for k in range(reached["rounds"]) for n in range(1, 7)]
     assert reported[0].error is None and reported[-1].error > 0.05 and reported[-1].target_error == 0.05
-    assert reported[5].samples == 256 * 256 * 32 and reported[-1].samples > reported[5].samples and reported[-1].samples_per_s > 0
+    assert reported[5].samples == SIDE * SIDE * 32 and reported[-1].samples > reported[5].samples and reported[-1].samples_per_s > 0
     events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
     assert [event["samples"] for event in events] == [t.samples for t in reported]
     # The result is the same if a round has only one part.
