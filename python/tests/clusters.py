@@ -18,7 +18,7 @@ class Killer(threading.Thread):
     would be left.
     """
 
-    def __init__(self, cluster: Any, every: float, most: int = 8) -> None:
+    def __init__(self, cluster: Any, every: float, most: int = 3) -> None:
         super().__init__(daemon=True)
         # The maximum number of kills ensures progress on a busy machine, where workers may be killed faster than they start.
         self.cluster, self.every, self.most = cluster, every, most

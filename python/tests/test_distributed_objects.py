@@ -71,6 +71,8 @@ def scene_in(folder: Path) -> Path:
     kept = ["[[slices]]\n" + text for text in slices if text.split('"')[1] in SLICES]
     assert len(kept) == len(SLICES)
     head = head.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8")
+    # Four tiles.
+    head = head.replace("resolution = [20, 16]", "resolution = [16, 16]")
     text = "".join([head, *kept, MORE])
     for path, made in (
         (folder / "shapes" / "tile.ply", TILE),
@@ -136,7 +138,7 @@ def test_killed_workers_do_not_change_the_output(
     monkeypatch.setattr(distributed, "pack", pack_and_remove)
     address = f"{bucket}/killed.zarr"
     counts: list[tuple[int, int]] = []
-    with Killer(cluster, 1.5, most=4) as killer:
+    with Killer(cluster, 1.5) as killer:
         path = distributed.render(
             file, address, parts=4, client=client, command=command(), progress=lambda done, of: counts.append((done, of))
         )
@@ -167,7 +169,7 @@ def test_finished_parts_are_reused(bucket: str, client: Any, whole: Path, tmp_pa
     assert reported[0].samples > 0 and names(f"{address}.parts")
     later: list[Metrics] = []
     distributed.render(file, address, parts=3, client=client, command=command(), report=later.append)
-    all_samples = 20 * 16 * 64
+    all_samples = 16 * 16 * 64
     assert later[-1].finished == 3 and later[-1].samples <= all_samples - reported[0].samples
     assert_same(whole, download(address, tmp_path / "there.zarr"))
     assert names(f"{address}.parts") == []
