@@ -28,7 +28,7 @@ pub enum Chain {
         row: [Spectral; 4],
         /// True if only element 0 of the column is non-zero.
         column_flat: bool,
-        /// True if only element 0 of the row is non-zero.
+        /// True if the row is (1, 0, 0, 0).
         row_flat: bool,
     },
 }
@@ -108,12 +108,16 @@ impl Chain {
         let flat = [Spectral::ONE, z, z, z];
         match self {
             Self::RankOne { column, row, column_flat, row_flat } => {
-                let g = row[0] * f;
+                let mut g = f;
+                // The row of a depolarizing interaction is already (1, 0, 0, 0).
+                if !*row_flat {
+                    g *= row[0];
+                    *row = flat;
+                    *row_flat = true;
+                }
                 for c in &mut column[..if *column_flat { 1 } else { 4 }] {
                     *c *= g;
                 }
-                *row = flat;
-                *row_flat = true;
             }
             Self::Rotation { f: g, .. } => {
                 *self =

@@ -73,6 +73,8 @@ struct Part {
 
 /// Flag of a triangle index: the primitive is the parallelogram v0 + u e1 + v e2, 0 ≤ u, v ≤ 1.
 const PARALLELOGRAM: u32 = 1 << 30;
+/// Maximum sine of the angle between equal corner normals and the normal of a flat facet.
+const FLAT: f32 = 1e-6;
 /// Offset that denotes a missing table.
 const NONE: u32 = u32::MAX;
 
@@ -345,9 +347,21 @@ impl GeometryBuilder {
         };
         let uv_indices = indices(part.uv);
         let uvs = (part.uv != NONE).then(|| uv_indices.map(|i| self.uvs[i as usize]));
-        let mut triangle = Triangle::new([a, b, c], uvs, indices(part.normal), uv_indices, part.material);
+        let normals = indices(part.normal);
+        let flat = part.normal == NONE || self.is_flat(normals, (b - a).cross(c - a));
+        let normals = if flat { [NONE; 3] } else { normals };
+        let mut triangle = Triangle::new([a, b, c], uvs, normals, uv_indices, part.material);
         triangle.shift(-part.origin);
         triangle
+    }
+
+    /// Returns true if the three corner normals are equal and perpendicular to the facet, within rounding
+    /// errors. `facet` is perpendicular to the facet. Interpolation of these normals would only add rounding
+    /// errors and cost time.
+    fn is_flat(&self, normals: [u32; 3], facet: Vec3A) -> bool {
+        let [n, second, third] = normals.map(|i| self.normals[i as usize]);
+        let n_facet = Vec3A::from_array(n).cross(facet).length();
+        n == second && n == third && n_facet <= FLAT * facet.length()
     }
 
     /// Translates each group whose bounding box does not contain the origin, so that the centre of the box

@@ -81,6 +81,28 @@ fn rectangles_are_one_primitive() {
     assert!(hits > 1000);
 }
 
+/// Verifies that equal corner normals that are perpendicular to the facet give exactly the facet's normal,
+/// and that equal corner normals with another direction are kept.
+#[test]
+fn normals_perpendicular_to_a_facet_are_not_interpolated() {
+    let place = Affine3A::from_rotation_x(0.7) * Affine3A::from_rotation_y(-0.3);
+    let ray = Ray { origin: Vec3A::new(0.1, 0.2, 3.0), dir: Vec3A::NEG_Z };
+    for tilt in [0.0, 1e-4] {
+        let mut mesh = Mesh::rectangle();
+        mesh.transform(&place);
+        let tilted = glam::Quat::from_rotation_x(tilt);
+        mesh.normals.iter_mut().for_each(|n| *n = tilted * *n);
+        let mut builder = GeometryBuilder::default();
+        builder.mesh(&mesh, 0);
+        let geometry = builder.build();
+        assert_eq!(geometry.triangles[0].normals().is_none(), tilt == 0.0);
+        let hit = geometry.intersect(&ray, f32::INFINITY).expect("a hit");
+        let surface = geometry.surface(&ray, &hit);
+        assert_eq!(surface.ns == surface.ng, tilt == 0.0);
+        assert!((surface.ns - Vec3A::from(mesh.normals[0])).length() < 1e-6);
+    }
+}
+
 /// Verifies that the tree finds the same hits as a loop over all random triangles and spheres.
 #[test]
 fn bvh_equals_brute_force() {
