@@ -188,7 +188,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// Renders a device's image of a board, with 32 sample points per pixel and a white border.
+    /// Renders a device's image of a board, with 64 sample points per pixel and a white border.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();
@@ -207,9 +207,9 @@ mod tests {
             for x in 0..w {
                 // Low-discrepancy points (Roberts' sequence).
                 let part = |k: i32, a: f64| (f64::from(k) * a).fract();
-                let points = (0..32)
+                let points = (0..64)
                     .map(|k| sample(x as f64 + part(k, 0.7548776662), y as f64 + part(k, 0.5698402910)));
-                values.push(points.sum::<f32>() / 32.0);
+                values.push(points.sum::<f32>() / 64.0);
             }
         }
         Image::new(w, h, values).unwrap()
