@@ -347,21 +347,24 @@ impl GeometryBuilder {
         };
         let uv_indices = indices(part.uv);
         let uvs = (part.uv != NONE).then(|| uv_indices.map(|i| self.uvs[i as usize]));
-        let normals = indices(part.normal);
-        let flat = part.normal == NONE || self.is_flat(normals, (b - a).cross(c - a));
-        let normals = if flat { [NONE; 3] } else { normals };
+        let mut normals = indices(part.normal);
+        if part.normal != NONE && self.is_flat(normals, [a, b, c]) {
+            normals = [NONE; 3];
+        }
         let mut triangle = Triangle::new([a, b, c], uvs, normals, uv_indices, part.material);
         triangle.shift(-part.origin);
         triangle
     }
 
     /// Returns true if the three corner normals are equal and perpendicular to the facet, within rounding
-    /// errors. `facet` is perpendicular to the facet. Interpolation of these normals would only add rounding
-    /// errors and cost time.
-    fn is_flat(&self, normals: [u32; 3], facet: Vec3A) -> bool {
+    /// errors. Interpolation of these normals would only add rounding errors and cost time.
+    fn is_flat(&self, normals: [u32; 3], [a, b, c]: [Vec3A; 3]) -> bool {
         let [n, second, third] = normals.map(|i| self.normals[i as usize]);
-        let n_facet = Vec3A::from_array(n).cross(facet).length();
-        n == second && n == third && n_facet <= FLAT * facet.length()
+        if n != second || n != third {
+            return false;
+        }
+        let facet = (b - a).cross(c - a);
+        Vec3A::from_array(n).cross(facet).length() <= FLAT * facet.length()
     }
 
     /// Translates each group whose bounding box does not contain the origin, so that the centre of the box
