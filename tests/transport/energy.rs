@@ -66,7 +66,7 @@ fn glass_sphere_vanishes() {
 /// midpoint rule over facet slopes. With tan²θ_h = α² u / (1 - u), D cosθ_h dω_h = du dφ / 2π.
 fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
     const U: u32 = 600;
-    const PHI: u32 = 160;
+    const PHI: u32 = 400;
     let x_out = project(right, wo);
     let mut sum = [0.0; 4];
     for k in 0..U * PHI {

@@ -53,7 +53,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
         let at = receiver(&mut stream);
         let mut counts = vec![0.0_f64; lights.len()];
         let mut none = 0.0;
-        let all: Vec<f32> = (0..lights.len()).map(|light| tree.chance(&at, light)).collect();
+        let chances: Vec<f64> = (0..lights.len()).map(|light| f64::from(tree.chance(&at, light))).collect();
         for k in 0..N {
             let mut choice = [Choice::open((k as f32 + 0.5) / N as f32, 1.0)];
             tree.choose(&[at], &mut choice);
@@ -61,15 +61,14 @@ fn lights_are_chosen_with_the_stated_probabilities() {
             match choice[0].light() {
                 Some(light) => {
                     let light = light as usize;
-                    let stated = all[light];
-                    assert!((chance / stated - 1.0).abs() < 1e-5, "{chance}, stated {stated}");
+                    let stated = chances[light];
+                    assert!((f64::from(chance) / stated - 1.0).abs() < 1e-5, "{chance}, stated {stated}");
                     assert!((0.0..1.0).contains(&which));
                     counts[light] += 1.0 / f64::from(N);
                 }
                 None => none += 1.0 / f64::from(N),
             }
         }
-        let chances: Vec<f64> = all.into_iter().map(f64::from).collect();
         assert!((chances.iter().sum::<f64>() + none - 1.0).abs() < 2e-3);
         let worst = |chances: &[f64]| {
             let off = counts.iter().zip(chances).map(|(a, b)| (a - b).abs());

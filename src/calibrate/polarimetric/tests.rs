@@ -216,7 +216,7 @@ fn dispersion_is_recovered_with_correct_errors() {
         let found = calibrate(&samples, &Parameter::all(&nominal)).expect("a calibration");
         (real, values, found)
     };
-    let all: Vec<_> = (0..repeats(2)).into_par_iter().map(one).collect();
+    let all: Vec<_> = (0..repeats(4)).into_par_iter().map(one).collect();
     let mut scores = ZScores::default();
     for (_, values, found) in &all {
         assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
