@@ -68,7 +68,7 @@ def key(job: Job) -> str:
 
 def assert_same(a: Path, b: Path | str) -> None:
     one, other = content(a), content(Path(b))
-    assert sorted(one) == sorted(other) and len(one) > 60
+    assert sorted(one) == sorted(other) and len(one) > 100
     assert [name for name in one if one[name] != other[name]] == []
 
 
