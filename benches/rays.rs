@@ -1,7 +1,10 @@
 //! Finds the nearest hits of rays from one file on a mesh from another file. `validation/rays.py` runs the
 //! program and times Embree on the same input.
 //!
-//!     rays MESH.ply RAYS.f32 HITS.f32
+//!     rays MESH.ply RAYS.f32 HITS.f32 [--alternate]
+//!
+//! With `--alternate`, the traversals of the rays alternate, as for all rays of a render except the first rays
+//! from the camera.
 //!
 //! RAYS.f32 holds six little-endian f32 values per ray: the origin, then the unit direction. Each line on
 //! standard input is a number of threads. For each line, the program prints the time in seconds to find the
@@ -23,6 +26,9 @@ use sunstone::transport::geometry::builder::GeometryBuilder;
 use sunstone::transport::geometry::bvh::Geometry;
 use sunstone::transport::geometry::ray::{Hit, Ray};
 
+/// Number of rays that a render traces together.
+const BATCH: usize = 16;
+
 type Failure = Box<dyn std::error::Error>;
 
 fn rays(path: &str) -> Result<Vec<Ray>, Failure> {
@@ -36,13 +42,20 @@ fn rays(path: &str) -> Result<Vec<Ray>, Failure> {
     Ok(rays.iter().map(ray).collect())
 }
 
-fn trace(geometry: &Geometry, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    for (ray, hit) in rays.iter().zip(hits) {
-        *hit = geometry.intersect(ray, f32::INFINITY);
+fn trace(geometry: &Geometry, rays: &[Ray], hits: &mut [Option<Hit>], alternate: bool) {
+    if !alternate {
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = geometry.intersect(ray, f32::INFINITY);
+        }
+        return;
+    }
+    for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
+        let rays: Vec<&Ray> = rays.iter().collect();
+        geometry.intersect_each(&rays, hits);
     }
 }
 
-fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
+fn run(mesh: &str, from: &str, into: &str, alternate: bool) -> Result<(), Failure> {
     let mut builder = GeometryBuilder::default();
     for part in import::load(Path::new(mesh))? {
         builder.mesh(&part.mesh, 0);
@@ -57,10 +70,10 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let begun = Instant::now();
         if threads == 1 {
-            trace(&geometry, &rays, &mut hits);
+            trace(&geometry, &rays, &mut hits, alternate);
         } else {
             let parts = rays.par_chunks(4096).zip(hits.par_chunks_mut(4096));
-            pool.install(|| parts.for_each(|(rays, hits)| trace(&geometry, rays, hits)));
+            pool.install(|| parts.for_each(|(rays, hits)| trace(&geometry, rays, hits, alternate)));
         }
         println!("{}", begun.elapsed().as_secs_f64());
         std::io::stdout().flush()?;
@@ -73,11 +86,16 @@ fn run(mesh: &str, from: &str, into: &str) -> Result<(), Failure> {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    let [mesh, from, into] = &arguments[..] else {
-        println!("usage: rays MESH.ply RAYS.f32 HITS.f32 (validation/rays.py runs this program)");
+    let (alternate, [mesh, from, into]) = (match &arguments[..] {
+        [files @ .., last] if last == "--alternate" => (true, files),
+        files => (false, files),
+    }) else {
+        println!(
+            "usage: rays MESH.ply RAYS.f32 HITS.f32 [--alternate] (validation/rays.py runs this program)"
+        );
         return;
     };
-    if let Err(e) = run(mesh, from, into) {
+    if let Err(e) = run(mesh, from, into, alternate) {
         eprintln!("rays: {e}");
         std::process::exit(1);
     }

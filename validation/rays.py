@@ -5,7 +5,8 @@ The mesh is a wavy sphere in a torus knot in a wavy sphere, generated determinis
 those of a pinhole camera of 1024 x 1024 pixels, row by row. Bounce rays leave the primary hits in cosine-distributed directions,
 one per hit, in the order of the hits. Every program returns distance, primitive and barycentric coordinates of every ray:
 
-- Sunstone: benches/rays.rs, `Geometry::intersect`, one ray at a time;
+- Sunstone: benches/rays.rs, as in a render: `Geometry::intersect` for primary rays, one ray at a time, and
+  `Geometry::intersect_each` for bounce rays, 16 rays at a time;
 - Embree: `rtcIntersect1` through embreex, one ray at a time, one thread;
 - Mitsuba (llvm): `ray_intersect_preliminary`, which calls Embree on packets of rays.
 
@@ -29,7 +30,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
 
 OUT = environment.ROOT / "target/rays"
-RESOLUTION, BAR = 1024, 0.7
+RESOLUTION, BAR = 1024, 0.9
 EYE = (0.4, -3.4, 2.2)
 
 
@@ -168,7 +169,7 @@ class Sunstone:
 
     def __init__(self, program, ply, name):
         self.rays, self.out = OUT / f"{name}.f32", OUT / f"{name}_hits.f32"
-        command = [program, ply, self.rays, self.out]
+        command = [program, ply, self.rays, self.out] + (["--alternate"] if name == "bounce" else [])
         self.command = [str(c) for c in command]
         self.process = None
         self.threads = sorted({1, os.cpu_count()})

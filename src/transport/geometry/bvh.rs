@@ -6,7 +6,7 @@
 
 use super::facets::Facets;
 use super::instance::{Group, Instance};
-use super::pack::{Pack, Wide};
+use super::pack::Pack;
 use super::quadric::Quadric;
 use super::ray::{Hit, Owner, Ray, Surface};
 use super::tree::{Tree, Visit, fetch};
@@ -116,7 +116,6 @@ pub(super) fn primitives(leaf: u32) -> std::ops::Range<u32> {
 pub(super) struct Nearest<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
-    pub(super) wide: Wide,
     pub(super) hit: Option<Hit>,
 }
 
@@ -139,7 +138,7 @@ impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
             }
             return t.min(end);
         }
-        let (mut bits, t, u, v) = self.geometry.packs[index].intersect(&self.wide, end);
+        let (mut bits, t, u, v) = self.geometry.packs[index].intersect(self.ray, end);
         let mut end = end;
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize & 7;
@@ -178,7 +177,6 @@ impl<const WORLD: bool> Nearest<'_, WORLD> {
 pub(super) struct Any<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
-    pub(super) wide: Wide,
     pub(super) found: bool,
 }
 
@@ -199,7 +197,7 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
                 self.geometry.quadrics[index].intersect(self.ray.origin, self.ray.dir, end) < end
             }
         } else {
-            self.geometry.packs[index].intersect(&self.wide, end).0 != 0
+            self.geometry.packs[index].intersect(self.ray, end).0 != 0
         };
         if self.found { 0.0 } else { end }
     }
@@ -227,7 +225,7 @@ impl Geometry {
     }
 
     #[inline(always)]
-    fn intersect_all(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
+    pub(super) fn intersect_all(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         if !self.instances.is_empty() {
             return self.intersect_instances(ray, tmax);
         }
@@ -246,14 +244,14 @@ impl Geometry {
     /// features. `WORLD` is true if there are instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
-        let mut nearest = Nearest::<WORLD> { geometry: self, ray, wide: Wide::new(ray), hit: None };
+        let mut nearest = Nearest::<WORLD> { geometry: self, ray, hit: None };
         self.tree.traverse::<true>(ray, tmax, &mut nearest);
         nearest.hit
     }
 
     #[inline(always)]
     pub(super) fn occluded_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> bool {
-        let mut any = Any::<WORLD> { geometry: self, ray, wide: Wide::new(ray), found: false };
+        let mut any = Any::<WORLD> { geometry: self, ray, found: false };
         self.tree.traverse::<false>(ray, tmax, &mut any);
         any.found
     }
@@ -391,7 +389,7 @@ impl Geometry {
             let t = self.quadrics[(leaf ^ QUADRIC) as usize].intersect(ray.origin, ray.dir, f32::INFINITY);
             return (t < f32::INFINITY).then_some(Hit { t, leaf, owner: Owner::WORLD, u: 0.0, v: 0.0 });
         }
-        let (bits, t, u, v) = self.packs[leaf as usize / 8].intersect(&Wide::new(ray), f32::INFINITY);
+        let (bits, t, u, v) = self.packs[leaf as usize / 8].intersect(ray, f32::INFINITY);
         let lane = leaf as usize & 7;
         (bits >> lane & 1 == 1).then_some(Hit {
             t: t.0[lane],

@@ -1,7 +1,6 @@
 //! Finds all hits along a ray (not just the nearest) to detect surfaces that are too close together.
 
 use super::bvh::{Geometry, QUADRIC};
-use super::pack::Wide;
 use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
@@ -13,14 +12,13 @@ const RIM: f32 = 1e-4;
 struct All<'a> {
     geometry: &'a Geometry,
     ray: &'a Ray,
-    wide: Wide,
     owner: Owner,
     found: Vec<Hit>,
 }
 
 impl<'a> All<'a> {
     fn new(geometry: &'a Geometry, ray: &'a Ray, owner: Owner) -> Self {
-        Self { geometry, ray, wide: Wide::new(ray), owner, found: vec![] }
+        Self { geometry, ray, owner, found: vec![] }
     }
 }
 
@@ -30,7 +28,7 @@ impl Visit for All<'_> {
     fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
         let (index, g) = ((leaf >> 1) as usize, self.geometry);
         if leaf & 1 == 0 {
-            let (bits, t, u, v) = g.packs[index].intersect(&self.wide, end);
+            let (bits, t, u, v) = g.packs[index].intersect(self.ray, end);
             for lane in (0..8).filter(|lane| bits >> lane & 1 == 1) {
                 self.found.push(Hit {
                     t: t.0[lane],

@@ -13,6 +13,7 @@ mod facets;
 mod instance;
 #[cfg(test)]
 mod instance_tests;
+mod interleaved;
 pub(crate) mod many;
 pub mod mesh;
 mod pack;

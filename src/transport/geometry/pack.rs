@@ -44,19 +44,6 @@ pub(super) struct Pack {
     pub(super) parallelogram: Mask,
 }
 
-/// A ray, copied to all lanes.
-pub(super) struct Wide {
-    o: [Eight; 3],
-    d: [Eight; 3],
-}
-
-impl Wide {
-    #[inline(always)]
-    pub(super) fn new(ray: &Ray) -> Self {
-        Self { o: ray.origin.to_array().map(Eight::splat), d: ray.dir.to_array().map(Eight::splat) }
-    }
-}
-
 #[inline(always)]
 fn cross(a: &[Eight; 3], b: &[Eight; 3]) -> [Eight; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -92,13 +79,14 @@ impl Pack {
     /// that are hit before `end`, the distances, and the barycentric coordinates of the second and third
     /// vertex.
     #[inline(always)]
-    pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
-        let p = cross(&ray.d, &self.e2);
+    pub(super) fn intersect(&self, ray: &Ray, end: f32) -> (u32, Eight, Eight, Eight) {
+        let [o, d] = [ray.origin, ray.dir].map(|v| v.to_array().map(Eight::splat));
+        let p = cross(&d, &self.e2);
         let inverse = dot(&self.e1, &p).recip();
-        let s = [ray.o[0] - self.v0[0], ray.o[1] - self.v0[1], ray.o[2] - self.v0[2]];
+        let s = [o[0] - self.v0[0], o[1] - self.v0[1], o[2] - self.v0[2]];
         let u = dot(&s, &p) * inverse;
         let q = cross(&s, &self.e1);
-        let v = dot(&ray.d, &q) * inverse;
+        let v = dot(&d, &q) * inverse;
         let t = dot(&self.e2, &q) * inverse;
         let most = self.parallelogram.select(u.max(v), u + v);
         // A zero determinant makes the results infinite or NaN, and all comparisons with NaN are false.

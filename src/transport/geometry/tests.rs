@@ -1,9 +1,10 @@
 //! Tests of the builder and the tree: rays must hit the expected surfaces.
 
 use super::builder::GeometryBuilder;
+use super::bvh::QUADRIC;
 use super::mesh::Mesh;
 use super::quadric::{Quadric, QuadricKind};
-use super::ray::Ray;
+use super::ray::{Hit, Ray};
 use glam::{Affine3A, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
@@ -148,6 +149,34 @@ fn bvh_equals_brute_force() {
         }
     }
     assert!(hits > 5000);
+}
+
+/// Verifies that alternating traversals of a large tree find the hits of single rays, for lists of any length.
+#[test]
+fn hits_of_alternating_rays_are_those_of_single_rays() {
+    let mut stream = Stream::new(7, 0, 0);
+    let mut builder = GeometryBuilder::default();
+    builder.mesh(&crowd(&mut stream, 40_000, (Vec3A::ZERO, 2.0), 0.05), 0);
+    let ball = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), glam::Quat::IDENTITY, Vec3::ZERO);
+    builder.quadric(Quadric::new(QuadricKind::Sphere, ball, 1));
+    let g = builder.build();
+    assert!(g.is_large());
+    let [mut triangles, mut balls, mut misses] = [0; 3];
+    for count in (0..40).cycle().take(2000) {
+        let rays: Vec<Ray> = (0..count).map(|_| inward(&mut stream, 3.0, 2.4)).collect();
+        let mut hits = vec![None; count];
+        g.intersect_each(&rays.iter().collect::<Vec<_>>(), &mut hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            let key = |h: Hit| (h.leaf, [h.t, h.u, h.v].map(f32::to_bits));
+            assert_eq!(hit.map(key), g.intersect(ray, f32::INFINITY).map(key));
+            match hit {
+                Some(h) if h.leaf & QUADRIC == 0 => triangles += 1,
+                Some(_) => balls += 1,
+                None => misses += 1,
+            }
+        }
+    }
+    assert!([triangles, balls, misses].iter().all(|n| *n > 500), "{triangles} {balls} {misses}");
 }
 
 /// Verifies that no near, distant, steep or grazing ray passes through the shared edge of two triangles.

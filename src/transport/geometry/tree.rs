@@ -205,6 +205,16 @@ impl Tree {
         size_of_val(&self.nodes[..])
     }
 
+    /// Prefetches a child of a node.
+    #[inline(always)]
+    fn expect(&self, child: u32, visitor: &impl Visit) {
+        if child & LEAF == 0 {
+            fetch(&self.nodes[child as usize]);
+        } else {
+            visitor.expect(child ^ LEAF);
+        }
+    }
+
     fn depth(&self) -> usize {
         let mut depth = vec![1; self.nodes.len()];
         // Children have larger indices than their parents.
@@ -219,72 +229,108 @@ impl Tree {
     /// Visits leaves along a ray until the visitor stops. Near leaves come first if `ORDERED` is true.
     #[inline(always)]
     pub fn traverse<const ORDERED: bool>(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
-        if self.nodes.is_empty() {
-            return;
-        }
+        let (mut traversal, mut stack) = (Traversal::new(ray, tmax), Stack::new());
+        while traversal.step::<ORDERED>(self, &mut stack, visitor) {}
+    }
+}
+
+/// Children that are still to be visited, and the distances at which the ray enters their boxes. The stack is
+/// apart from [`Traversal`], because it is large and a traversal is copied.
+pub type Stack = ArrayVec<(u32, f32), STACK>;
+
+/// The state of the traversal of a tree along one ray.
+#[derive(Clone, Copy)]
+pub struct Traversal {
+    origin: [f32; 3],
+    /// Reciprocals of the components of the direction.
+    scale: [f32; 3],
+    /// Indices of the bounds ([`Node::bounds`]) at which the ray enters and leaves a box.
+    near: [usize; 3],
+    far: [usize; 3],
+    end: f32,
+    current: u32,
+}
+
+impl Traversal {
+    /// Starts at the root of a tree.
+    #[inline(always)]
+    pub fn new(ray: &Ray, tmax: f32) -> Self {
         // To avoid 0·∞, direction components of less than 1e-30 are replaced by 1e-30.
         let tiny = ray.dir.abs().cmplt(Vec3A::splat(1e-30));
-        let inverse = Vec3A::select(tiny, Vec3A::splat(1e30).copysign(ray.dir), ray.dir.recip()).to_array();
-        let origin = ray.origin.to_array().map(Eight::splat);
-        let scale = inverse.map(Eight::splat);
-        let near = [0, 1, 2].map(|k| if inverse[k] < 0.0 { k + 3 } else { k });
-        let far = [0, 1, 2].map(|k| if inverse[k] < 0.0 { k } else { k + 3 });
-        let mut end = tmax;
-        let mut stack = ArrayVec::<(u32, f32), STACK>::new();
-        let mut current = 0_u32;
-        loop {
-            if current & LEAF == 0 {
-                let node = &self.nodes[current as usize];
-                // Do not compute b/d - o/d, which suffers from cancellation for distant origins.
-                let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
-                let enter = at(near[0], 0).max(at(near[1], 1)).max(at(near[2], 2)).max(Eight::splat(0.0));
-                let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);
-                let mut bits = enter.le(leave.min(Eight::splat(end))).bits();
-                if bits != 0 {
+        let scale = Vec3A::select(tiny, Vec3A::splat(1e30).copysign(ray.dir), ray.dir.recip()).to_array();
+        Self {
+            origin: ray.origin.to_array(),
+            scale,
+            near: [0, 1, 2].map(|k| if scale[k] < 0.0 { k + 3 } else { k }),
+            far: [0, 1, 2].map(|k| if scale[k] < 0.0 { k } else { k + 3 }),
+            end: tmax,
+            current: 0,
+        }
+    }
+
+    /// Prefetches the node or leaf of the next step.
+    #[inline(always)]
+    pub fn expect(&self, tree: &Tree, visitor: &impl Visit) {
+        tree.expect(self.current, visitor);
+    }
+
+    /// Visits one node or one leaf. Returns false if the traversal has ended.
+    #[inline(always)]
+    pub fn step<const ORDERED: bool>(
+        &mut self,
+        tree: &Tree,
+        stack: &mut Stack,
+        visitor: &mut impl Visit,
+    ) -> bool {
+        if self.current & LEAF == 0 {
+            let Some(node) = tree.nodes.get(self.current as usize) else {
+                return false;
+            };
+            // Do not compute b/d - o/d, which suffers from cancellation for distant origins.
+            let (origin, scale) = (self.origin.map(Eight::splat), self.scale.map(Eight::splat));
+            let at = |side: usize, k: usize| (node.bounds[side] - origin[k]) * scale[k];
+            let [near, far] = [self.near, self.far];
+            let enter = at(near[0], 0).max(at(near[1], 1)).max(at(near[2], 2)).max(Eight::splat(0.0));
+            let leave = at(far[0], 0).min(at(far[1], 1)).min(at(far[2], 2)) * Eight::splat(ROBUST);
+            let mut bits = enter.le(leave.min(Eight::splat(self.end))).bits();
+            if bits != 0 {
+                let lane = bits.trailing_zeros() as usize & 7;
+                bits &= bits - 1;
+                let mut nearest = (node.child[lane], enter.0[lane]);
+                // Continue with the nearest child. Push the other children so that the next nearest is on
+                // top.
+                let first = stack.len();
+                while bits != 0 {
                     let lane = bits.trailing_zeros() as usize & 7;
                     bits &= bits - 1;
-                    let mut nearest = (node.child[lane], enter.0[lane]);
-                    // Continue with the nearest child. Push the other children so that the next nearest is on
-                    // top.
-                    let first = stack.len();
-                    while bits != 0 {
-                        let lane = bits.trailing_zeros() as usize & 7;
-                        bits &= bits - 1;
-                        let mut other = (node.child[lane], enter.0[lane]);
-                        if other.0 & LEAF == 0 {
-                            fetch(&self.nodes[other.0 as usize]);
-                        } else {
-                            visitor.expect(other.0 ^ LEAF);
-                        }
-                        if ORDERED && other.1 < nearest.1 {
-                            std::mem::swap(&mut nearest, &mut other);
-                        }
-                        stack.push(other);
-                        let mut slot = stack.len() - 1;
-                        while ORDERED && slot > first && stack[slot - 1].1 < stack[slot].1 {
-                            stack.swap(slot - 1, slot);
-                            slot -= 1;
-                        }
+                    let mut other = (node.child[lane], enter.0[lane]);
+                    tree.expect(other.0, visitor);
+                    if ORDERED && other.1 < nearest.1 {
+                        std::mem::swap(&mut nearest, &mut other);
                     }
-                    current = nearest.0;
-                    continue;
+                    stack.push(other);
+                    let mut slot = stack.len() - 1;
+                    while ORDERED && slot > first && stack[slot - 1].1 < stack[slot].1 {
+                        stack.swap(slot - 1, slot);
+                        slot -= 1;
+                    }
                 }
-            } else {
-                end = visitor.leaf(current ^ LEAF, end);
-                if end <= 0.0 {
-                    return;
-                }
+                self.current = nearest.0;
+                return true;
             }
-            loop {
-                let Some((next, t)) = stack.pop() else {
-                    return;
-                };
-                if t < end {
-                    current = next;
-                    break;
-                }
+        } else {
+            self.end = visitor.leaf(self.current ^ LEAF, self.end);
+            if self.end <= 0.0 {
+                return false;
             }
         }
+        while let Some((next, t)) = stack.pop() {
+            if t < self.end {
+                self.current = next;
+                return true;
+            }
+        }
+        false
     }
 }
 

@@ -11,7 +11,6 @@
 
 use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC, for_each_processor, primitives};
 use super::instance::{Instance, stretch};
-use super::pack::Wide;
 use super::quadric::{normalized_slope, similarity};
 use super::ray::{Hit, Owner, Ray, Surface};
 use super::tree::Child;
@@ -96,8 +95,7 @@ impl Geometry {
         let group = &self.groups[instance.group as usize];
         let local = instance.local(ray, group.reach);
         let end = tmax * local.scale - local.start;
-        let mut nearest =
-            Nearest::<false> { geometry: self, ray: &local.ray, wide: Wide::new(&local.ray), hit: None };
+        let mut nearest = Nearest::<false> { geometry: self, ray: &local.ray, hit: None };
         if end > 0.0 {
             group.tree.traverse::<true>(&local.ray, end, &mut nearest);
         }
@@ -111,8 +109,7 @@ impl Geometry {
         let group = &self.groups[instance.group as usize];
         let local = instance.local(ray, group.reach);
         let end = tmax * local.scale - local.start;
-        let mut any =
-            Any::<false> { geometry: self, ray: &local.ray, wide: Wide::new(&local.ray), found: false };
+        let mut any = Any::<false> { geometry: self, ray: &local.ray, found: false };
         if end > 0.0 {
             group.tree.traverse::<false>(&local.ray, end, &mut any);
         }

@@ -173,18 +173,22 @@ impl Paths {
         let (shines, glows) = (!scene.lights.is_empty(), !scene.lights.areas.is_empty());
         let meets = scene.environment.is_some() || !scene.lights.is_dark();
         for bounces in 0..=last {
-            for i in &alive {
-                let path = &mut self.paths[*i as usize];
-                let known = match &views.camera {
-                    Some(view) if bounces == 0 => {
-                        view.first_hit(cells[*i as usize], &scene.geometry, &path.state.ray)
-                    }
-                    _ => None,
-                };
-                path.hit = match known {
-                    Some(hit) => Some(hit),
-                    None => scene.geometry.intersect(&path.state.ray, f32::INFINITY),
-                };
+            if bounces > 0 && scene.geometry.is_large() {
+                self.meet(scene, &alive);
+            } else {
+                for i in &alive {
+                    let path = &mut self.paths[*i as usize];
+                    let known = match &views.camera {
+                        Some(view) if bounces == 0 => {
+                            view.first_hit(cells[*i as usize], &scene.geometry, &path.state.ray)
+                        }
+                        _ => None,
+                    };
+                    path.hit = match known {
+                        Some(hit) => Some(hit),
+                        None => scene.geometry.intersect(&path.state.ray, f32::INFINITY),
+                    };
+                }
             }
             rays += alive.len() as u32;
             // After the last interaction, a path continues only to find emitters that the path hits.
@@ -273,6 +277,21 @@ impl Paths {
             }
         }
         rays
+    }
+}
+
+impl Paths {
+    /// Finds the hits of the current rays of paths.
+    #[inline(never)]
+    fn meet(&mut self, scene: &Scene, paths: &[u8]) {
+        let mut rays: ArrayVec<&Ray, BATCH> = ArrayVec::new();
+        rays.extend(paths.iter().map(|i| &self.paths[*i as usize].state.ray));
+        let mut hits = [None; BATCH];
+        scene.geometry.intersect_each(&rays, &mut hits);
+        drop(rays);
+        for (i, hit) in paths.iter().zip(hits) {
+            self.paths[*i as usize].hit = hit;
+        }
     }
 }
 
