@@ -9,8 +9,8 @@ pixel with another seed), over all pixels and `--seeds` seeds, relative to the s
    Cases: for the Cornell box of speed.py its image, all 16 elements and a time-resolved row; the images of the mirror room and
    the fruits. (Scenes with media, such as the fruits, always use independent samples: there the expected ratio is 1.)
 2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image: error times time of
-   Mitsuba, with its best sampler, over that of Sunstone; at 550 nm alone, and for the three wavelengths that Sunstone renders
-   together and Mitsuba one by one. Mitsuba's `orthogonal` sampler renders more samples than requested; the actual number counts.
+   Mitsuba, with its best sampler, over that of Sunstone; at 550 nm, which Sunstone renders alone too, and for the three
+   wavelengths that Sunstone renders together and Mitsuba one by one. Mitsuba's `orthogonal` sampler renders more samples than requested; the actual number counts.
 
 Times are those of speed.py: Sunstone's of the whole process with all files written (in memory if /dev/shm exists), Mitsuba's of
 rendering alone.
@@ -138,6 +138,15 @@ def mitsuba_cost(scene, reference, sampler, spp, seeds):
     return error([r[0] for r in renders], reference), min(r[1] for r in renders), renders[0][2]
 
 
+def one_wavelength(scene, k):
+    """Return the text of the Cornell box with wavelength k alone."""
+    text, lists = re.subn(r"(albedo = )\[([^]]*)\]", lambda m: m[1] + m[2].split(",")[k], scene)
+    text, found = re.subn(r"(wavelengths_nm = )\[.*\]", rf"\1[{WAVELENGTHS[k]}]", text)
+    if not lists or found != 1:
+        sys.exit("the Cornell box has no lists of albedos or wavelengths")
+    return text
+
+
 def against_mitsuba(folder, seeds, reference_spp):
     """Return error times time of Mitsuba over that of Sunstone: of one wavelength, and of all three, which Mitsuba renders one by
     one.
@@ -145,20 +154,23 @@ def against_mitsuba(folder, seeds, reference_spp):
     mi.set_variant(speed.MONO)
     scenes = scenes_of_mitsuba(folder, reference_spp)
     out = {}
-    file = speed.SCENE.with_name(".equal-error-complete.toml")
-    file.write_text(speed.SCENE.read_text() + IMAGE)
+    files = [speed.SCENE.with_name(f".equal-error-{name}.toml") for name in ("complete", "one")]
     try:
-        ours, _ = render(file, "image", reference_spp, 1000, 1, folder)
+        complete = speed.SCENE.read_text() + IMAGE
+        for file, text in zip(files, (complete, one_wavelength(complete, 1))):
+            file.write_text(text)
+        references = [render(file, "image", reference_spp, 1000, 1, folder)[0] for file in files]
         for spp in (16, 64):
-            renders = [render(file, "image", spp, seed, 1, folder) for seed in range(1, seeds + 1)]
-            took = min(r[1] for r in renders)
-            mine = [error([r[0][..., k] for r in renders], ours[..., k]) for k in range(len(WAVELENGTHS))]
+            renders = [[render(file, "image", spp, seed, 1, folder) for seed in range(1, seeds + 1)] for file in files]
+            took, took_one = (min(r[1] for r in rs) for rs in renders)
+            mine = [error([r[0][..., k] for r in renders[0]], references[0][..., k]) for k in range(len(WAVELENGTHS))]
+            mine_one = error([r[0] for r in renders[1]], references[1])
             best = None
             for sampler in SAMPLERS:
                 e, t, really = mitsuba_cost(*scenes[WAVELENGTHS[1]], sampler, spp, seeds)
-                cost = e * t / (mine[1] * took)
-                print(f"{spp:4} samples: Mitsuba, {sampler:12} {really:4} samples, error {e:.3e} (ours {mine[1]:.3e}), "
-                      f"{t:.2f} s (ours {took:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
+                cost = e * t / (mine_one * took_one)
+                print(f"{spp:4} samples: Mitsuba, {sampler:12} {really:4} samples, error {e:.3e} (ours {mine_one:.3e}), "
+                      f"{t:.2f} s (ours {took_one:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
                 best = min(best or (cost, sampler), (cost, sampler))
             each = [mitsuba_cost(*scenes[w], best[1], spp, seeds) for w in WAVELENGTHS]
             # Mitsuba's time is divided among the wavelengths so that all three errors equal Sunstone's.
@@ -167,7 +179,8 @@ def against_mitsuba(folder, seeds, reference_spp):
                   f"wavelength, {all_three:.2f} times for equal errors of three")
             out[f"mitsuba_{spp}"], out[f"mitsuba_{spp}_all_wavelengths"] = best[0], all_three
     finally:
-        file.unlink()
+        for file in files:
+            file.unlink(missing_ok=True)
     return out
 
 
