@@ -7,7 +7,7 @@ pixel with another seed), over all pixels and `--seeds` seeds, relative to the s
 1. Stratified against independent samples of Sunstone (`--replicates 1`, and as many replicates as samples), at equal samples and
    at equal time: the variance of independent samples over that of stratified ones, and this ratio times the ratio of seconds.
    Cases: for the Cornell box of speed.py its image, all 16 elements and a time-resolved row; the images of the mirror room and
-   the fruits. (Scenes with media, such as the fruits, always use independent samples: there the expected ratio is 1.)
+   the fruits. (In scenes with media, such as the fruits, only the subpaths from the camera are stratified.)
 2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image: error times time of
    Mitsuba, with its best sampler, over that of Sunstone; at 550 nm, which Sunstone renders alone too, and for the three
    wavelengths that Sunstone renders together and Mitsuba one by one. Mitsuba's `orthogonal` sampler renders more samples than requested; the actual number counts.

@@ -3,7 +3,7 @@
 
 Use this script after a change that alters results by rounding or by another order of samples, but not their expected values.
 
-    python validation/two_programs.py OLD NEW [--seconds 1.5] [--seeds 6] [--planted]
+    python validation/two_programs.py OLD NEW [--seconds 1.5] [--seeds 6] [--replicates 32] [--planted]
 
 Each scene file is rendered at 48 x 48 pixels. The totals over the image of all elements and wavelengths are compared with Student's
 t. Their errors come from the spread over seeds. The script fails if a comparison is less probable than 0.001 over the number of all
@@ -38,10 +38,11 @@ def edited(text):
     return text.replace("[render]", "[render]\ntile = 8", 1) + '[[slices]]\nname = "m"\npolarization = "mueller"\n'
 
 
-def render(program, scene, spp, seed, folder):
+def render(program, scene, spp, seed, options, folder):
     """Return the means (pixels, elements, wavelengths) and the render time."""
     store = folder / "out.zarr"
-    words = [program, "render", scene, "--spp", spp, "--seed", seed, "-o", store, "--force", "--no-figures"]
+    words = [program, "render", scene, "--spp", spp, "--seed", seed, "--replicates", options.replicates]
+    words += ["-o", store, "--force", "--no-figures"]
     subprocess.run([str(word) for word in words], check=True, capture_output=True)
     group = zarr.open(store, mode="r")
     return np.asarray(group["m"]["mean"], float).reshape(SIZE * SIZE, 16, -1), group.attrs["wall_time_s"]
@@ -53,13 +54,13 @@ def compare(path, text, options, folder):
     scene = path.with_name(f".two-programs-{path.stem}.toml")
     scene.write_text(edited(text))
     try:
-        _, seconds = render(options.old, scene, 16, 1, folder)
+        _, seconds = render(options.old, scene, 16, 1, options, folder)
         spp = max(16, min(16384, 2 ** int(np.log2(16 * options.seconds / max(seconds, 1e-3)))))
         totals = []
         for k, program in enumerate((options.old, options.new)):
-            images = [render(program, scene, spp, 100 * (k + 1) + seed, folder)[0] for seed in range(options.seeds)]
+            images = [render(program, scene, spp, 100 * (k + 1) + seed, options, folder)[0] for seed in range(options.seeds)]
             totals.append(comparison.mean_and_error([image.sum(axis=0) for image in images]))
-        same = [render(program, scene, 32, 7, folder)[0] for program in (options.old, options.new)]
+        same = [render(program, scene, 32, 7, options, folder)[0] for program in (options.old, options.new)]
     finally:
         scene.unlink()
     (old, old_error), (new, new_error) = totals
@@ -78,6 +79,7 @@ def main():
     parser.add_argument("new", type=Path)
     parser.add_argument("--seconds", type=float, default=1.5, help="time of each render")
     parser.add_argument("--seeds", type=int, default=6, help="renders of each program")
+    parser.add_argument("--replicates", type=int, default=32, help="groups of stratified samples; 1 has most effect")
     parser.add_argument("--planted", action="store_true", help="scale the second program's renders")
     options = parser.parse_args()
     print(f"{'scene':28} {'spp':>5} {'max |z|':>7} {'least p':>8} {'':4} {'M00':>9} {'error':>8} {'differ':>7}")

@@ -85,8 +85,8 @@ const LEFT_OUT: f64 = 0.01;
 /// time, pixel s' and polarization.
 fn box_of(spp: u32, depth: u32, more: &str) -> String {
     format!(
-        "wavelengths_nm = [550]\n[render]\nintegrator = \"bidirectional\"\nspp = {spp}\nmax_depth = {depth}\nseed = 0\n\
-         rr_depth = 3\ntile = 8\n[camera]\nresolution = [4, 4]\nfov_x_deg = 36\n\
+        "wavelengths_nm = [550]\n[render]\nintegrator = \"bidirectional\"\nspp = {spp}\nreplicates = {spp}\nmax_depth = {depth}\n\
+         seed = 0\nrr_depth = 3\ntile = 8\n[camera]\nresolution = [4, 4]\nfov_x_deg = 36\n\
          pose.look_at = {{ origin = [0.3, 0.4, 3.6], target = [0, 0, 0] }}\n\
          [projector]\nresolution = [8, 8]\nfov_x_deg = 36\nirradiance = 1.0\n\
          pose.look_at = {{ origin = [-0.7, 0.8, 3.3], target = [0.1, -0.2, 0], up = [0.2, 1, 0.1] }}\n\
@@ -106,6 +106,14 @@ fn deviations_of_bidirectional_paths_are_as_stated() {
     honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
+/// Tests standard errors of bidirectional paths whose camera subpaths are stratified in 64 groups of 8.
+#[test]
+#[ignore = "slow: tools/check --all"]
+fn deviations_of_groups_of_bidirectional_paths_are_as_stated() {
+    let text = box_of(512, 5, "").replace("replicates = 512", "replicates = 64");
+    honest("bidirectional groups", &mut scene_of(&text), 1.0);
+}
+
 /// Tests standard errors of light that a medium around a ball scatters, with bidirectional paths.
 #[test]
 #[ignore = "slow: tools/check --all"]
@@ -123,7 +131,7 @@ fn deviations_in_media_are_as_stated() {
 #[test]
 fn deviations_of_slabs_are_as_stated() {
     let text = head(512, 1000, 0)
-        + "integrator = \"path\"\n[camera]\nresolution = [3, 3]\nfx = 1e7\n\
+        + "integrator = \"path\"\nreplicates = 512\n[camera]\nresolution = [3, 3]\nfx = 1e7\n\
            pose.look_at = { origin = [1.8, 0, -6.4], target = [0, 0, -4] }\n\
            [projector]\nresolution = [1, 1]\nfx = 250\nirradiance = 4e8\n\
            pose.look_at = { origin = [0, 0, 2e4], target = [0, 0, 0], up = [0, 1, 0] }\n\

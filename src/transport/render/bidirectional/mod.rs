@@ -40,7 +40,7 @@ use crate::scene::{Integrator, Scene};
 use crate::strategy::Strategy;
 pub(super) use connections::{Connector, Line, Record, Scratch, Setup, behind, meet, most};
 use glam::DVec2;
-use optics::sampling::stream::Stream;
+use optics::sampling::stream::{Group, Stream};
 use optics::spectrum::{Spectral, max_lane};
 use rayon::prelude::*;
 pub(super) use shared_light::SharedLight;
@@ -269,7 +269,7 @@ impl Plan {
                 out.list.clear();
                 out.elements.clear();
                 // The sample numbers must differ from those of the render.
-                walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
+                walks.sample(scene, self, [pixel % w, pixel / w], (u32::MAX - n, Group::ALONE), &mut out);
                 brings(&out)
             })
             .collect();
@@ -288,7 +288,14 @@ impl Walks {
     /// Traces paths for the given `samples` of camera pixel (x, y). Each path passes through a uniformly
     /// random point of the pixel. Stores the results in `lists` and `elements`, as
     /// [`super::path::Paths::trace`] does.
-    pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
+    pub fn trace(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        [x, y]: [u32; 2],
+        samples: Range<u32>,
+        group: Group,
+    ) -> u32 {
         self.lists.resize_with(samples.len(), Vec::new);
         let mut elements = std::mem::take(&mut self.elements);
         elements.clear();
@@ -297,7 +304,7 @@ impl Walks {
             let mut list = std::mem::take(&mut self.lists[n]);
             list.clear();
             let mut out = Contributions::new(&mut list, &mut elements, plan.setup.labelled);
-            rays += self.sample(scene, plan, [x, y], sample, &mut out);
+            rays += self.sample(scene, plan, [x, y], (sample, group), &mut out);
             self.lists[n] = list;
         }
         self.elements = elements;
@@ -309,12 +316,12 @@ impl Walks {
         scene: &Scene,
         plan: &Plan,
         [x, y]: [u32; 2],
-        sample: u32,
+        (sample, group): (u32, Group),
         out: &mut Contributions,
     ) -> u32 {
         let pixel = y * scene.camera.resolution[0] + x;
         let strategies = plan.setup.strategies;
-        let mut stream = Stream::new(plan.seed, pixel, sample);
+        let mut stream = Stream::stratified(plan.seed, pixel, sample, group);
         let mut ends = Ends::draw(scene, &mut stream);
         let [jx, jy] = stream.uniform2().map(f64::from);
         let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));

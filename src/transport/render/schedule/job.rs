@@ -1,6 +1,5 @@
 //! Describes a render to its sink: the layouts of slices and the provenance.
 
-use super::tracer::replicates;
 use crate::accumulate::SlicePlan;
 use crate::device::distortion::Distortion;
 use crate::device::distortion::opencv::Opencv;
@@ -60,7 +59,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     }
     put("seeds", json!([scene.settings.seed]));
     put("samples_per_pixel", json!(scene.settings.spp));
-    put("replicates_per_pixel", json!(replicates(scene)));
+    put("replicates_per_pixel", json!(scene.settings.spp / scene.settings.group().size()));
     put("max_depth", json!(scene.settings.max_depth));
     put("integrator", json!(scene.settings.integrator.name()));
     if let Some(why) = scene.why_integrator() {

@@ -54,13 +54,6 @@ fn needs_walks(scene: &Scene) -> bool {
         }
 }
 
-/// Returns the number of independent groups of samples per pixel. The samples are unidirectional paths, or
-/// bidirectional paths if there are no unidirectional paths.
-pub(super) fn replicates(scene: &Scene) -> u32 {
-    let settings = &scene.settings;
-    if needs_walks(scene) { settings.spp } else { settings.spp / settings.group().size() }
-}
-
 /// Returns the number of tiles that can be rendered after one preparation.
 pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     let all = tiles::count(scene) as usize;
@@ -128,11 +121,11 @@ impl Prepared {
             count: spp,
             group: Group::of(spp, scene.settings.replicates),
         });
-        // Light subpaths reach pixels at random, so stratification of the samples has no effect.
+        let count = samples(scene, spp);
         let walks = self.walks.is_some().then_some(Pass {
             kind: PassKind::Walks,
-            count: samples(scene, spp),
-            group: Group::ALONE,
+            count,
+            group: Group::of(count, scene.settings.replicates),
         });
         paths.into_iter().chain(walks)
     }
@@ -157,7 +150,7 @@ impl Tracer {
                 (rays, &mut self.paths.lists, &self.paths.elements)
             }
             (PassKind::Walks, _, Some(plan)) => {
-                let rays = self.walks.trace(scene, plan, pixel, samples);
+                let rays = self.walks.trace(scene, plan, pixel, samples, pass.group);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
             // The remaining combinations do not occur, because all passes have been prepared.

@@ -161,6 +161,7 @@ impl Walk {
         let [.., before, point] = &mut self.points[..] else {
             unreachable!("a subpath has an endpoint and at least one vertex");
         };
+        stream.vertex(progress.interactions);
         let continuation = match point.site {
             Site::Volume(id) => scatter_in(scene, guide, id, [before, point], progress, stream),
             _ => scatter_on(scene, guide, [before, point], progress, stream),
