@@ -19,7 +19,7 @@ use sunstone::studio::{Studio, StudioError};
 /// Run one of the paper's applications: render its scenes, fit every method on some variants and test it on
 /// others.
 ///
-/// Prints the score of each method and its difference from the first method, with standard errors over
+/// Prints the score of each method and its difference from a reference, with standard errors over
 /// variants and seeds. Writes tables (CSV, JSON) and pictures. Keeps the renders: a finished render is not
 /// repeated.
 #[derive(clap::Args)]
@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Number of seeds. The complete experiment is repeated for each seed.
     #[arg(long, default_value_t = 5)]
     seeds: u64,
+    /// Method with which all other methods are compared [default: the first method].
+    #[arg(long, value_name = "METHOD")]
+    reference: Option<String>,
     /// Folder for tables and pictures [default: out/apply/<name>, with _preview].
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -62,10 +65,23 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name, a.shows)).collect();
         return print(&lines.join("\n"));
     }
-    let application = catalog::find(&a.name).ok_or_else(|| {
+    let mut application = catalog::find(&a.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name).collect();
         Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
     })?;
+    if let Some(name) = &a.reference {
+        let methods = &mut application.methods;
+        let Some(at) = methods.iter().position(|m| m.name == name) else {
+            let known: Vec<&str> = methods.iter().map(|m| m.name).collect();
+            bail!(
+                "--reference: unknown method `{name}`; the methods of `{}` are: {}",
+                a.name,
+                known.join("; ")
+            );
+        };
+        let method = methods.remove(at);
+        methods.insert(0, method);
+    }
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
         bail!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds);
     }

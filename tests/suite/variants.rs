@@ -143,6 +143,8 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert!(stderr(&run(at, &["apply", "alchemy"], 2)).contains("metamerism"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--preview"], 2)).contains("--scenes"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--seeds", "0"], 2)).contains("--seeds"));
+    let unknown = stderr(&run(at, &["apply", "metamerism", "--reference", "colour"], 2));
+    assert!(unknown.contains("unknown method `colour`") && unknown.contains("RGB"), "{unknown}");
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = ["apply", "metamerism", "--preview", "--seeds", "1", "--scenes", scenes];
@@ -173,6 +175,16 @@ fn applications_are_listed_run_resumed_and_refused() {
     std::fs::remove_dir_all(one).expect("removes");
     let third = stdout(&run(at, &arguments, 0));
     assert_eq!(third.replace("(1 new renders", "(20 new renders"), first);
+    // With another reference, the same difference has the opposite sign.
+    let difference = |method: &str| -> f64 {
+        let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
+        let line = table.lines().find(|l| l.contains(&format!("\"{method}\""))).expect("a row");
+        let mut columns = line.split(',').skip(method.matches(',').count());
+        columns.nth(8).and_then(|v| v.parse().ok()).expect("a number")
+    };
+    let before = difference("RGB");
+    run(at, &[&arguments[..], &["--reference", "RGB"]].concat(), 0);
+    assert!(before > 0.1 && difference("-(2,2) epipolar") == -before, "{before}");
     figures_keep_the_fit(at, scenes);
 }
 

@@ -92,16 +92,16 @@ impl Moments {
         Self::without(parts, usize::MAX)
     }
 
-    /// Returns the moments of examples with the single feature Σ wᵢ xᵢ.
-    pub fn projected(&self, w: &DVector<f64>) -> Self {
+    /// Returns the moments of examples with the features Pᵀ x.
+    pub fn projected(&self, p: &DMatrix<f64>) -> Self {
         Self {
             count: self.count,
-            x: DVector::from_element(1, w.dot(&self.x)),
+            x: p.tr_mul(&self.x),
             y: self.y,
-            xx: DMatrix::from_element(1, 1, w.dot(&(&self.xx * w))),
-            xy: DVector::from_element(1, w.dot(&self.xy)),
+            xx: p.tr_mul(&(&self.xx * p)),
+            xy: p.tr_mul(&self.xy),
             yy: self.yy,
-            noise: DVector::from_element(1, self.noise.iter().zip(w.iter()).map(|(n, w)| n * w * w).sum()),
+            noise: p.map(|w| w * w).tr_mul(&self.noise),
         }
     }
 
@@ -164,7 +164,7 @@ mod tests {
         let three = Moments::of(2, &x[2..], &[0.1; 6], &y[1..]);
         approx::assert_relative_eq!(Moments::without(&parts, 0).xy, three.xy, epsilon = 1e-12);
         // A projection has the moments of the projected examples.
-        let w = DVector::from_row_slice(&[2.0, -1.0]);
+        let w = DMatrix::from_column_slice(2, 1, &[2.0, -1.0]);
         let line: Vec<f64> = x.chunks_exact(2).map(|x| 2.0 * x[0] - x[1]).collect();
         let direct = Moments::of(1, &line, &[0.0; 4], &y);
         approx::assert_relative_eq!(moments.projected(&w).xx, direct.xx, epsilon = 1e-12);

@@ -8,13 +8,54 @@ use crate::observation::Pixels;
 use crate::regression::lbfgs::minimize;
 use crate::regression::least_squares::{least_squares, ridge_by_cross_validation, without_noise};
 use crate::regression::moments::{Linear, Moments};
-use nalgebra::DVector;
+use nalgebra::DMatrix;
 
 /// A method that recovers the image behind a scattering medium.
 pub(super) struct Descattering {
     pub method: Method,
     features: Features,
     solver: Solver,
+    /// True if the means of the features over 3 × 3 pixels are further features.
+    pub around: bool,
+}
+
+/// The features of all pixels at a wavelength.
+pub(super) struct Table {
+    /// Number of features of a pixel.
+    count: usize,
+    /// Features of all pixels, and their standard errors, pixel by pixel.
+    values: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+impl Table {
+    /// Returns the features of a pixel.
+    pub(super) fn of(&self, pixel: usize) -> &[f64] {
+        &self.values[pixel * self.count..][..self.count]
+    }
+
+    fn errors_of(&self, pixel: usize) -> &[f64] {
+        &self.errors[pixel * self.count..][..self.count]
+    }
+
+    /// Appends the means over those of 3 × 3 pixels that are in the image and in the mask.
+    fn with_means(&self, seen: &Seen) -> Self {
+        let [w, h] = [seen.truth.width, seen.truth.height];
+        let (mut values, mut errors) = (vec![], vec![]);
+        for pixel in 0..w * h {
+            let (x, y) = (pixel % w, pixel / w);
+            let rows = y.saturating_sub(1)..(y + 2).min(h);
+            let near = rows.flat_map(|j| (x.saturating_sub(1)..(x + 2).min(w)).map(move |i| j * w + i));
+            let near: Vec<usize> = near.filter(|p| *p == pixel || seen.mask[*p]).collect();
+            let n = near.len() as f64;
+            let sum = |value: &dyn Fn(usize) -> f64| near.iter().map(|p| value(*p)).sum::<f64>() / n;
+            values.extend(self.of(pixel));
+            values.extend((0..self.count).map(|f| sum(&|p| self.of(p)[f])));
+            errors.extend(self.errors_of(pixel));
+            errors.extend((0..self.count).map(|f| (sum(&|p| self.errors_of(p)[f].powi(2)) / n).sqrt()));
+        }
+        Self { count: 2 * self.count, values, errors }
+    }
 }
 
 /// The features of a pixel at a wavelength.
@@ -45,7 +86,17 @@ enum Features {
     EpipolarPair(usize),
     /// T00 of all light in every bin of travel time.
     Bins,
+    /// T00 of epipolar and of non-epipolar light.
+    Space,
+    /// The elements [`JOINT`] of epipolar and of non-epipolar light. The features of all methods that use
+    /// space, polarization or both are linear functions of these features.
+    SpacePolarization,
+    /// [`Self::SpacePolarization`] and [`Self::Bins`].
+    SpacePolarizationTime,
 }
+
+/// Elements of the joint methods, row-major: the diagonal, and the elements of [`Features::Pair`].
+const JOINT: [usize; 8] = [0, 5, 10, 15, 1, 4, 3, 12];
 
 /// The algorithm for the weights.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -64,41 +115,101 @@ enum Solver {
 }
 
 const fn new(name: &'static str, source: &'static str, features: Features, solver: Solver) -> Descattering {
-    Descattering { method: Method { name, source }, features, solver }
+    Descattering { method: Method { name, source }, features, solver, around: false }
 }
 
-/// All methods. The methods that learn W and b come first. The baselines begin at index [`BASELINES`].
-pub(super) const METHODS: [Descattering; 11] = [
+/// Returns a method with the means of the features over 3 × 3 pixels.
+const fn with_means(name: &'static str, of: &Descattering) -> Descattering {
+    let method = Method { name, source: of.method.source };
+    Descattering { method, features: of.features, solver: of.solver, around: true }
+}
+
+const NEW: &str = "new here";
+const SPACE: Descattering = new("joint: space", NEW, Features::Space, Solver::Ridge);
+const SPACE_POLARIZATION: Descattering =
+    new("joint: space, polarization", NEW, Features::SpacePolarization, Solver::Ridge);
+const ALL: Descattering =
+    new("joint: space, polarization, time", NEW, Features::SpacePolarizationTime, Solver::Ridge);
+const CONVENTIONAL: Descattering =
+    new("conventional", "a photograph", Features::Photograph, Solver::LeastSquares);
+const CONFOCAL: Descattering =
+    new("epipolar confocal", "O'Toole et al. 2012", Features::EpipolarPhotograph, Solver::LeastSquares);
+const LINEAR: Descattering =
+    new("cross-polarization, linear", "Treibitz & Schechner 2009", Features::Pair(1), Solver::LeastSquares);
+const CIRCULAR: Descattering = new(
+    "cross-polarization, circular",
+    "Treibitz & Schechner 2009, circular",
+    Features::Pair(3),
+    Solver::LeastSquares,
+);
+const STRIPING: Descattering =
+    new("polarized light striping", "Gupta et al. 2008", Features::EpipolarPair(1), Solver::LeastSquares);
+const GATING: Descattering = new("time gating", "range gating", Features::Bins, Solver::Window);
+
+/// All methods. The methods that learn W and b come first, then the joint methods. The baselines begin at
+/// index [`BASELINES`].
+pub(super) const METHODS: [Descattering; 21] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
     new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
-    new("W, b by ridge regression", "new here", Features::Elements, Solver::Ridge),
-    new("W, b by errors in variables", "new here", Features::Elements, Solver::WithoutNoise),
-    new("time-gated W, b by ridge regression", "new here", Features::GatedElements, Solver::Ridge),
-    new("conventional", "a photograph", Features::Photograph, Solver::LeastSquares),
-    new("epipolar confocal", "O'Toole et al. 2012", Features::EpipolarPhotograph, Solver::LeastSquares),
-    new("cross-polarization, linear", "Treibitz & Schechner 2009", Features::Pair(1), Solver::LeastSquares),
-    new(
-        "cross-polarization, circular",
-        "Treibitz & Schechner 2009, circular",
-        Features::Pair(3),
-        Solver::LeastSquares,
-    ),
-    new("polarized light striping", "Gupta et al. 2008", Features::EpipolarPair(1), Solver::LeastSquares),
-    new("time gating", "range gating", Features::Bins, Solver::Window),
+    new("W, b by ridge regression", NEW, Features::Elements, Solver::Ridge),
+    new("W, b by errors in variables", NEW, Features::Elements, Solver::WithoutNoise),
+    new("time-gated W, b by ridge regression", NEW, Features::GatedElements, Solver::Ridge),
+    SPACE,
+    SPACE_POLARIZATION,
+    ALL,
+    with_means("joint: space, polarization, time, 3 × 3", &ALL),
+    CONVENTIONAL,
+    CONFOCAL,
+    LINEAR,
+    CIRCULAR,
+    STRIPING,
+    GATING,
+    with_means("conventional, 3 × 3", &CONVENTIONAL),
+    with_means("epipolar confocal, 3 × 3", &CONFOCAL),
+    with_means("cross-polarization, linear, 3 × 3", &LINEAR),
+    with_means("cross-polarization, circular, 3 × 3", &CIRCULAR),
+    with_means("polarized light striping, 3 × 3", &STRIPING),
+    with_means("time gating, 3 × 3", &GATING),
 ];
 
 /// Index of the first baseline.
-pub(super) const BASELINES: usize = 5;
+pub(super) const BASELINES: usize = 9;
 
 impl Descattering {
-    /// Returns the features of a pixel at a wavelength, and the standard errors of the features.
-    pub(super) fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {
-        let all = |p: &Pixels, elements: usize| {
-            let places = (0..p.bins).flat_map(|bin| (0..elements).map(move |e| (bin, e)));
-            places.map(|(bin, e)| (p.at(pixel, bin, e, lane), p.error_at(pixel, bin, e, lane))).unzip()
+    /// Returns true if the features are matrix elements in row-major order.
+    pub(super) fn uses_elements(&self) -> bool {
+        matches!(self.features, Features::Elements | Features::GatedElements)
+    }
+
+    /// Returns the features of all pixels at a wavelength.
+    pub(super) fn table(&self, seen: &Seen, lane: usize) -> Table {
+        let mut table = Table { count: 0, values: vec![], errors: vec![] };
+        for pixel in 0..seen.mask.len() {
+            let own = self.own_features(seen, pixel, lane);
+            table.count = own.len();
+            for (value, error) in own {
+                table.values.push(value);
+                table.errors.push(error);
+            }
+        }
+        if self.around { table.with_means(seen) } else { table }
+    }
+
+    /// Returns the features of a pixel at a wavelength with their standard errors, without means over several
+    /// pixels.
+    fn own_features(&self, seen: &Seen, pixel: usize, lane: usize) -> Vec<(f64, f64)> {
+        let at = |p: &Pixels, bin, e| (p.at(pixel, bin, e, lane), p.error_at(pixel, bin, e, lane));
+        let all = |p: &Pixels, elements: usize| -> Vec<(f64, f64)> {
+            (0..p.bins).flat_map(|bin| (0..elements).map(move |e| at(p, bin, e))).collect()
         };
-        let photograph = |p: &Pixels| [weighed(p, pixel, lane, &[(0, 1.0)])].into_iter().unzip();
-        let pair = |p: &Pixels, k: usize| along_and_across(p, pixel, lane, k).into_iter().unzip();
+        let photograph = |p: &Pixels| vec![weighed(p, pixel, lane, &[(0, 1.0)])];
+        let pair = |p: &Pixels, k: usize| along_and_across(p, pixel, lane, k).to_vec();
+        // Epipolar and non-epipolar light are independent, so their variances add up to that of all light.
+        let parts = |e: usize| {
+            let (all, part) = (at(&seen.polarimetric, 0, e), at(&seen.epipolar, 0, e));
+            [part, (all.0 - part.0, (all.1.powi(2) - part.1.powi(2)).max(0.0).sqrt())]
+        };
+        let joint = || JOINT.into_iter().flat_map(parts);
         match self.features {
             Features::Elements => all(&seen.epipolar, 16),
             Features::GatedElements => all(&seen.gated, 16),
@@ -107,6 +218,9 @@ impl Descattering {
             Features::Pair(k) => pair(&seen.polarimetric, k),
             Features::EpipolarPair(k) => pair(&seen.epipolar, k),
             Features::Bins => all(&seen.transient, 1),
+            Features::Space => parts(0).to_vec(),
+            Features::SpacePolarization => joint().collect(),
+            Features::SpacePolarizationTime => joint().chain(all(&seen.transient, 1)).collect(),
         }
     }
 
@@ -122,7 +236,7 @@ impl Descattering {
             Solver::WithoutNoise => Ok(without_noise(&all).0),
             Solver::Window => {
                 let cause = "the slice has no time bins; correct the slice in the scene file";
-                best_window(&all).ok_or_else(|| unsolved(self.method.name, cause))
+                best_window(&all, self.around).ok_or_else(|| unsolved(self.method.name, cause))
             }
         }
     }
@@ -131,16 +245,14 @@ impl Descattering {
     /// per variant.
     fn moments(&self, train: &[Seen], lane: usize) -> Vec<Moments> {
         let of = |seen: &Seen| {
+            let table = self.table(seen, lane);
             let (mut x, mut errors, mut y) = (vec![], vec![], vec![]);
-            let mut count = 0;
             for pixel in (0..seen.mask.len()).filter(|p| seen.mask[*p]) {
-                let (features, error) = self.features(seen, pixel, lane);
-                count = features.len();
-                x.extend(features);
-                errors.extend(error);
+                x.extend(table.of(pixel));
+                errors.extend(table.errors_of(pixel));
                 y.push(seen.truth.data[pixel * seen.truth.channels + lane]);
             }
-            Moments::of(count, &x, &errors, &y)
+            Moments::of(table.count, &x, &errors, &y)
         };
         train.iter().map(of).collect()
     }
@@ -148,7 +260,8 @@ impl Descattering {
     /// Returns a note on the learned weights.
     pub(super) fn note(&self, fits: &[Linear]) -> Option<String> {
         let window = |fit: &Linear| {
-            let open: Vec<usize> = (0..fit.weights.len()).filter(|i| fit.weights[*i] != 0.0).collect();
+            let bins = fit.weights.len() / if self.around { 2 } else { 1 };
+            let open: Vec<usize> = (0..bins).filter(|i| fit.weights[*i] != 0.0).collect();
             Some(format!("{}..{}", open.first()?, open.last()? + 1))
         };
         if self.solver != Solver::Window {
@@ -159,15 +272,19 @@ impl Descattering {
     }
 }
 
-/// Fits every window of consecutive features, and returns the fit with the least loss.
-fn best_window(all: &Moments) -> Option<Linear> {
-    let bins = all.x.len();
+/// Fits every window of consecutive bins, and returns the fit with the least loss. `around` is true if the
+/// means of all bins over several pixels follow the bins; then the means have a separate weight.
+fn best_window(all: &Moments, around: bool) -> Option<Linear> {
+    let parts = if around { 2 } else { 1 };
+    let bins = all.x.len() / parts;
     let windows = (0..bins).flat_map(|from| (from + 1..=bins).map(move |to| (from, to)));
     let fits = windows.map(|(from, to)| {
-        let window = DVector::from_fn(bins, |i, _| f64::from(u8::from((from..to).contains(&i))));
+        let window = DMatrix::from_fn(all.x.len(), parts, |i, part| {
+            f64::from(u8::from((part * bins + from..part * bins + to).contains(&i)))
+        });
         let projected = all.projected(&window);
         let fit = least_squares(&projected);
-        (Linear { weights: window * fit.weights[0], offset: fit.offset }, projected.loss(&fit))
+        (Linear { weights: window * &fit.weights, offset: fit.offset }, projected.loss(&fit))
     });
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(fit, _)| fit)
 }

@@ -8,6 +8,10 @@
 //! The features contain noise from the render, as captures contain noise. Noise in the features makes learned
 //! weights too small (see [`crate::regression::least_squares`]). Ridge regression and the errors-in-variables
 //! solution are therefore compared with ordinary least squares.
+//!
+//! A photograph is not a linear function of epipolar elements, so the paper's method can be worse than a
+//! photograph even on the images to which it is fitted. The features of the joint methods include those of
+//! all baselines. Methods whose names end in 3 × 3 also use the means of their features over 3 × 3 pixels.
 
 mod descattering;
 mod seen;
@@ -19,7 +23,7 @@ use crate::map::Map;
 use crate::metrics::{contrast, psnr::psnr, ssim::ssim};
 use crate::observation::{self, Observation};
 use crate::regression::moments::Linear;
-use descattering::{BASELINES, Descattering, METHODS};
+use descattering::{BASELINES, Descattering, METHODS, Table};
 use rayon::prelude::*;
 use seen::Seen;
 
@@ -52,7 +56,7 @@ pub(crate) fn application() -> Application {
     Application {
         name: "scattering",
         shows: "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements, compared with descattering by space, \
-         polarization and time (Fig. 12)",
+         polarization and time (Fig. 12), and with joint methods of all three",
         plan: Plan {
             scene: "milky_tank/variants.toml",
             train: of(&[0, 2], &[2, 4]),
@@ -91,7 +95,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
             .map(|lane| method.learn(&train, lane))
             .collect::<Result<_, _>>()?;
         outcome.notes.extend(method.note(&fits));
-        if let Some(map) = weight_map(&fits) {
+        if let Some(map) = method.uses_elements().then(|| weight_map(&fits)).flatten() {
             outcome.pictures.push(Picture {
                 method: name,
                 name: "weights",
@@ -139,7 +143,7 @@ fn task(train: &[Observation]) -> Result<Task, ApplyError> {
     Ok(Task {
         slice: "epipolar",
         method: METHODS[0].method.name,
-        baselines: METHODS[BASELINES..].iter().map(|m| m.method.name).collect(),
+        baselines: METHODS[BASELINES..].iter().filter(|m| !m.around).map(|m| m.method.name).collect(),
         functionals: (0..wavelengths).map(functional).collect::<Result<_, _>>()?,
     })
 }
@@ -147,10 +151,10 @@ fn task(train: &[Observation]) -> Result<Task, ApplyError> {
 /// Returns the image of a method for a variant. Negative radiance is set to 0.
 fn image(method: &Descattering, fits: &[Linear], seen: &Seen) -> Map {
     let (w, h) = (seen.truth.width, seen.truth.height);
+    let tables: Vec<Table> = (0..fits.len()).map(|lane| method.table(seen, lane)).collect();
     Map::from_fn(w, h, fits.len(), |x, y, out| {
-        for (lane, (o, fit)) in out.iter_mut().zip(fits).enumerate() {
-            let (features, _) = method.features(seen, y * w + x, lane);
-            let value = fit.of(&features);
+        for (o, (fit, table)) in out.iter_mut().zip(fits.iter().zip(&tables)) {
+            let value = fit.of(table.of(y * w + x));
             *o = if value < 0.0 { 0.0 } else { value };
         }
     })

@@ -107,6 +107,53 @@ fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
     table.iter().find(|(n, _)| *n == name).expect("a method").1
 }
 
+/// Verifies that the joint methods remove the backscatter that a baseline removes, if the baseline's features
+/// are linear functions of the joint features.
+#[test]
+fn joint_methods_include_the_baselines() {
+    let all = "joint: space, polarization, time";
+    for (milk, baseline, joint) in [
+        (
+            Milk { linear: 0.7, things: 0.2, ..PLAIN },
+            "cross-polarization, linear",
+            "joint: space, polarization",
+        ),
+        (Milk { circular: -0.5, ..PLAIN }, "cross-polarization, circular", "joint: space, polarization"),
+        (Milk { epipolar: 0.0, ..PLAIN }, "epipolar confocal", "joint: space"),
+        (
+            Milk { linear: 0.6, epipolar: 0.5, ..PLAIN },
+            "polarized light striping",
+            "joint: space, polarization",
+        ),
+    ] {
+        let table = psnr_of(milk);
+        assert!(of(&table, baseline) > EXACT, "{table:?}");
+        for name in [joint, all, "joint: space, polarization, time, 3 × 3"] {
+            assert!(of(&table, name) > 60.0, "{baseline}, {name}: {table:?}");
+        }
+    }
+}
+
+/// Verifies that a mean covers the 3 × 3 pixels that are in the image and in the mask.
+#[test]
+fn means_cover_the_neighbours_in_the_mask() {
+    let all = observations(PLAIN, 3);
+    let mut seen = Seen::new(&all[0]).expect("seen");
+    let photograph = METHODS.iter().find(|m| m.method.name == "conventional, 3 × 3").expect("a method");
+    let value =
+        |seen: &Seen, x: usize, y: usize| weighed(&seen.polarimetric, y * SIZE[0] + x, 1, &[(0, 1.0)]).0;
+    seen.mask[SIZE[0]] = false;
+    let table = photograph.table(&seen, 1);
+    let square = (2..5).flat_map(|y| (3..6).map(move |x| (x, y)));
+    let expected = square.map(|(x, y)| value(&seen, x, y)).sum::<f64>() / 9.0;
+    let found = table.of(3 * SIZE[0] + 4);
+    approx::assert_relative_eq!(found[0], value(&seen, 4, 3), epsilon = 1e-12);
+    approx::assert_relative_eq!(found[1], expected, epsilon = 1e-12);
+    // At the corner, three pixels remain.
+    let expected = [(0, 0), (1, 0), (1, 1)].map(|(x, y)| value(&seen, x, y)).iter().sum::<f64>() / 3.0;
+    approx::assert_relative_eq!(table.of(0)[1], expected, epsilon = 1e-12);
+}
+
 /// Returns the light of the objects for known degrees of polarization.
 fn recovered(along: f64, across: f64, of_medium: f64, of_things: f64) -> f64 {
     (across * (1.0 + of_medium) - along * (1.0 - of_medium)) / (of_medium - of_things)
@@ -122,7 +169,7 @@ const PLAIN: Milk = Milk { linear: 0.0, circular: 0.0, things: 0.0, epipolar: 1.
 fn plain_backscatter_is_not_removed_without_time() {
     for (name, value) in psnr_of(PLAIN) {
         // Time bins determine the veil, because all bins except the last contain no light except the veil.
-        let by_time = name.starts_with("time");
+        let by_time = name.contains("time");
         assert!(by_time || value < VEILED, "{name}: {value}");
     }
 }
@@ -190,10 +237,18 @@ fn striping_needs_both_lines_and_polarization() {
 #[test]
 fn time_gating_uses_the_bin_without_backscatter() {
     let table = psnr_of(Milk { bins: BINS - 1, ..PLAIN });
-    for exact in ["time gating", "time-gated W, b by ridge regression"] {
+    for exact in [
+        "time gating",
+        "time gating, 3 × 3",
+        "time-gated W, b by ridge regression",
+        "joint: space, polarization, time",
+        "joint: space, polarization, time, 3 × 3",
+    ] {
         assert!(of(&table, exact) > 60.0, "{exact} {table:?}");
     }
-    for veiled in ["conventional", "W, b by least squares"] {
+    for veiled in
+        ["conventional", "conventional, 3 × 3", "W, b by least squares", "joint: space, polarization"]
+    {
         assert!(of(&table, veiled) < VEILED, "{veiled} {table:?}");
     }
 }
