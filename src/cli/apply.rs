@@ -32,6 +32,18 @@ pub struct Arguments {
     /// Number of seeds. The complete experiment is repeated for each seed.
     #[arg(long, default_value_t = 5)]
     seeds: u64,
+    /// Variants for training, instead of those of the application; for example 1-5,13 or 1-9/2 (every second).
+    #[arg(long, value_name = "LIST", value_parser = Variants::parse)]
+    train: Option<Variants>,
+    /// Variants for testing, instead of those of the application.
+    #[arg(long, value_name = "LIST", value_parser = Variants::parse)]
+    test: Option<Variants>,
+    /// Samples per pixel, instead of those of the application.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Option<u32>,
+    /// Number of pixels of the longer side of the image, instead of that of the application.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=8192))]
+    pixels: Option<u32>,
     /// Method with which all other methods are compared [default: the first method].
     #[arg(long, value_name = "METHOD")]
     reference: Option<String>,
@@ -58,17 +70,54 @@ pub struct Arguments {
     captures: Option<RangeInclusive<usize>>,
 }
 
-pub fn run(a: &Arguments) -> Result<(), Failure> {
-    if a.name == "list" {
-        let all = catalog::all();
-        let longest = all.iter().map(|a| a.name.len()).max().unwrap_or(0);
-        let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name, a.shows)).collect();
-        return print(&lines.join("\n"));
+/// A list of variants: numbers and ranges A-B or A-B/STEP, separated by commas.
+#[derive(Clone, Debug)]
+struct Variants(Vec<u64>);
+
+impl Variants {
+    /// Maximum number of variants.
+    const MOST: usize = 10_000;
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let wrong =
+            |part: &str| format!("`{part}`: expected a number, a range A-B, or A-B/STEP, such as 1-5,13");
+        let mut all = vec![];
+        for part in text.split(',') {
+            let number = |n: &str| n.trim().parse::<u64>().map_err(|_| wrong(part));
+            let (range, step) = part.split_once('/').map_or((part, Ok(1)), |(r, s)| (r, number(s)));
+            let (from, to) = match range.split_once('-') {
+                Some((from, to)) => (number(from)?, number(to)?),
+                None => (number(range)?, number(range)?),
+            };
+            let step = usize::try_from(step?).ok().filter(|s| *s > 0).ok_or_else(|| wrong(part))?;
+            if from > to {
+                return Err(wrong(part));
+            }
+            all.extend((from..=to).step_by(step).take(Self::MOST + 1));
+            if all.len() > Self::MOST {
+                return Err(format!("more than {} variants; give fewer", Self::MOST));
+            }
+        }
+        all.sort_unstable();
+        all.dedup();
+        Ok(Self(all))
     }
-    let mut application = catalog::find(&a.name).ok_or_else(|| {
-        let known: Vec<&str> = catalog::all().iter().map(|a| a.name).collect();
-        Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
-    })?;
+}
+
+/// Replaces the variants and the size of an application's renders by those of the arguments.
+fn change_plan(application: &mut Application, a: &Arguments) -> Result<(), Failure> {
+    let plan = &mut application.plan;
+    for (own, given) in [(&mut plan.train, &a.train), (&mut plan.test, &a.test)] {
+        if let Some(Variants(given)) = given {
+            own.clone_from(given);
+        }
+    }
+    if let Some(both) = plan.test.iter().find(|v| plan.train.contains(v)) {
+        bail!("variant {both} is for training and for testing; change --train or --test");
+    }
+    let size = if a.preview { &mut plan.preview } else { &mut plan.full };
+    size.spp = a.spp.unwrap_or(size.spp);
+    size.pixels = a.pixels.unwrap_or(size.pixels);
     if let Some(name) = &a.reference {
         let methods = &mut application.methods;
         let Some(at) = methods.iter().position(|m| m.name == name) else {
@@ -82,6 +131,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let method = methods.remove(at);
         methods.insert(0, method);
     }
+    Ok(())
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    if a.name == "list" {
+        let all = catalog::all();
+        let longest = all.iter().map(|a| a.name.len()).max().unwrap_or(0);
+        let lines: Vec<String> = all.iter().map(|a| format!("{:longest$} {}", a.name, a.shows)).collect();
+        return print(&lines.join("\n"));
+    }
+    let mut application = catalog::find(&a.name).ok_or_else(|| {
+        let known: Vec<&str> = catalog::all().iter().map(|a| a.name).collect();
+        Failure::input(format!("unknown application `{}`; available: {}", a.name, known.join(", ")))
+    })?;
+    change_plan(&mut application, a)?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
         bail!("--seeds: expected 1 to {MOST_SEEDS}, got {}", a.seeds);
     }

@@ -143,6 +143,19 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert!(stderr(&run(at, &["apply", "alchemy"], 2)).contains("metamerism"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--preview"], 2)).contains("--scenes"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--seeds", "0"], 2)).contains("--seeds"));
+    for (given, part) in [
+        (["--train", "1-", ""], "1-"),
+        (["--test", "5-3", ""], "5-3"),
+        (["--test", "1-9/0", ""], "1-9/0"),
+        (["--train", "0-99999999", ""], "10000 variants"),
+        (["--spp", "0", ""], "--spp"),
+        (["--train", "0-7", "--test=7"], "variant 7 is for training and for testing"),
+    ] {
+        let words = given.into_iter().filter(|w| !w.is_empty());
+        let message =
+            stderr(&run(at, &["apply", "metamerism"].into_iter().chain(words).collect::<Vec<_>>(), 2));
+        assert!(message.contains(part), "{message}");
+    }
     let unknown = stderr(&run(at, &["apply", "metamerism", "--reference", "colour"], 2));
     assert!(unknown.contains("unknown method `colour`") && unknown.contains("RGB"), "{unknown}");
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
@@ -185,6 +198,11 @@ fn applications_are_listed_run_resumed_and_refused() {
     let before = difference("RGB");
     run(at, &[&arguments[..], &["--reference", "RGB"]].concat(), 0);
     assert!(before > 0.1 && difference("-(2,2) epipolar") == -before, "{before}");
+    // Other variants are rendered, and are in the table.
+    let others = [&arguments[..], &["--train", "0-6/2", "--test", "1000,1001", "-o", "others"]].concat();
+    assert!(stdout(&run(at, &others, 0)).contains("4 training variants, 2 test variants"));
+    let scores = std::fs::read_to_string(at.join("others/scores.csv")).expect("scores");
+    assert!(scores.contains("1000") && scores.contains("1001"), "{scores}");
     figures_keep_the_fit(at, scenes);
 }
 
