@@ -672,7 +672,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     let mut command = program();
     command.args(["rig", "calibrate"]).arg(&air).arg("-o").arg(bench.path("rig.toml"));
     let output = command.output().expect("runs");
-    refused(&output, 2, "unknown field `bench`");
+    refused(&output, 2, "unknown key `bench`");
     refused(&output, 2, "another file name");
     assert_eq!(std::fs::read_to_string(bench.path("rig.toml")).expect("reads"), other);
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any, cast
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from pysunstone._native import InputError
 
-__all__ = ["plain", "real"]
+__all__ = ["plain", "real", "whole"]
 
 #: NumPy's type stubs for masked arrays are incomplete.
 _ma: Any = np.ma
@@ -77,3 +78,15 @@ def real(what: str, given: Any, dtype: Any = None, *, fill: float | None = None)
     if dtype is None:
         dtype = np.float32 if array.dtype.type in (np.float16, np.float32) else np.float64
     return np.require(array, dtype=np.dtype(dtype), requirements=["C", "A"])
+
+
+def whole(what: str, given: Any, least: int = 0, most: int = 2**63 - 1) -> int:
+    """Return a whole number as an `int`; refuse other types and numbers outside ``least`` to ``most``."""
+    try:
+        number = operator.index(given)
+    except TypeError:
+        raise InputError(f"{what}: expected a whole number, got {given!r}") from None
+    if not least <= number <= most:
+        limits = f"from {least} to {most}" if most < 2**63 - 1 else f"of {least} or more"
+        raise InputError(f"{what}: expected a whole number {limits}, got {number}")
+    return number

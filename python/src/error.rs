@@ -1,5 +1,6 @@
 //! Converts Rust errors to Python exceptions.
 
+use base::document;
 use base::locate::InputError as Fault;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -39,9 +40,28 @@ macro_rules! bail {
 }
 pub(crate) use bail;
 
+/// Options of the command in messages, and what to write in Python.
+const OPTIONS: [(&str, &str); 10] = [
+    ("resume the render with `sunstone render --resume`", "render with `resume=True`"),
+    ("`--resume`", "`resume=True`"),
+    ("--resume", "resume=True"),
+    ("`--force`", "`force=True`"),
+    ("--force", "force=True"),
+    ("another `-o`", "another output"),
+    ("another -o", "another output"),
+    ("(--prior)", "(argument `prior`)"),
+    ("--variant", "the argument `variant`"),
+    ("`--partial`", "`unfinished=True`"),
+];
+
+/// Replaces the options of the command in a message.
+fn in_python(message: &str) -> String {
+    OPTIONS.iter().fold(message.to_owned(), |text, (option, argument)| text.replace(option, argument))
+}
+
 /// Creates an error for invalid input that is not from a file.
 pub fn input(e: impl Display) -> PyErr {
-    InputError::new_err(e.to_string())
+    InputError::new_err(in_python(&e.to_string()))
 }
 
 /// Creates an error for a failure at run time.
@@ -49,8 +69,15 @@ pub fn failed(e: impl Display) -> PyErr {
     RenderError::new_err(e.to_string())
 }
 
-/// Creates an error for invalid input with its location in a file.
+/// Names of documents that exist only in memory. Their errors state the path of the key, because users do not
+/// see the text.
+const IN_MEMORY: [&str; 4] =
+    ["scene in code", "materials in a dict", "media in a dict", "detector in a dict"];
+
+/// Creates an error for invalid input with its location in a file or in a dict.
 pub fn located(fault: Fault) -> PyErr {
+    let what = IN_MEMORY.into_iter().find(|name| fault.file.ends_with(name));
+    let fault = what.map_or_else(|| fault.clone(), |what| document::in_code(what, fault.clone()));
     let error = input(&fault);
     let (line, column) = fault.line_column().unzip();
     let set = Python::attach(|py| {
@@ -58,8 +85,8 @@ pub fn located(fault: Fault) -> PyErr {
         value.setattr("file", fault.file.display().to_string())?;
         value.setattr("line", line)?;
         value.setattr("column", column)?;
-        value.setattr("message", fault.message)?;
-        value.setattr("fix", fault.help)
+        value.setattr("message", in_python(&fault.message))?;
+        value.setattr("fix", fault.help.as_deref().map(in_python))
     });
     set.map_or_else(|e| e, |()| error)
 }

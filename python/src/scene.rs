@@ -152,7 +152,7 @@ impl Scene {
             .into_iter()
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
-        let path = Path::new("scene from a dict");
+        let path = Path::new("scene in code");
         detached(py, || Self::in_memory(path, &text, folder, &meshes, files))?.map_err(located)
     }
 

@@ -264,8 +264,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("c.toml");
         for (text, words) in [
-            ("[camera]\n[objects]\n", "c.toml:2:2: unknown field `objects`"),
-            ("[detector.emccd]\n", "unknown field `emccd`"),
+            ("[camera]\n[objects]\n", "c.toml:2:2: unknown key `objects`"),
+            ("[detector.emccd]\n", "unknown key `emccd`"),
             ("[camera]\n[camera]\n", "c.toml:2:"),
             ("[camera\n", "c.toml:1:"),
         ] {

@@ -2,6 +2,7 @@
 
 use crate::build::assemble;
 use crate::build::context::Context;
+use base::document::in_code;
 use base::locate::InputError;
 use import::write_ply;
 use std::collections::BTreeMap;
@@ -260,15 +261,7 @@ impl SceneBuilder {
                 .with_files(self.memory);
             assemble::build(&mut ctx, &file)
         });
-        built.map_err(|e| match &e.span {
-            Some(span) => InputError {
-                file: format!("{IN_CODE}: {}", place(&text, span.start)).into(),
-                text: "".into(),
-                span: None,
-                ..e
-            },
-            None => InputError { text: "".into(), ..e },
-        })
+        built.map_err(|e| in_code(IN_CODE, e))
     }
 
     fn refuse(&mut self, fault: InputError) {
@@ -283,41 +276,6 @@ impl SceneBuilder {
 /// Returns an error located at an argument of the builder.
 fn fault(place: &str, message: String, fix: &str) -> InputError {
     InputError::new(format!("{IN_CODE}: {place}"), "", None, message, fix)
-}
-
-/// Returns the path of the key at a byte offset of a scene's text, such as
-/// `objects[1].shape.ply.file`. List indices start at 0.
-fn place(text: &str, at: usize) -> String {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    let (mut table, mut key) = ("", "");
-    let mut start = 0;
-    for line in text.split_inclusive('\n') {
-        if start > at {
-            break;
-        }
-        start += line.len();
-        let line = line.trim_end();
-        if let Some(name) = line.strip_prefix("[[").and_then(|l| l.strip_suffix("]]")) {
-            *counts.entry(name).or_default() += 1;
-            (table, key) = (name, "");
-        } else if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
-            (table, key) = (name, "");
-        } else if let Some((name, _)) = line.split_once(" = ") {
-            key = name;
-        }
-    }
-    let mut out = String::new();
-    for (end, _) in table.match_indices('.').chain([(table.len(), "")]) {
-        let prefix = &table[..end];
-        out += &prefix[prefix.rfind('.').unwrap_or(0)..];
-        if let Some(count) = counts.get(prefix) {
-            out += &format!("[{}]", count - 1);
-        }
-    }
-    if !(table.is_empty() || key.is_empty()) {
-        out.push('.');
-    }
-    out + key
 }
 
 #[cfg(test)]

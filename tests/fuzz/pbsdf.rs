@@ -312,7 +312,7 @@ fn errors_name_the_position_and_the_file() {
     saved(folder.path(), &container(&fields()).0);
     assert!(MaterialSet::from_text(&at, text).is_ok());
     let unknown = MaterialSet::from_text(&at, &text.replace("file =", "path ="));
-    assert!(unknown.err().expect("an unknown key").message.contains("unknown field `path`"));
+    assert!(unknown.err().expect("an unknown key").message.contains("unknown key `path`"));
 }
 
 /// Tests that the hashes of a table's pieces distinguish tables. Tests that the scene hash depends on the

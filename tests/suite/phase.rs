@@ -41,9 +41,9 @@ g = 0.7
 
 #[rustfmt::skip]
 const CASES: &[Case] = &[
-    ("an unknown kind", "media.drink.milk", "media.drink.beer", "media.drink.beer", "unknown variant `beer`"),
-    ("an unknown key", "scattering = 0.1", "scatering = 0.1", "scatering", "unknown field `scatering`"),
-    ("an unknown phase", "phase.rayleigh = { depolarization = 0.028 }", "phase.rayley = {}", "rayley", "unknown variant `rayley`"),
+    ("an unknown kind", "media.drink.milk", "media.drink.beer", "media.drink.beer", "unknown name `beer`"),
+    ("an unknown key", "scattering = 0.1", "scatering = 0.1", "scatering", "unknown key `scatering`"),
+    ("an unknown phase", "phase.rayleigh = { depolarization = 0.028 }", "phase.rayley = {}", "rayley", "unknown name `rayley`"),
     ("a negative coefficient", "scattering = 0.1", "scattering = -0.1", "-0.1", "scattering is -0.1"),
     ("two values for three wavelengths", "[0.8, 0.7, 0.6]", "[0.8, 0.7]", "[0.8, 0.7]", "2 values for 3 wavelengths"),
     ("a mean cosine of 1", "[0.8, 0.7, 0.6]", "1", "1, linear", "g is 1"),

@@ -342,14 +342,14 @@ fn errors_have_position_and_fix() {
         ("a.retarder = { retardance_deg = 1, retardance_nm = 1 }", "exactly one of retardance_deg"),
         ("a.retarder = { retardance_deg = [1, 2] }", "2 values for 4 wavelengths"),
         ("a.retarder = { retardance_deg = 1, tilt = \"constant\", ior = 1.5 }", "plate"),
-        ("a.retarder = { retardance_deg = 1, tilt = \"wobbly\" }", "unknown variant `wobbly`"),
+        ("a.retarder = { retardance_deg = 1, tilt = \"wobbly\" }", "unknown name `wobbly`"),
         ("a.crystal = { name = \"kryptonite\", axis = [1, 0, 0] }", "calcite, quartz, sapphire"),
         ("a.crystal = { n_o = 1.5, axis = [1, 0, 0] }", "both n_o and n_e"),
         (
             "a.crystal = { name = \"quartz\", axis = [1, 0, 0], split = true, bandwidth_nm = 1 }",
             "bandwidth_nm has no effect",
         ),
-        ("a.crystal = { name = \"quartz\" }", "missing field `axis`"),
+        ("a.crystal = { name = \"quartz\" }", "missing key `axis`"),
         (
             "a.crystal = { name = \"quartz\", axis = [1, 0, 0], split = true, roughness = 0.1 }",
             "requires smooth faces",

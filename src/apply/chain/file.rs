@@ -296,14 +296,14 @@ mod tests {
             ("[\"exact\"]", "[]", "`calibration` is empty"),
             ("[\"exact\"]", "[\"exact\", \"exact\"]", "contains a duplicate"),
             ("calibration", "samples = [\"air\", \"air\"]\ncalibration", "`samples` contains a duplicate"),
-            ("[\"exact\"]", "[\"exakt\"]", "unknown variant `exakt`"),
+            ("[\"exact\"]", "[\"exakt\"]", "unknown name `exakt`"),
             ("\"mean\"", "{ percentile = 101 }", "`percentile`"),
             ("100", "-1", "`electrons`"),
             ("[cmos]\nread_noise_e = 3\n", "", "no detector"),
             ("read_noise_e = 3", "read_noise_e = -3", "read_noise_e"),
             ("read_noise_e = 3", "binning = 2", "binning"),
             ("axis_error_deg", "axis", "c.toml:2"),
-            ("scheme", "shceme", "unknown field `shceme`"),
+            ("scheme", "shceme", "unknown key `shceme`"),
         ] {
             let text = WHOLE.replace(from, to);
             assert!(describe(&text).contains(words), "{to}: {}", describe(&text));

@@ -176,14 +176,14 @@ mod tests {
         let torn = PAIR.replace("[5, 0, 1.5]", "[0, 0, 1.5]");
         let still = PAIR.replace("t = [0.2, 0, 0]", "t = [0, 0, 0]");
         let cases = [
-            ("x = 1", [None; 2], "0.toml:1:1: unknown field `x`"),
+            ("x = 1", [None; 2], "0.toml:1:1: unknown key `x`"),
             (
                 "sensor = { kind = \"intensity\" }",
                 [None; 2],
                 "[detector.cmos], [detector.spad] and [camera] with [projector] are all missing",
             ),
-            ("[camera]\nresolution = 3", [None; 2], "0.toml:2:14: invalid type"),
-            ("[detector.cmos]\ngain = 1", [None; 2], "unknown field `gain`"),
+            ("[camera]\nresolution = 3", [None; 2], "0.toml:2:14: found the number"),
+            ("[detector.cmos]\ngain = 1", [None; 2], "unknown key `gain`"),
             ("[detector.cmos]\nread_noise_e = -1", [None; 2], "read_noise_e"),
             ("[detector", [None; 2], "sunstone calibrate sensor"),
             (

@@ -65,9 +65,9 @@ mod tests {
                 "driver = \"dlpc350\"\ntriggers = { output_1 = { rise_us = -30 } }\n",
                 "output_1.rise_us is -30",
             ),
-            ("driver = \"dlpc350\"\ntriggers = { output_3 = {} }\n", "r.toml:4:14: unknown field `output_3`"),
+            ("driver = \"dlpc350\"\ntriggers = { output_3 = {} }\n", "r.toml:4:14: unknown key `output_3`"),
             ("triggers = { input = { edge = \"rising\" } }\n", "apply only to driver"),
-            ("driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n", "unknown variant `up`"),
+            ("driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n", "unknown name `up`"),
         ] {
             let message = read(projector).expect_err("a fault");
             assert!(message.contains(words), "{projector}: {message}");

@@ -207,7 +207,7 @@ mod tests {
         let [camera, projector] = [format!("[camera]\n{CAMERA}"), format!("[projector]\n{PROJECTOR}")];
         let in_camera = |line: &str| format!("{line}\n[projector]");
         for (in_scene, in_file, words) in [
-            (same, ["[camera]", "[photo]"], "c.toml:1:2: unknown field `photo`"),
+            (same, ["[camera]", "[photo]"], "c.toml:1:2: unknown key `photo`"),
             (same, [&camera, ""], "s.toml:2:15: sub/c.toml has no [camera]"),
             (same, [&projector, ""], "s.toml:5:15: sub/c.toml has no [projector]"),
             (
@@ -232,7 +232,7 @@ mod tests {
                 "s.toml:2:15: `resolution` is 8 × 7 pixels",
             ),
             (["irradiance", "coaxial = true\nirradiance"], same, "s.toml:6:15: a coaxial projector"),
-            ([BY_KEY, "[camera]\nfov_x_deg = 4\n"], same, "s.toml:1:1: missing field `resolution`"),
+            ([BY_KEY, "[camera]\nfov_x_deg = 4\n"], same, "s.toml:1:1: missing key `resolution`"),
         ] {
             let edited = |text: &str, [from, to]: [&str; 2]| text.replace(from, to);
             let message =

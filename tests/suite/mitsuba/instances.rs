@@ -266,14 +266,14 @@ fn placements_are_lists_or_arrays() {
         ("group = \"stone\"", "group = \"rock\"", "unknown group `rock`"),
         ("scale = [1, -2, 0.5]", "scale = 0", "zero extent"),
         ("scale = [1, -2, 0.5]", "scale = 1e13", "is too large"),
-        ("group = \"stone\"\n", "", "missing field `group`"),
+        ("group = \"stone\"\n", "", "missing key `group`"),
         (
             "[[groups.stone.objects]]\nshape.sphere = { radius = 0.3 }\nmaterial = \"grey\"",
             "[groups.stone]",
             "the group `stone` is empty",
         ),
         ("material = \"tree\"", "material = \"leaf\"", "unknown material `leaf`"),
-        ("[[groups.stone.objects]]", "[[groups.stone.things]]", "unknown field `things`"),
+        ("[[groups.stone.objects]]", "[[groups.stone.things]]", "unknown key `things`"),
     ] {
         let text = SCENE.replacen(from, to, 1);
         assert_ne!(text, SCENE, "{from}");

@@ -256,13 +256,13 @@ mod tests {
         assert!(matches!(alone, Ok(Detector::Cmos { .. })));
         assert!(fault("[detector.cmos]\nread_noise_e = -2").contains("d.toml:2:1: `read_noise_e` is -2"));
         assert!(fault("[detector.cmos]\n[cmos]").contains("remove one"));
-        assert!(fault("[detector.ccd]").contains("unknown field `ccd`"));
+        assert!(fault("[detector.ccd]").contains("unknown key `ccd`"));
         assert!(fault("[camera]\nx = 1").contains("both missing"));
     }
 
     #[test]
     fn errors_have_positions_and_fixes() {
-        assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown field `exposure`"));
+        assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown key `exposure`"));
         assert!(
             fault("[cmos]\nbit_depth = 12\n  exposure_s = -1").contains("d.toml:3:3: `exposure_s` is -1")
         );

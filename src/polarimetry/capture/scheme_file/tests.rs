@@ -86,8 +86,8 @@ fn calibration_files_contain_schemes() {
                   [temporal]\n[detector.cmos]\nread_noise_e = 3\n";
     assert_eq!(toml(&format!("{FULL}{others}")).expect("a scheme"), toml(FULL).expect("a scheme"));
     let answer = fault(others);
-    assert!(answer.contains("missing field `sensor`") && answer.contains("rig calibrate"), "{answer}");
-    assert!(fault(&format!("{FULL}[cameras]\n")).contains("unknown field `cameras`"));
+    assert!(answer.contains("missing key `sensor`") && answer.contains("rig calibrate"), "{answer}");
+    assert!(fault(&format!("{FULL}[cameras]\n")).contains("unknown key `cameras`"));
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn errors_name_position_and_fix() {
         ("[20, 80]", "[]", "`exposures_ms` has 0 entries"),
         ("\"drr\"", "\"drrr\"", "unknown scheme `drrr`"),
         ("captures = 36", "captures = 0", "0 captures"),
-        ("[camera]", "[cam]", "unknown field `cam`"),
+        ("[camera]", "[cam]", "unknown key `cam`"),
         ("stripes = 8", "stripes = 8, outsid = true", "did not match"),
     ];
     for (old, new, want) in cases {
