@@ -16,6 +16,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from pysunstone._cautions import SunstoneWarning
 from pysunstone._native import InputError, RenderError, __version__
 
 if TYPE_CHECKING:
@@ -25,12 +26,13 @@ if TYPE_CHECKING:
     from pysunstone.learning import Learned, Materials, learn
     from pysunstone.mitsuba import from_mitsuba
     from pysunstone.mueller import decompose
-    from pysunstone.scene import Scene, Slice, Slices
+    from pysunstone.scene import Layers, Scene, Slice, Slices, layers
     from pysunstone.shards import shard
     from pysunstone.stores import open_store
 
 __all__ = [
     "InputError",
+    "Layers",
     "Learned",
     "Materials",
     "RenderError",
@@ -39,11 +41,13 @@ __all__ = [
     "Scheme",
     "Slice",
     "Slices",
+    "SunstoneWarning",
     "__version__",
     "apply",
     "decompose",
     "design_matrix",
     "from_mitsuba",
+    "layers",
     "learn",
     "open_store",
     "pbrdf",
@@ -55,6 +59,7 @@ __all__ = [
 
 # Modules of the public names. Names load on first use, so that the command does not import NumPy and xarray.
 _HOMES = {
+    "Layers": "scene",
     "Learned": "learning",
     "Materials": "learning",
     "Scene": "scene",
@@ -65,6 +70,7 @@ _HOMES = {
     "decompose": "mueller",
     "design_matrix": "capture",
     "from_mitsuba": "mitsuba",
+    "layers": "scene",
     "learn": "learning",
     "open_store": "stores",
     "reconstruct": "capture",

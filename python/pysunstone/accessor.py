@@ -222,6 +222,14 @@ class SunstoneArray:
         """
         return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors, prior)
 
+    def to_rgb(self, white: float | None = None, *, linear: bool = False) -> npt.NDArray[Any]:
+        """Return the photograph of M00, (rows, columns, 3), red first; see `pysunstone.Slice.to_rgb`."""
+        return plots.to_rgb(self._data, white, linear)
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the array; see `pysunstone.plots.plot`."""
+        return plots.plot(self._data, **options)
+
     def plot_mueller(self, **options: Any) -> Figure:
         """Draw the sixteen elements as a grid of images; see `pysunstone.plots.plot_mueller`."""
         return plots.plot_mueller(self._data, **options)
@@ -381,6 +389,14 @@ class SunstoneDataset:
         if "variance" in self._data:
             options.setdefault("variance", self._data["variance"])
         return SunstoneArray(self._data["mean"]).reconstruct(scheme, **options)
+
+    def to_rgb(self, white: float | None = None, *, linear: bool = False) -> npt.NDArray[Any]:
+        """Return the photograph of M00 of `mean`, (rows, columns, 3), red first; see `pysunstone.Slice.to_rgb`."""
+        return plots.to_rgb(self._data["mean"], white, linear)
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the slice; see `pysunstone.plots.plot`."""
+        return plots.plot(self._data["mean"], self._data.get("std_error"), **options)
 
     def plot_mueller(self, **options: Any) -> Figure:
         """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`."""

@@ -9,6 +9,10 @@ from pysunstone.scene import Path, Scene
 __all__ = ["SceneBuilder"]
 
 
+#: Parts of a scene that a builder counts in its display.
+_COUNTED = ("emitters", "materials", "media", "objects", "slices")
+
+
 def _posed(origin: Any, target: Any, keys: dict[str, Any]) -> dict[str, Any]:
     if origin is None and target is None:
         return keys
@@ -40,6 +44,10 @@ class SceneBuilder:
         self._folder = folder
         self._meshes: dict[str, Any] = {}
         self._images: dict[str, Any] = {}
+
+    def __repr__(self) -> str:
+        parts = [f"{len(v)} {k}" if isinstance(v, list | dict) and k in _COUNTED else k for k, v in self._document.items() if v is not None]
+        return f"<pysunstone.SceneBuilder, {', '.join(parts)}>"
 
     def _named(self, table: str, name: str, keys: dict[str, Any]) -> SceneBuilder:
         self._document.setdefault(table, {})[name] = keys

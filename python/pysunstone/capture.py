@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pysunstone import _native
-from pysunstone._arrays import real
+from pysunstone._arrays import real, whole
+from pysunstone._cautions import caution
+from pysunstone import _display
 from pysunstone._documents import json_of
 from pysunstone._native import InputError
 
@@ -37,17 +39,30 @@ class Scheme:
     @classmethod
     def drr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
         """Return the scheme of dual rotating retarders (Azzam 1978), which rotate by 5° and 25° per capture."""
-        return cls(_native.Scheme.preset("drr", captures, polarizer_array))
+        return cls._preset("drr", captures, polarizer_array)
 
     @classmethod
     def qrpr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
         """Return a scheme of four rotating elements (two polarizers and two retarders) at hand-chosen angles."""
-        return cls(_native.Scheme.preset("qrpr", captures, polarizer_array))
+        return cls._preset("qrpr", captures, polarizer_array)
 
     @classmethod
     def lc(cls, captures: int = 16, *, polarizer_array: bool = False) -> Scheme:
         """Return a scheme with two liquid-crystal retarders each before and behind the scene."""
-        return cls(_native.Scheme.preset("lc", captures, polarizer_array))
+        return cls._preset("lc", captures, polarizer_array)
+
+    @classmethod
+    def _preset(cls, name: str, captures: int, polarizer_array: bool) -> Scheme:
+        made = cls(_native.Scheme.preset(name, whole("captures", captures, 1), polarizer_array))
+        rank = made.quality()["rank"]
+        if rank < 16:
+            caution(
+                [
+                    f"the scheme {made.name} has rank {rank:.0f} of 16 and does not determine a Mueller matrix; use at least "
+                    f"{made._native.least_captures} captures, or reconstruct with a prior"
+                ]
+            )
+        return made
 
     def to_toml(self) -> str:
         """Return the scheme as the text of its file."""
@@ -82,7 +97,28 @@ class Scheme:
         return {"rank": rank, "condition": condition, "error_variance": variance}
 
     def __repr__(self) -> str:
-        return f"<pysunstone.Scheme {self.name!r}, {self.captures} captures, {self.channels} channels>"
+        channels = "" if self.channels == 1 else f", {self.channels} channels"
+        return f"<pysunstone.Scheme {self.name!r}, {self.captures} captures{channels}>"
+
+    def _repr_html_(self) -> str:
+        quality = self.quality()
+        rows = [
+            ("captures", self.captures),
+            ("values per pixel and capture", self.channels),
+            ("rank at 550 nm", f"{quality['rank']:.0f} of 16"),
+            ("condition number", f"{quality['condition']:.4g}"),
+            ("error variance, and its lower bound", f"{quality['error_variance']:.4g}, {self.bound:.4g}"),
+        ]
+        return _display.block(f"Scheme {self.name}", [self._picture()], rows)
+
+    def _picture(self) -> str:
+        """Return an image of the design matrix: a row for each measurement, a column for each Mueller element."""
+        a = design_matrix(self)
+        share = a / max(float(np.abs(a).max()), 1e-30)
+        fade = 1 - np.abs(share)
+        red, blue = np.where(share < 0, fade, 1.0), np.where(share > 0, fade, 1.0)
+        image = np.stack([red, fade, blue], -1)
+        return _display.picture(np.rint(image * 255).astype(np.uint8), "design matrix: measurements x elements (red > 0, blue < 0)")
 
 
 def design_matrix(
@@ -167,6 +203,9 @@ def simulate(
         fov_x_deg=fov_x_deg,
         bin_ps=bin_ps,
     )
+    lost = int(np.isnan(found).sum())
+    if lost and bool(np.isfinite(np.asarray(matrices, np.float64)).all()):
+        caution([f"{100 * lost / found.size:.3g} % of the intensities are saturated, and NaN in the result; reduce the exposure"])
     if not variance:
         return found
     if variances is None:

@@ -1,10 +1,11 @@
 """Data sets for machine learning: variants of a scene in one Zarr store with an axis `sample`.
 
-A scene file with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is deterministic. `make`
-renders the variants one after another into one store, and resumes after an interruption. `images` reads the store for training.
+A scene with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is deterministic. A function can
+also make the scenes. `make` renders the variants one after another into one store, and resumes after an interruption. `images`
+reads the store for training.
 
-Layout: one group per slice, with `mean` (and `std_error`) over `sample` and the slice's axes. A chunk holds one sample if a
-sample is smaller than 64 MiB. Coordinates along `sample` are `variant`, `seed` and every drawn parameter. `dataset.json` is the
+Layout: one group per slice, with `mean` (and `std_error`) over `sample` and the slice's axes, and a group `layers` of ground truth
+(depth, normals, ...) on request. A chunk holds one sample if a sample is smaller than 64 MiB. Coordinates along `sample` are `variant`, `seed` and every drawn parameter. `dataset.json` is the
 manifest.
 """
 
@@ -22,6 +23,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +33,18 @@ import xarray as xr
 import zarr
 from zarr.errors import ZarrUserWarning
 
-from .command import CommandError, run
+from ._documents import json_of
+from ._native import InputError, RenderError
+from .scene import Scene
+from .scene import layers as layers_of
 from .stores import NotAStoreError, StoreError, UnfinishedStoreError, open_store, pieces
 
 __all__ = ["DatasetError", "make", "manifest", "open_dataset"]
 
 _MANIFEST, _FORM = "dataset.json", 1
 _OF_SAMPLES = ("variant", "seed")
+#: Group of the ground-truth layers.
+_LAYERS = "layers"
 #: Units by the suffixes of names in scene files (CONVENTIONS.md).
 _UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad", "mm": "mm", "um": "um"}
 
@@ -72,17 +79,21 @@ def _write_manifest(path: Path, content: dict[str, Any]) -> None:
     part.replace(path / _MANIFEST)
 
 
+#: A scene file with `[vary]`, a scene, or a function that returns the scene of a variant (and the values of its parameters).
+Variants = str | os.PathLike[str] | Scene | Callable[[int], Any]
+
+
 def make(
-    scene: str | os.PathLike[str],
+    scene: Variants,
     output: str | os.PathLike[str],
     variants: Sequence[int] | int,
     *,
     slices: Sequence[str],
+    layers: Sequence[str] = (),
     spp: int | None = None,
     seed: int = 0,
     std_error: bool = True,
     threads: int | None = None,
-    command: str | None = None,
     keep: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -94,13 +105,17 @@ def make(
     Parameters
     ----------
     scene
-        Scene file with `[vary]`.
+        Scene file with `[vary]`; a `Scene` (with `vary`, or the same scene with different noise in each sample); or a function
+        that returns the `Scene` of a variant, given its number, or a tuple of the `Scene` and a dict of the values of its
+        parameters. A function must return the same scene whenever it is called with the same number.
     output
         Folder of the data set. Renders stay in ``OUTPUT.parts`` until their samples are in the data set.
     variants
         Numbers of the variants, or the number of variants, which are then counted from 0.
     slices
         Slices of the scene to keep. Their axes must be the same in all variants.
+    layers
+        Ground-truth layers to keep in the group ``layers``, such as ``["depth", "shading_normal"]``; see `pysunstone.layers`.
     spp
         Samples per pixel; by default those of the scene.
     seed
@@ -109,8 +124,6 @@ def make(
         Also keep standard errors.
     threads
         Number of threads per render; by default one per core.
-    command
-        Path of the command; by default the value of the environment variable SUNSTONE, or `sunstone` on the PATH.
     keep
         Keep the stores of the single renders.
     progress
@@ -124,45 +137,91 @@ def make(
     Raises
     ------
     DatasetError
-        If the folder contains a different data set, axes differ between variants, or a render fails (with the command's message).
+        If the folder contains a different data set, axes differ between variants, or a render fails.
     """
     numbers = list(range(variants)) if isinstance(variants, int) else [int(k) for k in variants]
     if not numbers or len(set(numbers)) < len(numbers) or min(numbers) < 0:
         raise DatasetError("variants: pass at least one number, all different and 0 or more")
     if not slices:
         raise DatasetError("slices: pass the name of at least one slice")
-    with _locked(Path(output)):
-        return _make(Path(scene), Path(output), numbers, slices, spp, seed, std_error, threads, command, keep, progress)
-
-
-def _make(
-    scene: Path,
-    path: Path,
-    numbers: list[int],
-    slices: Sequence[str],
-    spp: int | None,
-    seed: int,
-    std_error: bool,
-    threads: int | None,
-    command: str | None,
-    keep: bool,
-    progress: Callable[[int, int], None] | None,
-) -> Path:
+    if layers and _LAYERS in slices:
+        raise DatasetError(f"slices: a slice with the name `{_LAYERS}` cannot be in a data set with layers; rename the slice")
     settings = {
-        "scene": scene.name,
-        "scene_file_sha256": hashlib.sha256(scene.read_bytes()).hexdigest(),
         "slices": list(slices),
+        "layers": list(layers),
         "fields": ["mean", "std_error"] if std_error else ["mean"],
         "spp": spp,
         "seed": seed,
     }
-    content: dict[str, Any] = {"form": _FORM, "settings": settings, "places": _places(scene), "finished": False, "samples": []}
+    with _locked(Path(output)):
+        return _make(_Source.of(scene), Path(output), numbers, settings, threads, keep, progress)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """The scenes of a data set."""
+
+    name: str
+    #: Hash of the description of all variants; None for a function.
+    sha256: str | None
+    #: Dotted keys of the scene that the parameters set.
+    places: dict[str, str]
+    scene: Callable[[int], Any]
+
+    @classmethod
+    def of(cls, given: Variants) -> _Source:
+        if isinstance(given, str | os.PathLike):
+            path = Path(given)
+            whole = Scene.load(path)
+            return cls(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), _places(whole), lambda k: Scene.load(path, k))
+        if isinstance(given, Scene):
+            content = hashlib.sha256(f"{given.sha256} {given._native.source}".encode()).hexdigest()
+            places = _places(given)
+            return cls(given.name, content, places, given.variant if places else lambda k: given)
+        if not callable(given):
+            raise DatasetError(f"scene: got a {type(given).__name__}; pass a scene file, a Scene, or a function of the variant's number")
+        return cls(getattr(given, "__name__", "function"), None, {}, given)
+
+    def variant(self, number: int) -> tuple[Scene, dict[str, Any]]:
+        """Return the scene of a variant, and the values of its parameters."""
+        try:
+            made = self.scene(number)
+        except InputError as e:
+            raise DatasetError(f"variant {number} of {self.name}: {e}") from None
+        scene, values = made if isinstance(made, tuple) else (made, None)
+        if not isinstance(scene, Scene):
+            raise DatasetError(f"variant {number} of {self.name}: the function returned a {type(scene).__name__}; return a Scene")
+        if values is None:
+            values = {name: _value(text) for name, text in (scene._native.values or {}).items()}
+        return scene, dict(values)
+
+
+def _make(
+    source: _Source,
+    path: Path,
+    numbers: list[int],
+    settings: dict[str, Any],
+    threads: int | None,
+    keep: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Path:
+    settings = {"scene": source.name, "scene_file_sha256": source.sha256, **settings}
+    content: dict[str, Any] = {"form": _FORM, "settings": settings, "places": source.places, "finished": False, "samples": []}
     if path.exists():
         content = manifest(path)
+        # Data sets of earlier versions have no layers.
+        content["settings"].setdefault("layers", [])
         for key, ours in settings.items():
             if content["settings"].get(key) != ours:
                 raise DatasetError(
                     f"{path} was made with {key} {content['settings'].get(key)!r}, not {ours!r}: choose another output, or delete the data set"
+                )
+        if source.sha256 is None and content["samples"]:
+            first = content["samples"][0]
+            if source.variant(first["variant"])[0].sha256 != first["scene_sha256"]:
+                raise DatasetError(
+                    f"{path} was made from other scenes: the function returns a different scene for variant {first['variant']}; "
+                    "choose another output, or delete the data set"
                 )
         _sweep(path)
     order = [entry["variant"] for entry in content["samples"]]
@@ -173,8 +232,11 @@ def _make(
         _write_manifest(path, content)
     for index, variant in enumerate(order):
         if index >= len(content["samples"]):
-            entry, store = _rendered(scene, path, variant, settings, threads, command)
+            scene, values = source.variant(variant)
+            entry, store = _rendered(source.name, scene, values, path, variant, settings, threads)
             _put(path, index, len(order), store, settings)
+            if settings["layers"]:
+                _put_layers(path, index, len(order), scene, settings["layers"])
             content["samples"].append(entry)
             # A sample belongs to the data set once the manifest lists it.
             _write_manifest(path, content)
@@ -221,27 +283,22 @@ def _parts(path: Path) -> Path:
 
 
 def _rendered(
-    scene: Path, path: Path, variant: int, settings: dict[str, Any], threads: int | None, command: str | None
+    name: str, scene: Scene, values: dict[str, Any], path: Path, variant: int, settings: dict[str, Any], threads: int | None
 ) -> tuple[dict[str, Any], Path]:
     """Return the sample's manifest entry and the store of a variant, which is rendered if necessary."""
     store = _parts(path) / f"variant{variant}.zarr"
     seed = settings["seed"] + variant
     begun = time.monotonic()
-    words = ["render", str(scene), "--variant", str(variant), "--seed", str(seed), "--output", str(store), "--no-figures"]
-    words += ["--slices", ",".join(settings["slices"])]
-    words += [] if settings["spp"] is None else ["--spp", str(settings["spp"])]
-    words += [] if threads is None else ["--threads", str(threads)]
-    # `--resume` has no effect on a finished store, and refuses the store of another scene.
-    words += ["--resume"] if store.exists() else []
     try:
-        run(*words, command=command)
-    except CommandError as e:
-        raise DatasetError(f"variant {variant} of {scene} was not rendered: {e}") from None
+        # `resume` has no effect on a finished store, and refuses the store of another scene.
+        scene.render(store, spp=settings["spp"], seed=seed, threads=threads, slices=settings["slices"], resume=store.exists())
+    except (InputError, RenderError) as e:
+        raise DatasetError(f"variant {variant} of {name} was not rendered: {e}") from None
     attributes = open_store(store, chunks=None, slices=[]).attrs
     entry = {
         "variant": variant,
         "seed": seed,
-        "values": {name: _value(text) for name, text in attributes["variant"]["values"].items()},
+        "values": json.loads(json_of(values)),
         "scene_sha256": attributes["scene_sha256"],
         "samples_per_pixel": attributes["samples_per_pixel"],
         "discarded_samples": attributes.get("discarded_samples", 0),
@@ -259,22 +316,9 @@ def _value(text: str) -> Any:
         return text
 
 
-def _places(scene: Path) -> dict[str, str]:
-    """Return the dotted scene keys that the parameters set; empty if Python cannot parse the TOML file."""
-    try:
-        import tomllib
-    except ImportError:
-        return {}
-    try:
-        varied = tomllib.loads(scene.read_text()).get("vary", {})
-    except tomllib.TOMLDecodeError:
-        # The command reports this error more precisely.
-        return {}
-    found = {}
-    for name, entry in varied.items():
-        place = entry.get("path") if isinstance(entry, dict) else None
-        found[name] = ", ".join(place) if isinstance(place, list) else str(place)
-    return found
+def _places(scene: Scene) -> dict[str, str]:
+    """Return the dotted scene keys that the parameters set."""
+    return {name: ", ".join(keys) for name, keys in scene._native.varied}
 
 
 def _group(path: Path) -> zarr.Group:
@@ -302,19 +346,47 @@ def _put(path: Path, index: int, samples: int, store: Path, settings: dict[str, 
             _grown(group, field, values, samples)[index] = values.values
 
 
+def _put_layers(path: Path, index: int, samples: int, scene: Scene, names: Sequence[str]) -> None:
+    """Write the layers of a sample."""
+    found = layers_of(scene)
+    if unknown := [name for name in names if name not in found]:
+        raise DatasetError(f"layers: unknown layer `{unknown[0]}`; available: {', '.join(found)}")
+    data = found.to_xarray()
+    # Zarr has no stable type of texts.
+    data = data.assign_coords(vector=("vector", np.arange(3), {"units": "1", "long_name": "world coordinate", "labels": ["x", "y", "z"]}))
+    for axis in ("y", "x"):
+        data[axis].attrs.update(units="pixel", long_name=f"camera {'row' if axis == 'y' else 'column'} (pixel centre)")
+    group = _group(path).require_group(_LAYERS)
+    for name in names:
+        values = data[name]
+        for dim in map(str, values.dims):
+            _put_coordinate(group, data[dim], _LAYERS, first=index == 0)
+        array = _grown(group, name, values, samples)
+        if found.labels.get(name) != array.attrs.get("labels"):
+            raise DatasetError(
+                f"layer `{name}`: variant {index} has other objects or materials than the first: give all variants the same names, or "
+                "keep other layers"
+            )
+        array[index] = values.values
+
+
 def _put_coordinates(group: zarr.Group, data: xr.Dataset, name: str, first: bool) -> None:
     """Write the axes of a slice with the first sample; for later samples, check that they are equal."""
     for dim in map(str, data["mean"].dims):
-        coordinate = data[dim]
-        if first:
-            # A killed call may have left these arrays without values.
-            attributes = dict(coordinate.attrs)
-            array = group.create_array(
-                dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=attributes, overwrite=True
-            )
-            array[:] = coordinate.values
-        elif not np.array_equal(_values(group, dim), coordinate.values):
-            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: keep slices whose axes are equal in all variants")
+        _put_coordinate(group, data[dim], name, first)
+
+
+def _put_coordinate(group: zarr.Group, coordinate: xr.DataArray, name: str, first: bool) -> None:
+    dim = str(coordinate.dims[0])
+    if first:
+        # A killed call may have left these arrays without values.
+        attributes = dict(coordinate.attrs)
+        array = group.create_array(
+            dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=attributes, overwrite=True
+        )
+        array[:] = coordinate.values
+    elif not np.array_equal(_values(group, dim), coordinate.values):
+        raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: keep slices whose axes are equal in all variants")
 
 
 def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
@@ -324,19 +396,20 @@ def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
 
 
 def _grown(group: zarr.Group, field: str, values: xr.DataArray, samples: int) -> zarr.Array[Any]:
-    """Return the array of a field with space for ``samples`` samples; unwritten entries are NaN."""
+    """Return the array of a field with space for ``samples`` samples; unwritten entries are NaN (-1 for numbers)."""
     if field not in group:
         sizes = {d: n for d, n in values.sizes.items()}
-        stored = dict(sizes) if values.nbytes <= 64 << 20 else values.encoding["preferred_chunks"]
+        stored = dict(sizes) if values.nbytes <= 64 << 20 else values.encoding.get("preferred_chunks", dict(sizes))
+        real = values.dtype.kind == "f"
         chunk = pieces(sizes, stored, values.dtype.itemsize)
         return group.create_array(
             field,
             shape=(samples, *values.shape),
             chunks=(1, *(chunk[d] for d in values.dims)),
-            dtype="float32",
-            fill_value=float("nan"),
+            dtype="float32" if real else values.dtype,
+            fill_value=float("nan") if real else -1,
             dimension_names=["sample", *map(str, values.dims)],
-            attributes={"units": values.attrs["units"], "long_name": values.attrs["long_name"]},
+            attributes={key: values.attrs[key] for key in ("units", "long_name", "labels") if key in values.attrs},
         )
     array = group[field]
     assert isinstance(array, zarr.Array)
@@ -349,14 +422,17 @@ def _finish(path: Path, content: dict[str, Any]) -> None:
     """Write the coordinates of all samples and the consolidated metadata."""
     samples = content["samples"]
     root = _group(path)
-    for name in content["settings"]["slices"]:
+    fields = {name: content["settings"]["fields"] for name in content["settings"]["slices"]}
+    if content["settings"].get("layers"):
+        fields[_LAYERS] = content["settings"]["layers"]
+    for name in fields:
         group = root.require_group(name)
         for coordinate, (values, dims, attributes) in _coordinates(samples, content["places"]).items():
             array = group.create_array(
                 coordinate, shape=values.shape, dtype=values.dtype, dimension_names=dims, attributes=attributes, overwrite=True
             )
             array[...] = values
-        for field in content["settings"]["fields"]:
+        for field in fields[name]:
             # Mark them as coordinates for xarray (CF conventions).
             group[field].attrs["coordinates"] = " ".join([*_OF_SAMPLES, *samples[0]["values"]])
     with warnings.catch_warnings():
@@ -400,7 +476,7 @@ def _units(place: str) -> str:
 
 
 def open_dataset(path: str | os.PathLike[str], *, unfinished: bool = False, chunks: Any = "auto") -> xr.DataTree:
-    """Open a data set as a tree with one node per slice.
+    """Open a data set as a tree with one node per slice, and a node ``layers`` if the data set has layers.
 
     Parameters
     ----------

@@ -86,6 +86,10 @@ class Materials:
         """Write the second moment to a file (TOML) for `sunstone reconstruct --prior`."""
         self._native.save(path, name)
 
+    def __repr__(self) -> str:
+        elements = ", ".join(f"{v:.2g}" for v in np.diag(self.prior)[[0, 5, 10, 15]])
+        return f"<pysunstone.Materials, second moments of M00, M11, M22, M33: {elements}>"
+
     @property
     def prior(self) -> npt.NDArray[np.float64]:
         """The second moment over all materials, (16, 16), as `pysunstone.reconstruct` accepts it."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pysunstone import _native
+from pysunstone import _display, _native
 from pysunstone._arrays import real
 from pysunstone._documents import json_of
 from pysunstone._native import InputError
@@ -104,6 +104,35 @@ class Material:
 
     def __repr__(self) -> str:
         return f"<pysunstone.pbrdf.Material {self.name!r} at {', '.join(f'{w:g}' for w in self._wavelengths)} nm>"
+
+    def _repr_html_(self) -> str:
+        normal = [0.0, 0.0, 1.0]
+        facing = np.atleast_3d(self.evaluate(normal, normal)[..., 0, 0]).ravel()
+        rows = [("wavelengths", ", ".join(f"{w:g} nm" for w in self._wavelengths))]
+        rows.append(("BRDF M00 at normal incidence [1/sr]", ", ".join(f"{v:.4g}" for v in facing)))
+        try:
+            power = self.mirror(normal)[0]
+            rows.append(("specular reflectance at normal incidence", ", ".join(f"{v:.4g}" for v in np.ravel(power[..., 0, 0]))))
+        except InputError:
+            # The material has no specular reflection.
+            pass
+        return _display.block(f"Material {self.name}", [_display.picture(self._ball(), "ball under one light")], rows)
+
+    def _ball(self, size: int = 96) -> npt.NDArray[np.uint8]:
+        """Return an image of a ball in parallel light from the upper left, (size, size, 3)."""
+        y, x = np.mgrid[0.5:size, 0.5:size] / (size / 2) - 1
+        inside = x**2 + y**2 < 0.98
+        normals = np.stack([x, -y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], -1)[inside]
+        # Each normal is the z axis of the surface's frame. The x axis is horizontal.
+        across = np.cross([0.0, 1.0, 0.0], normals)
+        across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        frame = np.stack([across, np.cross(normals, across), normals], -2)
+        light = np.array([-0.45, 0.6, 0.66]) / np.linalg.norm([-0.45, 0.6, 0.66])
+        to_light, to_eye = frame @ light, frame @ np.array([0.0, 0.0, 1.0])
+        values = self.evaluate(to_light, to_eye)[..., 0, 0] * np.maximum(to_light[:, 2:] if not self._one else to_light[:, 2], 0)
+        shown = np.zeros((size, size, len(self._wavelengths)), np.float32)
+        shown[inside] = values.reshape(-1, len(self._wavelengths))
+        return _display.to_rgb(shown, ("y", "x", "wavelength"), list(self._wavelengths), None, False)
 
     def evaluate(self, incoming: npt.ArrayLike, outgoing: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Evaluate the BRDF; see `evaluate`."""

@@ -10,13 +10,16 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
+
+from . import _display
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_mueller", "plot_profile"]
+__all__ = ["plot", "plot_mueller", "plot_profile", "to_rgb"]
 
 #: Colour of undefined values.
 _UNDEFINED = "#808080"
@@ -35,6 +38,63 @@ def _at_wavelength(data: xr.DataArray, wavelength: float | None) -> xr.DataArray
     if wavelength is None:
         return data.isel(wavelength=(data.sizes["wavelength"] - 1) // 2)
     return data.sel(wavelength=wavelength, method="nearest")
+
+
+def to_rgb(data: xr.DataArray, white: float | None = None, linear: bool = False) -> npt.NDArray[Any]:
+    """Return the photograph of M00 of an array, (rows, columns, 3), red first; see `pysunstone.Slice.to_rgb`."""
+    nm = data["wavelength"].values.ravel().tolist() if "wavelength" in data.coords else None
+    return _display.to_rgb(data.values, [str(d) for d in data.dims], nm, white, linear)
+
+
+def plot(data: xr.DataArray, std_error: xr.DataArray | None = None, **options: Any) -> Any:
+    """Draw an array in the way that its axes allow.
+
+    - With camera pixels and Mueller matrices: the matrices as a grid of images, summed over all further axes.
+    - With camera pixels otherwise: a photograph of M00.
+    - With time bins: the time profile, summed over all further axes except the wavelength.
+
+    Parameters
+    ----------
+    data, std_error
+        Values of a slice, and their standard errors.
+    **options
+        Options of `plot_mueller`, or of `plot_profile`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure or matplotlib.axes.Axes
+    """
+    full = data.sizes.get("stokes_out") == 4 and data.sizes.get("stokes_in") == 4
+    if {"y", "x"} <= set(data.dims):
+        kept = ["y", "x", "stokes_out", "stokes_in", "wavelength"]
+        if full:
+            return plot_mueller(_summed(data, kept), **options)
+        return _photograph(data, **options)
+    if "t" in data.dims:
+        kept = ["t", "stokes_out", "stokes_in", "wavelength"]
+        return plot_profile(_summed(data, kept), None if std_error is None else _in_quadrature(std_error, kept), **options)
+    raise ValueError(f"the array has the axes {', '.join(map(str, data.dims))}: plot needs y and x, or t; select or sum")
+
+
+def _summed(data: xr.DataArray, kept: list[str]) -> xr.DataArray:
+    return data.sum([d for d in data.dims if d not in kept], keep_attrs=True)
+
+
+def _in_quadrature(errors: xr.DataArray, kept: list[str]) -> xr.DataArray:
+    """Return errors of sums: over camera pixels in quadrature, over other axes as the bound for any correlation."""
+    bound = errors.sum([d for d in errors.dims if d not in (*kept, "y", "x")], keep_attrs=True)
+    pixels = [d for d in ("y", "x") if d in bound.dims and d not in kept]
+    return (bound.astype(float) ** 2).sum(pixels, keep_attrs=True) ** 0.5 if pixels else bound
+
+
+def _photograph(data: xr.DataArray, figsize: tuple[float, float] | None = None, white: float | None = None) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=figsize or (4.2, 4.2 * data.sizes["y"] / data.sizes["x"]), layout="constrained")
+    panel = figure.subplots()
+    panel.imshow(to_rgb(data, white), interpolation="nearest")
+    panel.set_axis_off()
+    return figure
 
 
 def plot_mueller(

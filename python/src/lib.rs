@@ -44,6 +44,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(render::render_store, m)?)?;
     m.add_function(wrap_pyfunction!(render::render_arrays, m)?)?;
     m.add_function(wrap_pyfunction!(picture::encode_image, m)?)?;
+    m.add_function(wrap_pyfunction!(picture::rgb_weights, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::quantities, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::decompose, m)?)?;
     m.add_function(wrap_pyfunction!(capture::simulate, m)?)?;

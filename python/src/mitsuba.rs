@@ -35,7 +35,7 @@ pub fn import_mitsuba(
             Err(e) => return (None, vec![], e.0.iter().map(fault).collect()),
         };
         files.extend(import.files);
-        match Scene::in_memory(&toml, &import.toml, folder, &[], files) {
+        match Scene::in_memory(&toml, &import.toml, folder, &[], files, None) {
             Ok(scene) => (Some(scene), import.notes, vec![]),
             Err(e) => (None, vec![], vec![fault(&e)]),
         }

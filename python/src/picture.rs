@@ -57,3 +57,9 @@ pub enum Values<'py> {
     /// Linear values in single precision.
     Single(PyReadonlyArrayDyn<'py, f32>),
 }
+
+/// Return the weights of wavelengths in red, green and blue, as in photographs that the command draws.
+#[pyfunction]
+pub fn rgb_weights(wavelengths_nm: Vec<f64>) -> [Vec<f32>; 3] {
+    sunstone::figure::colour::rgb_weights(&wavelengths_nm)
+}

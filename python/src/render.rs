@@ -9,7 +9,9 @@ use pyo3::types::{PyDict, PyList};
 use serde_json::{Map, Value, json};
 use std::convert::Infallible;
 use std::path::PathBuf;
+use sunstone::cautions::{black, black_store, outside_bins};
 use sunstone::render::{Choices, is_of_system, most_threads};
+use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
 use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord};
@@ -104,8 +106,9 @@ impl Sink for Kept {
 }
 
 /// Returns the summary of a render as JSON for Python.
-fn describe(summary: &Summary) -> String {
+fn describe(summary: &Summary, cautions: &[String]) -> String {
     json!({
+        "cautions": cautions,
         "complete": summary.complete,
         "tiles_done": summary.tiles_done,
         "tiles": summary.tiles,
@@ -149,10 +152,18 @@ pub fn render_store(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let target = Target { path: output, replace: force, resume };
-    let summary = run(py, scene, &asked, progress, |render| {
-        render.to_target(&target).map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })
+    let (summary, cautions) = run(py, scene, &asked, progress, |render| {
+        let mut notes = outside_bins(render.scene());
+        let now = render.scene();
+        let summary =
+            render.to_target(&target).map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })?;
+        if summary.complete {
+            let store = TensorStore::open(&target.path).map_err(failed)?;
+            notes.extend(black_store(now, &store).map_err(failed)?);
+        }
+        Ok((summary, notes))
     })?;
-    Ok(describe(&summary))
+    Ok(describe(&summary, &cautions))
 }
 
 /// Render into arrays. Return the name, attributes and fields of each slice, the sample counts, the
@@ -164,13 +175,22 @@ pub fn render_arrays<'py>(
     asked: Asked,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (summary, mut kept) = run(py, scene, &asked, progress, |render| {
+    let (summary, mut kept, cautions) = run(py, scene, &asked, progress, |render| {
         let mut kept = Kept::default();
+        let now = render.scene();
+        let mut notes = outside_bins(now);
         let summary = render.into_sink(&mut kept).map_err(|e| match e {
             schedule::RenderError::NoSlices | schedule::RenderError::Part(_) => input(e),
             schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
         })?;
-        Ok((summary, kept))
+        let has_light = |name: &String| {
+            let fields = [Field::Mean, Field::Overflow].into_iter().filter_map(|f| kept.arrays.get(name, f));
+            fields.into_iter().any(|t| t.data.iter().any(|v| *v != 0.0))
+        };
+        if summary.complete && !kept.arrays.names().iter().any(has_light) {
+            notes.push(black(now));
+        }
+        Ok((summary, kept, notes))
     })?;
     let slices = PyList::empty(py);
     for (name, attributes) in kept.arrays.names().to_vec().iter().zip(&kept.of_slices) {
@@ -195,6 +215,6 @@ pub fn render_arrays<'py>(
     all.set_item("slices", slices)?;
     all.set_item("samples", PyArray1::from_vec(py, kept.arrays.samples()))?;
     all.set_item("attributes", Value::Object(kept.attributes).to_string())?;
-    all.set_item("summary", describe(&summary))?;
+    all.set_item("summary", describe(&summary, &cautions))?;
     Ok(all)
 }

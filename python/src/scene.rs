@@ -1,10 +1,9 @@
 //! Provides scenes to Python.
 
 use crate::error::{bail, input, located};
-use crate::off_python::detached;
-use base::document;
+use crate::off_python::{detached, off_python};
 use base::locate::InputError;
-use numpy::PyReadonlyArray2;
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,14 +11,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use sunstone::figure::listed;
 use sunstone::figure::spec::Figure;
+use sunstone::scene::syntax::Syntax;
 use sunstone::scene::syntax::scene::SceneFile;
+use sunstone::scene::syntax::variant::{self, Variant};
 use sunstone::scene::{self, SceneBuilder};
+use sunstone::tensor::layers::{Layer, LayerValues, Parts};
 use sunstone::transport::geometry::mesh::Mesh;
+use sunstone::transport::render::layers::{Options, layers};
+use sunstone::transport::scene::Variant as SceneVariant;
 
 /// A scene, ready to render, and the figures that its file lists.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Scene {
     built: Mutex<sunstone::Scene>,
+    /// The text from which the scene was built, of all variants.
+    source: String,
     pub figures: Vec<Figure>,
     /// Path of the scene file. For a scene without a file, the path that the file would have.
     path: PathBuf,
@@ -34,7 +40,13 @@ fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, Inp
         None => scene::from_text(path, text)?,
     };
     let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
-    Ok(Scene { built: Mutex::new(scene), figures, path: path.to_owned(), memory: BTreeMap::new() })
+    Ok(Scene {
+        built: Mutex::new(scene),
+        source: text.to_owned(),
+        figures,
+        path: path.to_owned(),
+        memory: BTreeMap::new(),
+    })
 }
 
 /// Converts a JSON object to equivalent TOML.
@@ -56,9 +68,16 @@ impl Scene {
         folder: PathBuf,
         meshes: &[(String, Mesh)],
         files: impl IntoIterator<Item = (String, Vec<u8>)>,
+        variant: Option<u64>,
     ) -> Result<Self, InputError> {
-        let file: SceneFile =
-            document::parse(path, text, |_| "`sunstone schema` describes every key of a scene".to_owned())?;
+        let (file, variant) = match variant {
+            Some(number) => {
+                let Variant { file, values } = variant::read(path, text, number)?;
+                let values = values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect();
+                (file, Some(SceneVariant { number, values }))
+            }
+            None => (SceneFile::read(path, text)?, None),
+        };
         let mut builder = SceneBuilder::from(file).folder(&folder);
         for (name, mesh) in meshes {
             builder = builder.mesh(name.as_str(), mesh);
@@ -67,15 +86,24 @@ impl Scene {
             builder = builder.file_in_memory(name, bytes);
         }
         let memory = builder.files_in_memory().clone();
-        let scene = builder.build()?;
+        let mut scene = builder.build()?;
+        if let Some(variant) = variant {
+            scene.set_variant(variant);
+        }
         let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
         Ok(Self {
             // The path that the file of this scene would have.
             path: folder.join(format!("{}.toml", scene.name)),
             built: Mutex::new(scene),
+            source: text.to_owned(),
             figures,
             memory,
         })
+    }
+
+    /// Calls `at` with the scene, without Python's lock.
+    fn look_here<T>(&self, at: impl FnOnce(&sunstone::Scene) -> T) -> T {
+        at(&self.lock())
     }
 
     /// Calls `at` with the scene. If the scene is being rendered, waits without Python's global
@@ -84,6 +112,10 @@ impl Scene {
         py.detach(|| at(&self.lock()))
     }
 }
+
+/// A layer: name, axes, unit, description, names of its numbers, and values.
+type OfLayer<'py> =
+    (&'static str, Vec<&'static str>, &'static str, &'static str, Option<Vec<String>>, Bound<'py, PyAny>);
 
 /// A mesh: vertices (n, 3) in metres, triangles (m, 3), optional normals (n, 3) and texture coordinates (n,
 /// 2).
@@ -153,7 +185,90 @@ impl Scene {
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
         let path = Path::new("scene in code");
-        detached(py, || Self::in_memory(path, &text, folder, &meshes, files))?.map_err(located)
+        detached(py, || Self::in_memory(path, &text, folder, &meshes, files, None))?.map_err(located)
+    }
+
+    /// Return a variant of the scene, which must have a table `vary`.
+    fn variant_of(&self, py: Python<'_>, number: u64) -> PyResult<Self> {
+        let build = || {
+            if self.memory.is_empty() && self.path.exists() {
+                return from_text(&self.path, &self.source, Some(number));
+            }
+            let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
+            let path = Path::new("scene in code");
+            Self::in_memory(path, &self.source, folder, &[], self.memory.clone(), Some(number))
+        };
+        detached(py, build)?.map_err(located)
+    }
+
+    /// Return what the scene contains, as pairs of a key and a value.
+    fn description(&self, py: Python<'_>) -> Vec<(String, String)> {
+        let text = self.look(py, cli::info::scene);
+        let pair = |line: &str| {
+            let (key, value) = line.trim().split_once(' ')?;
+            Some((key.to_owned(), value.trim().to_owned()))
+        };
+        text.lines().skip(1).filter(|l| l.starts_with("  ")).filter_map(pair).collect()
+    }
+
+    /// Position of the camera, metres.
+    #[getter]
+    fn camera_origin(&self, py: Python<'_>) -> [f32; 3] {
+        self.look(py, |s| s.camera.origin.to_array())
+    }
+
+    /// Names of the scene's materials.
+    #[getter]
+    fn materials(&self, py: Python<'_>) -> Vec<String> {
+        self.look(py, |s| s.names.materials.clone())
+    }
+
+    /// Names of the scene's objects.
+    #[getter]
+    fn objects(&self, py: Python<'_>) -> Vec<String> {
+        self.look(py, |s| s.names.objects.clone())
+    }
+
+    /// Text of the scene file, of all variants.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// The keys that each parameter of the table `vary` sets, by the parameter's name.
+    #[getter]
+    fn varied(&self) -> PyResult<Vec<(String, Vec<String>)>> {
+        let file = SceneFile::read(&self.path, &self.source).map_err(located)?;
+        Ok(file.vary.iter().map(|(name, p)| (name.clone(), p.path.0.clone())).collect())
+    }
+
+    /// Values of the scene's variant by parameter, as texts of a scene file; None without a variant.
+    #[getter]
+    fn values(&self, py: Python<'_>) -> Option<BTreeMap<String, String>> {
+        self.look(py, |s| s.variant.as_ref().map(|v| v.values.clone().into_iter().collect()))
+    }
+
+    /// Return the layers of the camera image: name, axes, unit, description, names of the numbers, and values.
+    fn layers<'py>(&self, py: Python<'py>, rays: u32, through: bool) -> PyResult<Vec<OfLayer<'py>>> {
+        if !(1..=64).contains(&rays) {
+            bail!("rays: expected a number from 1 to 64, got {rays}");
+        }
+        let options = Options { side: rays, through };
+        let set = off_python(py, 0, || self.look_here(|s| layers(s, options)))?;
+        let axes = |layer: &Layer| match layer.parts {
+            Parts::One => vec!["y", "x"],
+            Parts::Vector => vec!["y", "x", "vector"],
+            Parts::Wavelengths => vec!["y", "x", "wavelength"],
+        };
+        let one = |layer: &Layer| {
+            let shape: Vec<usize> = set.shape(layer).iter().map(|n| *n as usize).collect();
+            let values = match &layer.values {
+                LayerValues::Real(v) => PyArray1::from_slice(py, v).reshape(shape)?.into_any(),
+                LayerValues::Number(v) => PyArray1::from_slice(py, v).reshape(shape)?.into_any(),
+            };
+            Ok((layer.name, axes(layer), layer.units, layer.long_name, layer.labels.clone(), values))
+        };
+        set.layers.iter().map(one).collect()
     }
 
     #[getter]

@@ -8,7 +8,6 @@ import json
 import os
 import pickle
 import signal
-import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +18,7 @@ import pytest
 import xarray as xr
 
 import rendered
-from pysunstone import dataset
+from pysunstone import Scene, dataset
 from pysunstone.dataset import make, manifest, open_dataset
 from pysunstone.images import MuellerImages
 from pysunstone.stores import NotAStoreError, UnfinishedStoreError, open_store
@@ -28,7 +27,7 @@ SLICES = ["steady", "timed"]
 
 
 def made(output: Path, variants: Any = 3, **options: Any) -> Path:
-    options = {"slices": SLICES, "spp": 32, "command": rendered.command(), **options}
+    options = {"slices": SLICES, "spp": 32, **options}
     return make(rendered.scene(varied=True), output, variants, **options)
 
 
@@ -38,13 +37,17 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def counted(tmp_path: Path) -> tuple[str, Path]:
-    """Return a command that logs its arguments."""
-    log, script = tmp_path / "calls", tmp_path / "sunstone"
-    script.write_text(f'#!/bin/sh\necho "$@" >> "{log}"\nexec "{rendered.command()}" "$@"\n')
-    script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    log.touch()
-    return str(script), log
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int | None, bool]]:
+    """Return a list that receives the variant of every render, and whether the render is resumed."""
+    calls: list[tuple[int | None, bool]] = []
+    render = Scene.render
+
+    def counting(scene: Scene, *words: Any, **options: Any) -> Any:
+        calls.append((scene._native.variant, options["resume"]))
+        return render(scene, *words, **options)
+
+    monkeypatch.setattr(Scene, "render", counting)
+    return calls
 
 
 def everything(path: Path) -> dict[str, bytes]:
@@ -85,8 +88,7 @@ def test_samples_and_parameters_equal_those_of_single_renders(three: Path, tmp_p
     assert not three.with_name("three.zarr.parts").exists()
 
 
-def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, counted: tuple[str, Path]) -> None:
-    command, log = counted
+def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, counted: list[tuple[int | None, bool]]) -> None:
     output = tmp_path / "data.zarr"
 
     class Stop(Exception):
@@ -98,32 +100,31 @@ def test_existing_samples_are_not_rendered_again(three: Path, tmp_path: Path, co
             raise Stop
 
     with pytest.raises(Stop):
-        made(output, command=command, progress=stop)
+        made(output, progress=stop)
     with pytest.raises(UnfinishedStoreError, match="2 samples exist"):
         open_dataset(output)
     partial = open_dataset(output, unfinished=True).children["steady"].to_dataset()
     assert partial.sizes["sample"] == 2 and partial["mean"].notnull().all()
     # The third variant is rendered but not stored, as if the process had been killed between the two steps.
     settings = {**manifest(output)["settings"]}
-    dataset._rendered(rendered.scene(varied=True), output, 2, settings, None, command)
+    dataset._rendered("scene", Scene.load(rendered.scene(varied=True), 2), {}, output, 2, settings, None)
     seen: list[int] = []
-    made(output, command=command, progress=lambda done, of: seen.append(done))
-    calls = [line.split("--variant ")[1].split()[0] for line in log.read_text().splitlines()]
-    assert calls == ["0", "1", "2", "2"] and "--resume" in log.read_text().splitlines()[-1]
+    made(output, progress=lambda done, of: seen.append(done))
+    assert counted == [(0, False), (1, False), (2, False), (2, True)]
     assert seen == [1, 2, 3]
     assert everything(output) == everything(three)
-    made(output, command=command)
-    assert len(log.read_text().splitlines()) == 4
+    made(output)
+    assert len(counted) == 4
     # A call with more variants renders only the additional ones.
-    made(output, 5, command=command)
-    assert len(log.read_text().splitlines()) == 6
+    made(output, 5)
+    assert len(counted) == 6
     assert everything(made(tmp_path / "five.zarr", 5)) == everything(output)
 
 
 def test_a_killed_call_resumes(three: Path, tmp_path: Path) -> None:
     """The process and its render are killed repeatedly. The data set equals that of an undisturbed call."""
     output = tmp_path / "data.zarr"
-    words = f"make({str(rendered.scene(varied=True))!r}, {str(output)!r}, 3, slices={SLICES!r}, spp=32, command={rendered.command()!r})"
+    words = f"make({str(rendered.scene(varied=True))!r}, {str(output)!r}, 3, slices={SLICES!r}, spp=32)"
     rng, kills = np.random.default_rng(2), 0
     for _ in range(40):
         process = subprocess.Popen(
@@ -164,7 +165,7 @@ def test_only_one_process_writes_a_data_set(tmp_path: Path) -> None:
 def test_different_axes_are_refused(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(rendered.SCENE + '[vary.start]\npath = "slices.timed.time.start_ps"\nvalues = [18000, 18000, 19000]\n')
-    options: dict[str, Any] = {"slices": ["timed"], "spp": 2, "command": rendered.command()}
+    options: dict[str, Any] = {"slices": ["timed"], "spp": 2}
     assert len(manifest(make(scene, tmp_path / "two.zarr", 2, **options))["samples"]) == 2
     with pytest.raises(dataset.DatasetError, match="axis `t` of slice `timed` is not the same in all variants"):
         make(scene, tmp_path / "three.zarr", 3, **options)
@@ -175,8 +176,6 @@ def test_inconsistent_requests_are_refused(three: Path, tmp_path: Path) -> None:
         made(three, spp=16)
     with pytest.raises(dataset.DatasetError, match="all different"):
         made(tmp_path / "a.zarr", [1, 1])
-    with pytest.raises(dataset.DatasetError, match="no command `nothing-of-this-name`"):
-        made(tmp_path / "b.zarr", 1, command="nothing-of-this-name")
     with pytest.raises(dataset.DatasetError, match="variant 0 of .* was not rendered: .*stedy"):
         made(tmp_path / "c.zarr", 1, slices=["stedy"])
     with pytest.raises(NotAStoreError, match=r"dataset\.json is missing"):

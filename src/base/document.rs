@@ -5,6 +5,7 @@ use crate::input;
 use crate::locate::InputError;
 use crate::tables::{self, Strict};
 use serde::de::DeserializeOwned;
+use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -115,7 +116,9 @@ fn plain(message: &str) -> String {
 /// key after the document's description, such as `scene in code: objects[0].material`, because users never saw
 /// the text.
 pub fn in_code(what: &str, e: InputError) -> InputError {
-    let key = e.span.as_ref().and_then(|span| key_at(&e.text, span.start));
+    // A key that is missing at the top level has the place of the whole document.
+    let whole = |span: &&Range<usize>| span.start > 0 || !e.message.starts_with("missing key");
+    let key = e.span.as_ref().filter(whole).and_then(|span| key_at(&e.text, span.start));
     let file = match (key, &e.span) {
         (Some(key), _) => format!("{what}: {key}").into(),
         (None, Some(_)) => what.into(),

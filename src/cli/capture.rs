@@ -123,8 +123,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             a.from.source.display()
         );
     }
-    if unknown > 0 {
-        eprintln!("note: {unknown} of {} intensities are not finite", captured.intensities.len());
+    let all = captured.intensities.len();
+    let saturated = captured.saturated;
+    if saturated > 0 {
+        eprintln!(
+            "note: {:.3} % of the intensities are saturated, and NaN in the file; reduce exposure_s in the detector file",
+            100.0 * saturated as f64 / all as f64
+        );
+    }
+    if unknown > saturated {
+        eprintln!("note: {} of {all} intensities are not finite", unknown - saturated);
     }
     let mut shape = vec![scheme.captures()];
     if scheme.sensor.channels() > 1 {

@@ -9,7 +9,7 @@ use sunstone::scene::syntax::scene::SceneFile;
 use sunstone::scene::syntax::{Syntax, variant};
 use sunstone::store::denoised::ATTRIBUTE;
 use sunstone::store::doubt;
-use sunstone::store::zarr::{StoredSlice, TensorStore};
+use sunstone::store::zarr::{DATA_SET, StoredSlice, TensorStore};
 use sunstone::tensor::axes::AxisKind;
 use sunstone::tensor::field::Field;
 use sunstone::tensor::part;
@@ -35,6 +35,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let built = sunstone::scene::from_text(&a.store, &text)?;
         let described = scene(&built) + &variants(&a.store, &text)?;
         return print(described.trim_end());
+    }
+    if a.store.join(DATA_SET).is_file() {
+        return print(data_set(&a.store)?.trim_end());
     }
     let store = TensorStore::open(&a.store).map_err(Failure::input)?;
     let attributes = store.attributes();
@@ -80,6 +83,27 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     print(text.trim_end())
 }
 
+/// Describes a data set: its settings, and the parameters of its samples.
+fn data_set(path: &Path) -> Result<String, Failure> {
+    let file = path.join(DATA_SET);
+    let fault = |e: &dyn std::fmt::Display| Failure::input(format!("{}: {e}", file.display()));
+    let text = sunstone::base::input::read_text(&file).map_err(|e| fault(&e))?;
+    let manifest: Value = serde_json::from_str(&text).map_err(|e| fault(&e))?;
+    let samples = manifest["samples"].as_array().map_or(&[][..], Vec::as_slice);
+    let state = if manifest["finished"] == true { "finished" } else { "unfinished" };
+    let mut out = format!("{}\n  {:18} data set, {state}, {} samples\n", path.display(), "kind", samples.len());
+    for (key, value) in manifest["settings"].as_object().into_iter().flatten().filter(|(_, v)| !v.is_null()) {
+        let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let _ = writeln!(out, "  {key:18} {shown}");
+    }
+    for (name, first) in samples.first().and_then(|s| s["values"].as_object()).into_iter().flatten() {
+        let key = &manifest["places"][name];
+        let key = key.as_str().map_or(String::new(), |key| format!(" ({key})"));
+        let _ = writeln!(out, "  {:18} {first} in the first sample{key}", format!("parameter {name}"));
+    }
+    Ok(out)
+}
+
 /// Formats the target error of a render and the error that was reached. Returns `None` for a render without a
 /// target.
 fn reached(target: &Value) -> Option<String> {
@@ -98,8 +122,8 @@ fn reached(target: &Value) -> Option<String> {
     ))
 }
 
-/// Describes the contents of a scene file.
-fn scene(scene: &Scene) -> String {
+/// Describes the contents of a scene file, as lines of a key and a value.
+pub fn scene(scene: &Scene) -> String {
     let mut out = format!("{}\n", scene.name);
     let mut line = |key: &str, value: String| {
         let _ = writeln!(out, "  {key:18} {value}");

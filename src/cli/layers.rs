@@ -29,6 +29,9 @@ Examples:
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
+    /// Variant of the scene, if its file has [vary].
+    #[arg(long)]
+    variant: Option<u64>,
     /// File to write: .npz or .zarr.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -55,7 +58,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !is_file && !a.force && std::fs::symlink_metadata(&a.output).is_ok() {
         bail!("{shown} exists; choose another output, or pass --force to replace the existing store");
     }
-    let scene = sunstone::scene::load(&a.scene)?;
+    let scene = match a.variant {
+        Some(number) => {
+            sunstone::scene::variant_from_text(&a.scene, &sunstone::scene::read(&a.scene)?, number)?
+        }
+        None => sunstone::scene::load(&a.scene)?,
+    };
     for note in &scene.notes {
         eprintln!("note: {note}");
     }

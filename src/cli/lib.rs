@@ -32,7 +32,7 @@ mod failure;
 mod figure;
 mod figure_file;
 mod import;
-mod info;
+pub mod info;
 mod layers;
 mod learn;
 mod matrices;

@@ -13,6 +13,7 @@ use progress::Progress;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use sunstone::cautions;
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
 use sunstone::store::doubt;
@@ -20,6 +21,7 @@ use sunstone::store::place::is_address;
 use sunstone::store::sink::{is_finished, is_finished_part};
 use sunstone::store::zarr::TensorStore;
 use sunstone::transport::render::coverage::missing;
+use sunstone::transport::scene::Scene;
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
@@ -72,6 +74,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in &scene.notes {
         eprintln!("note: {note}");
     }
+    for note in cautions::outside_bins(&scene) {
+        eprintln!("note: {note}");
+    }
     let progress = Progress::new(missing(&scene));
     if let Some(goal) = goal {
         return to_error::run(a, &mut scene, goal, json!(figures), &target, &progress);
@@ -115,10 +120,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             if part.is_none() { in_doubt(&target.path)? } else { String::new() },
         ))?;
     }
+    if part.is_none()
+        && let Some(note) = black(&scene, &target.path)?
+    {
+        eprintln!("note: {note}");
+    }
     if !a.no_figures && part.is_none() {
         figure::draw_all(&target.path, None)?;
     }
     Ok(())
+}
+
+/// Returns a note if all slices of a store are black.
+fn black(scene: &Scene, path: &Path) -> Result<Option<String>, Failure> {
+    let store = TensorStore::open(path).map_err(Failure::failed)?;
+    cautions::black_store(scene, &store).map_err(Failure::failed)
 }
 
 /// Refuses more threads than [`most_threads`].

@@ -129,6 +129,14 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
     }
     let scheme = of(new.captures, new.sensor == SensorArgument::PolarizerArray).map_err(Failure::input)?;
     save(&scheme, &new.output)?;
+    let rank = DesignMatrix::new(&scheme, &Ray::axial(550.0)).rank();
+    if rank < 16 {
+        eprintln!(
+            "note: the scheme has rank {rank} of 16 and does not determine a Mueller matrix; use at least {} captures, or reconstruct \
+             with a prior (sunstone reconstruct --prior)",
+            scheme.least_captures()
+        );
+    }
     print(table(&[scheme], &[Ray::axial(550.0)]).trim_end())?;
     print_path(&new.output)
 }

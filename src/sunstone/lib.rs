@@ -16,6 +16,7 @@
 //! camera's frame.
 
 pub mod applications;
+pub mod cautions;
 pub mod denoise;
 pub mod figure_file;
 pub mod figures;

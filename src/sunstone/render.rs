@@ -59,6 +59,11 @@ impl<'a> Render<'a> {
         }
     }
 
+    /// Returns the scene that is rendered.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
     /// Reports each finished tile to `watch`, which can stop the render.
     pub fn watch(mut self, watch: &'a dyn Watch) -> Self {
         self.watch = watch;

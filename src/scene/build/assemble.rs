@@ -3,7 +3,7 @@
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
 use super::surfaces::Surfaces;
-use super::{calibrated, file_materials, lights, materials, media, slices, touching};
+use super::{calibrated, file_materials, lights, materials, media, slices, textured, touching};
 use base::locate::{InputError, Located};
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -168,7 +168,8 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let materials::Built { table: mut materials, names } = materials::build(ctx, &file.materials)?;
     lights::slides(ctx, &file.emitters, &mut points)?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
-    let mut surfaces = Surfaces::new(&mut materials, &names, &media_names);
+    let textured = textured::with_images(&file.materials);
+    let mut surfaces = Surfaces::new(&mut materials, &names, textured, &media_names);
     surfaces.objects(ctx, &file.objects, None)?;
     surfaces.instances(ctx, &file.groups, &file.instances)?;
     surfaces.materials.textures = std::mem::take(&mut ctx.textures);

@@ -21,6 +21,7 @@ pub(crate) mod shapes;
 pub(crate) mod slices;
 mod smooth;
 pub(crate) mod surfaces;
+mod textured;
 pub(crate) mod textures;
 mod touching;
 mod volumes;

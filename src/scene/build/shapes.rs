@@ -42,6 +42,11 @@ pub(crate) enum Solid {
 }
 
 impl Placed {
+    /// Returns whether the shape is a mesh without texture coordinates.
+    pub(crate) fn lacks_coordinates(&self) -> bool {
+        matches!(&self.form, Form::Mesh(mesh) if mesh.uvs.is_empty())
+    }
+
     pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
         let mut mesh = match self.form {
             Form::Quadric(kind, map) => {

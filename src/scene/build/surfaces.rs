@@ -29,6 +29,8 @@ pub(crate) struct Surfaces<'a> {
     pub called: Names,
     /// Indices of materials by name.
     names: &'a BTreeMap<&'a str, u32>,
+    /// Names of the materials that read images.
+    textured: Vec<&'a str>,
     /// Indices of media by name.
     media: &'a BTreeMap<&'a str, u32>,
     /// Area lights of emissive surfaces, and for each material the index of its area light.
@@ -39,6 +41,7 @@ impl<'a> Surfaces<'a> {
     pub fn new(
         materials: &'a mut Materials,
         names: &'a BTreeMap<&'a str, u32>,
+        textured: Vec<&'a str>,
         media: &'a BTreeMap<&'a str, u32>,
     ) -> Self {
         let mut called = Names {
@@ -55,6 +58,7 @@ impl<'a> Surfaces<'a> {
             called,
             materials,
             names,
+            textured,
             media,
             shining: (vec![], vec![]),
         }
@@ -75,7 +79,11 @@ impl<'a> Surfaces<'a> {
             self.geometry.facets(object.emission.is_some());
             let filling = filling(ctx, object, self.media, self.boundaries.len())?;
             let (mut solids, mut numbers) = (vec![], vec![]);
+            let mut bare = None;
             for mut placed in shapes::place(ctx, object, self.names)? {
+                if let Some(material) = self.without_coordinates(&placed) {
+                    bare = Some(material);
+                }
                 if filling.is_some() || object.emission.is_some() {
                     // A separate index distinguishes this object's surfaces from other surfaces of the same
                     // material. Copies of an object share one index. Light that exits a copy is assumed to
@@ -89,6 +97,13 @@ impl<'a> Surfaces<'a> {
                 }
                 numbers.push(placed.material);
                 solids.push(placed.solid(ctx, object)?);
+            }
+            if let Some(material) = bare {
+                let name = self.called.objects.last().map_or("", String::as_str);
+                ctx.note(format!(
+                    "{name}: the material `{material}` has an image, but the mesh has no texture coordinates; each triangle shows the \
+                     whole image; add texture coordinates to the mesh"
+                ));
             }
             if let Some(filling) = filling {
                 volumes.push(Volume::new(ctx, object, filling, &mut solids)?);
@@ -105,6 +120,12 @@ impl<'a> Surfaces<'a> {
             }
         }
         volumes::overlaps(ctx, &volumes)
+    }
+
+    /// Returns the name of the material if it reads an image and is on a mesh without texture coordinates.
+    fn without_coordinates(&self, placed: &shapes::Placed) -> Option<&'a str> {
+        let of = |name: &&&str| self.names.get(**name) == Some(&placed.material);
+        placed.lacks_coordinates().then(|| self.textured.iter().find(of).copied())?
     }
 
     pub fn instances(

@@ -120,6 +120,11 @@ pub enum OpenError {
         /// Text that describes the missing file or attribute.
         reason: String,
     },
+    #[error(
+        "{path} is a data set of several renders, not the store of one render; `sunstone info {path}` describes it, and \
+         `pysunstone.dataset.open_dataset` opens it"
+    )]
+    DataSet { path: PathBuf },
     #[error("{path} has no slice `{name}`; available: {available}")]
     NoSlice { path: PathBuf, name: String, available: String },
     /// An array or its metadata is damaged.

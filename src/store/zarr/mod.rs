@@ -72,6 +72,9 @@ pub(crate) use self::shard_shape::Limits;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
+/// Name of the manifest of a data set, which `pysunstone.dataset` writes.
+pub const DATA_SET: &str = "dataset.json";
+
 /// An open store of slices. Several threads may share it.
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
@@ -275,6 +278,9 @@ impl TensorStore {
         }
         let not_a_store =
             |reason: &str| OpenError::NotAStore { path: path.to_owned(), reason: reason.into() };
+        if storage.remote.is_none() && path.join(DATA_SET).is_file() {
+            return Err(OpenError::DataSet { path: path.to_owned() });
+        }
         if !storage.has_description("")? {
             return Err(not_a_store("the folder has no zarr.json"));
         }
