@@ -6,6 +6,7 @@
 mod arrays;
 mod calibrate;
 mod capture;
+mod cautions;
 mod chain;
 mod commands;
 mod decompose;
