@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pysunstone import apply, pbrdf, phase
     from pysunstone.builder import SceneBuilder
     from pysunstone.capture import Scheme, design_matrix, reconstruct, simulate
+    from pysunstone.exposure import Exposure, exposure_for
     from pysunstone.learning import Learned, Materials, learn
     from pysunstone.mitsuba import from_mitsuba
     from pysunstone.mueller import decompose
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from pysunstone.stores import open_store
 
 __all__ = [
+    "Exposure",
     "InputError",
     "Layers",
     "Learned",
@@ -46,6 +48,7 @@ __all__ = [
     "apply",
     "decompose",
     "design_matrix",
+    "exposure_for",
     "from_mitsuba",
     "layers",
     "learn",
@@ -60,6 +63,7 @@ __all__ = [
 # Modules of the public names. Names load on first use, so that the command does not import NumPy and xarray.
 _HOMES = {
     "Layers": "scene",
+    "Exposure": "exposure",
     "Learned": "learning",
     "Materials": "learning",
     "Scene": "scene",
@@ -69,6 +73,7 @@ _HOMES = {
     "Slices": "scene",
     "decompose": "mueller",
     "design_matrix": "capture",
+    "exposure_for": "exposure",
     "from_mitsuba": "mitsuba",
     "layers": "scene",
     "learn": "learning",
