@@ -169,8 +169,8 @@ class SunstoneArray:
         scheme
             Scheme file, such as `sunstone scheme drr` writes, or an object with `to_toml()`, such as `pysunstone.Scheme`.
         detector
-            Detector file, or its content as a dict. A camera (``cmos``) also gives variances. A photon counter (``spad``)
-            requires slices over `y`, `x` and `t`.
+            Detector file, or its content as a dict; `pysunstone.simulate` lists the keys and their units. A camera (``cmos``) also
+            gives variances. A photon counter (``spad``) requires slices over `y`, `x` and `t`.
         noise, relative_noise
             Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00.
         seed
@@ -179,8 +179,9 @@ class SunstoneArray:
         Returns
         -------
         xarray.Dataset
-            `mean` over `capture` (and `channel` for a polarizer array) and the array's axes; `variance` with a detector.
-            Saturated intensities are NaN.
+            `mean` over `capture` (and `channel` for a polarizer array) and the array's axes, in the unit of the matrices; with a
+            camera also `variance`, in the squared unit of the matrices. Electrons and digital numbers are converted back to the unit
+            of the matrices; see the notes of `pysunstone.simulate`. Saturated intensities are NaN.
         """
         return captured(self._data, scheme, detector, noise, relative_noise, seed)
 
@@ -202,11 +203,11 @@ class SunstoneArray:
         scheme
             Scheme of the captures, as for `capture`.
         variance
-            Variances of the intensities, used as weights.
+            Variances of the intensities, in the squared unit of the intensities, used as weights.
         noise
-            Standard deviation of the intensities' noise.
+            Standard deviation of the intensities' noise, in the unit of the intensities.
         saturation
-            Intensities at or above this value are excluded. NaN intensities are always excluded.
+            Intensities at or above this value, in the unit of the intensities, are excluded. NaN intensities are always excluded.
         realizable
             Replace each matrix by the nearest realizable one (Cloude).
         errors
@@ -218,7 +219,8 @@ class SunstoneArray:
         Returns
         -------
         xarray.Dataset
-            `mean` and, with `errors`, `std_error`, over the captures' axes, `stokes_out` and `stokes_in`.
+            `mean` and, with `errors`, `std_error`, over the captures' axes, `stokes_out` and `stokes_in`, in the unit of the
+            intensities.
         """
         return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors, prior)
 

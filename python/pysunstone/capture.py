@@ -85,13 +85,14 @@ class Scheme:
 
     @property
     def bound(self) -> float:
-        """Lower bound of the error variance for the scheme's number of captures."""
+        """Lower bound of ``error_variance`` (see `quality`) for the scheme's number of captures, without a unit."""
         return self._native.bound
 
     def quality(self, wavelength_nm: float = 550.0) -> dict[str, float]:
-        """Return ``rank``, ``condition`` number and ``error_variance``.
+        """Return ``rank``, ``condition`` number and ``error_variance``, which have no unit.
 
-        ``error_variance`` is the sum of the variances of the 16 elements, relative to the variance of an intensity.
+        ``error_variance`` is the sum of the variances of the 16 elements, relative to the variance of an intensity. If all intensities
+        have the variance σ², the root mean square error of an element is σ·√(error_variance/16), in the unit of σ.
         """
         rank, condition, variance = self._native.quality(wavelength_nm)
         return {"rank": rank, "condition": condition, "error_variance": variance}
@@ -124,7 +125,20 @@ class Scheme:
 def design_matrix(
     scheme: Scheme, wavelength_nm: float = 550.0, *, incidence_deg: float = 0.0, azimuth_deg: float = 0.0
 ) -> npt.NDArray[np.float64]:
-    """Return the design matrix A of a scheme, (captures × channels, 16): intensities are ``A @ M.reshape(16)``."""
+    """Return the design matrix A of a scheme, (captures × channels, 16): intensities are ``A @ M.reshape(16)``.
+
+    A has no unit, so intensities are in the unit of the Mueller matrices M. A polarizer transmits half of unpolarized light: with
+    ideal polarizers in front of the projector and of the camera, ``A[:, 0]`` is 1/4, and no entry of A has a larger absolute value.
+
+    Parameters
+    ----------
+    scheme
+        Capture scheme.
+    wavelength_nm
+        Vacuum wavelength in nanometres.
+    incidence_deg, azimuth_deg
+        Direction of the light relative to the optical axis, in degrees.
+    """
     return scheme._native.design_matrix(wavelength_nm, incidence_deg, azimuth_deg)  # pyright: ignore[reportPrivateUsage]
 
 
@@ -165,32 +179,69 @@ def simulate(
 ) -> Any:
     """Simulate the captures of known Mueller matrices by a rig with a scheme, as `sunstone capture`.
 
+    Intensities have the unit of the matrices. Matrices that Sunstone renders are spectral radiance per unit projector drive,
+    W/(m² sr nm), and scale with the ``irradiance`` of the projector in the scene file.
+
     Parameters
     ----------
     matrices
         (..., 4, 4). With a detector or ``fov_x_deg``, the first two axes are rows and columns.
     wavelengths_nm
-        One wavelength for all, or one for each entry of the last axis before the matrices.
+        Vacuum wavelengths in nanometres: one for all, or one for each entry of the last axis before the matrices.
     detector
         A camera or a photon counter: the path of a detector file or a calibration, or the content of a detector file as a dict,
-        ``{"cmos": {"full_well_e": 1e4}}``. For a polarizer array, add ``demosaic``.
+        ``{"cmos": {"full_well_e": 1e4}}``. For a polarizer array, add ``demosaic``. See the notes for the keys and their units.
     noise, relative_noise
-        Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00.
+        Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00 (without a unit).
     seed
         Seed of the noise.
     fov_x_deg
-        Horizontal field of view of a pinhole camera, with which light passes plates and mirrors in the direction of each pixel.
-        By default, all light passes along the optical axis.
+        Horizontal field of view of a pinhole camera in degrees, with which light passes plates and mirrors in the direction of each
+        pixel. By default, all light passes along the optical axis.
     bin_ps
         Width of the time bins in picoseconds; time is then the third axis. Required for a ``spad``.
     variance
-        Also return the variances of a camera's readings (infinite for saturated readings).
+        Also return the variances of a camera's readings, in the squared unit of the matrices (infinite for saturated readings).
 
     Returns
     -------
     numpy.ndarray, or two of them
-        (captures, ...), or (captures, 4, ...) for a polarizer array; with binning or superpixels, half the number of rows and
-        columns. Saturated intensities are NaN.
+        float32, (captures, ...), or (captures, 4, ...) for a polarizer array; with binning or superpixels, half the number of rows
+        and columns. Intensities are in the unit of the matrices, also with a detector. Saturated intensities are NaN. Intensities of
+        dark pixels can be negative, because the dark signal is subtracted.
+
+    Notes
+    -----
+    **Camera** (``cmos``; the linear model of EMVA 1288). An intensity L generates on average (η Φ L + d) t electrons, with shot noise
+    (Poisson). The electrons above the full well are lost. Read noise is added, and the sum is divided by the gain K, added to the black
+    level b, rounded and clipped to 0 ... 2^``bit_depth`` - 1. Each digital number DN becomes an intensity again, L = ((DN - b) K - d t) /
+    (η Φ t), with the variance (electrons + ``read_noise_e``² + K²/12) / (η Φ t)².
+
+    - ``exposure_s``: exposure time t in seconds, by default 0.01. `exposure_for` computes it for a scene.
+    - ``photons_per_unit``: Φ, photons per second that reach a pixel per unit of intensity, by default 1e6. It includes the power of the
+      projector, the lens, the pixel's area and the spectral bandwidth. The default is a placeholder. Φ is equal for all wavelengths.
+    - ``quantum_efficiency``: η, electrons per photon, 0 to 1: a number, or rows [nm, value] of a table. By default 0.65.
+    - ``full_well_e``: capacity of a pixel in electrons, by default 10 700.
+    - ``bit_depth``: bits of the digital numbers, 1 to 24, by default 12.
+    - ``gain_e_per_dn``: K in electrons per digital number, by default ``full_well_e`` / (2^``bit_depth`` - 1).
+    - ``black_level_dn``: b, the digital number without electrons, by default 16.
+    - ``read_noise_e``: standard deviation in electrons, by default 2.4. ``dark_current_e_s``: d in electrons per second, by default 1.
+    - ``bracket``: factors of ``exposure_s``. Each capture has one exposure per factor; the unsaturated exposures are averaged with inverse
+      variances as weights. By default [1].
+    - ``binning``: 1, or 2 for the mean of 2 × 2 pixels after read-out. The mean has a quarter of the variance; the full well does not
+      change. If one of the pixels is saturated, the mean is saturated.
+    - ``shot_noise``: False removes the shot noise of photons and dark electrons.
+
+    A reading is saturated from the maximum of the digital numbers, or from the reading 4 standard deviations of the read-out noise (read
+    noise and quantization) below the full well, whichever is smaller.
+
+    **Photon counter** (``spad``). An intensity L of a time bin causes η Φ L detections per laser pulse, convolved with the instrument's
+    response, plus dark counts. Counts become intensities again, corrected for dead time. The settings have other names and units:
+
+    - ``photons_per_unit``: photons at the diode per laser pulse and per unit of intensity, by default 1. There is no exposure time:
+      ``pulses`` is the number of laser pulses per capture, by default 10⁶.
+    - ``detection_efficiency``: detections per photon, by default 0.3. ``dark_counts_per_s`` is per second, by default 100.
+    - ``period_ps``, ``dead_time_ps``, ``irf_fwhm_ps``, ``irf_tail_ps``, ``after_pulse_time_ps``: times in picoseconds.
     """
     found, variances = simulated(
         matrices,
@@ -270,16 +321,17 @@ def reconstruct(
     Parameters
     ----------
     intensities
-        (captures, ...), or (captures, 4, ...) for a polarizer array. NaN and masked entries (``numpy.ma``) are excluded.
-        Contiguous arrays of single or double precision are read without a copy.
+        (captures, ...), or (captures, 4, ...) for a polarizer array, in any unit that is proportional to radiance, without the dark
+        signal. The matrices and standard errors have the same unit. NaN and masked entries (``numpy.ma``) are excluded. Contiguous
+        arrays of single or double precision are read without a copy.
     variance
-        Variances of the intensities, of the same shape, used as weights.
+        Variances of the intensities, in the squared unit of the intensities, of the same shape. They are used as weights.
     wavelengths_nm
-        One wavelength for all intensities, or one for each entry of the last axis.
+        Vacuum wavelengths in nanometres: one for all intensities, or one for each entry of the last axis.
     noise
-        Standard deviation of the intensities, for errors, if there are no variances.
+        Standard deviation of the intensities in their unit, for errors, if there are no variances.
     saturation
-        Intensities at or above this value are excluded.
+        Intensities at or above this value, in the unit of the intensities, are excluded.
     realizable
         Return the nearest realizable matrices.
     errors
@@ -289,12 +341,12 @@ def reconstruct(
         Prior for the expected matrices, for schemes with few captures: the second moment of matrices with M00 = 1, (16, 16), such
         as `Materials.prior`, or the path of its file. Requires ``noise``.
     fov_x_deg
-        See `simulate`. The first two axes of the pixels are then rows and columns.
+        Horizontal field of view in degrees, see `simulate`. The first two axes of the pixels are then rows and columns.
 
     Returns
     -------
     numpy.ndarray, or two of them
-        (..., 4, 4), in the precision of the intensities; standard errors of the same shape.
+        (..., 4, 4), in the unit and the precision of the intensities; standard errors of the same shape and unit.
     """
     array = real("intensities", intensities, fill=np.nan)
     measured = _measured(scheme)
