@@ -436,7 +436,8 @@ def exposure_for(
     if not camera.usable_e > 0:
         raise InputError(
             f"detector: found a usable range of {camera.usable_e:g} electrons (saturation at {camera.saturation_dn} DN, black level "
-            f"{camera.black_level_dn:g} DN); expected a positive range; decrease `black_level_dn`, or increase `bit_depth` or `full_well_e`"
+            f"{camera.black_level_dn:g} DN); expected a positive range; decrease `black_level_dn`, or increase `bit_depth` "
+            "or `full_well_e`"
         )
     values, kind, nm = _values(scene_or_matrices, scheme, wavelengths_nm, kind, slice, spp)
     light = _intensities(values, kind, nm, scheme)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -300,3 +302,25 @@ def test_invalid_arguments_are_reported(tmp_path: Path) -> None:
     ):
         with pytest.raises(ps.InputError, match=words):
             call()
+
+
+def test_the_page_prints_its_numbers(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run the code of `docs/exposure.md` and compare all numbers that it prints with the page, within 2 %."""
+    pytest.importorskip("xarray")
+    root = Path(__file__).resolve().parents[2]
+    monkeypatch.chdir(root)
+    text = (root / "docs/exposure.md").read_text(encoding="utf-8")
+    pairs = re.findall(r"```python\n(.*?)```\n\n```text\n(.*?)```", text, re.DOTALL)
+    assert len(pairs) == text.count("```python") == 4
+    names: dict[str, Any] = {}
+    for code, want in pairs:
+        assert code.count("\n") <= 25
+        with warnings.catch_warnings():
+            # Saturated pixels of a reconstruction.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            exec(compile(code, "docs/exposure.md", "exec"), names)
+        printed = capsys.readouterr().out
+        number = r"\d+(?:\.\d+)?(?:e[+-]\d+)?"
+        assert re.sub(number, "#", printed).split() == re.sub(number, "#", want).split()
+        seen, stated = ([float(v) for v in re.findall(number, t)] for t in (printed, want))
+        assert seen == pytest.approx(stated, rel=0.02)
