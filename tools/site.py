@@ -9,6 +9,7 @@ from `cargo doc`, under rust/.
 import os
 import re
 import shutil
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
 from mkdocs.exceptions import PluginError
@@ -138,9 +139,22 @@ def on_page_markdown(markdown, page, config, files):
     return "".join(LINK.sub(turned, block) if outside else block for block, outside in blocks(markdown))
 
 
+RUST_PAGES = ROOT / "target/doc"
+# The site runs the tutorials, which import these packages.
+PACKAGES = ["pysunstone", "xarray", "zarr", "matplotlib", "distributed", "ipykernel"]
+
+
+def on_startup(command, dirty):
+    """Check everything that the site needs before the build, which takes minutes."""
+    needed = [f"the package {name}: pip install './python[docs]'" for name in PACKAGES if find_spec(name) is None]
+    if not (RUST_PAGES / "sunstone/index.html").is_file():
+        needed.append("the pages of the Rust library in target/doc: cargo doc --no-deps --workspace")
+    if not (ROOT / "target/release/sunstone").is_file() and shutil.which("sunstone") is None:
+        needed.append("the command sunstone, which tutorials run: cargo build --release")
+    if needed:
+        raise PluginError("the site needs, before `mkdocs build`:\n" + "\n".join(f"  {one}" for one in needed))
+
+
 def on_post_build(config):
     """Add the pages of the Rust library."""
-    made = ROOT / "target/doc"
-    if not (made / "sunstone/index.html").is_file():
-        raise PluginError("there are no pages of the Rust library in target/doc: run `cargo doc --no-deps --workspace` first")
-    shutil.copytree(made, Path(config["site_dir"]) / "rust", dirs_exist_ok=True)
+    shutil.copytree(RUST_PAGES, Path(config["site_dir"]) / "rust", dirs_exist_ok=True)

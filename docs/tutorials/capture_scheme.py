@@ -15,6 +15,8 @@
 #
 # How accurately does a polarimeter measure Mueller matrices? This tutorial simulates captures of a rendered scene, reconstructs the Mueller
 # matrices and compares them with the true matrices. You can thus test a capture scheme before you buy any hardware.
+#
+# Install the packages of this tutorial with `pip install "./python[stores,plot]"`.
 
 # %%
 from pathlib import Path

@@ -23,6 +23,8 @@
 # cluster = SLURMCluster(cores=1, memory="2GB", walltime="04:00:00")
 # cluster.adapt(maximum=256)
 # ```
+#
+# Install the packages of this tutorial with `pip install "./python[stores,dask]"`.
 
 # %%
 import json

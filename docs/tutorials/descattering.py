@@ -17,6 +17,8 @@
 # separate the scattered light from light that the ruler reflects. This tutorial uses epipolar imaging, with few samples and pixels. The
 # page [seeing through scattering](../applications/scattering.md) lists results for all methods at a larger size, and published claims that
 # do not hold.
+#
+# Install the packages of this tutorial with `pip install "./python[stores,plot]"`.
 
 # %%
 from pathlib import Path

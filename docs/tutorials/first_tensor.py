@@ -14,6 +14,8 @@
 # # A first tensor
 #
 # This tutorial renders a scene file and shows a Mueller image, a time profile and standard errors. It uses few samples, so it runs quickly.
+#
+# Install the packages of this tutorial with `pip install "./python[stores,plot]"`.
 
 # %%
 import tempfile

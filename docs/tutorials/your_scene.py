@@ -15,6 +15,8 @@
 #
 # This tutorial builds a scene from NumPy meshes, step by step. The methods of the builder accept the keys of [scene
 # files](../scene-files.md).
+#
+# Install the packages of this tutorial with `pip install "./python[stores,plot]"`.
 
 # %%
 import matplotlib.pyplot as plt

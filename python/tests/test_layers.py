@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import subprocess
 import warnings
 from pathlib import Path
@@ -92,6 +94,42 @@ def test_data_sets_of_scenes_and_functions_have_labels(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="a different scene for variant 0"):
         make(other, made, 2, **options)
     assert other_again(0).sha256 != other(0).sha256
+
+
+def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (rendered.ROOT / "docs/python-xarray.md").read_text()
+    code = next(block for block in page.split("```python\n")[1:] if "tiles.zarr" in block).split("```")[0]
+    lines = [line for line in code.splitlines() if line]
+    assert len(lines) <= 10
+    monkeypatch.chdir(tmp_path)
+    exec(code, names := {"make": make})
+    data = open_dataset("tiles.zarr")
+    for k in range(20):
+        expected = ps.layers(names["scene"](k)[0])
+        for name in ("depth", "shading_normal"):
+            assert np.array_equal(data["layers"][name][k], expected[name], equal_nan=True)
+    # Closed form: the axis of the camera hits the tile at 3 m and 0.1 m more for each variant.
+    assert np.allclose(data["layers/depth"][:, 24, 32], 3 + 0.1 * np.arange(20), rtol=1e-3)
+
+
+def test_the_denoised_look_is_offered_on_a_terminal(tmp_path: Path) -> None:
+    pty = pytest.importorskip("pty")
+    (tmp_path / "scene.toml").write_text(scenes.TEXT + '[[figures]]\nname = "photo"\nview.photo = { slice = "mueller" }\n')
+    command = [rendered.command(), "render", "scene.toml", "-o", "a.zarr", "--spp", "2", "--force"]
+    main, side = pty.openpty()
+    subprocess.run(command, cwd=tmp_path, stderr=side, check=True)
+    os.close(side)
+    text = b""
+    with contextlib.suppress(OSError):
+        while part := os.read(main, 4096):
+            text += part
+    offered = "sunstone denoise a.zarr -o a.denoised.zarr && sunstone figure a.denoised.zarr"
+    assert offered in text.decode()
+    words = offered.replace("sunstone", rendered.command())
+    subprocess.run(words, cwd=tmp_path, shell=True, check=True)
+    assert (tmp_path / "a.denoised.figures/photo.png").is_file()
+    quiet = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "denoise" not in quiet.stderr
 
 
 def test_mistakes_in_requests_are_refused(tmp_path: Path) -> None:

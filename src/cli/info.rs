@@ -91,7 +91,8 @@ fn data_set(path: &Path) -> Result<String, Failure> {
     let manifest: Value = serde_json::from_str(&text).map_err(|e| fault(&e))?;
     let samples = manifest["samples"].as_array().map_or(&[][..], Vec::as_slice);
     let state = if manifest["finished"] == true { "finished" } else { "unfinished" };
-    let mut out = format!("{}\n  {:18} data set, {state}, {} samples\n", path.display(), "kind", samples.len());
+    let mut out =
+        format!("{}\n  {:18} data set, {state}, {} samples\n", path.display(), "kind", samples.len());
     for (key, value) in manifest["settings"].as_object().into_iter().flatten().filter(|(_, v)| !v.is_null()) {
         let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         let _ = writeln!(out, "  {key:18} {shown}");

@@ -11,6 +11,7 @@ use crate::{Failure, bail, figure, places, print};
 use arguments::{again, named};
 use progress::Progress;
 use serde_json::json;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use sunstone::cautions;
@@ -83,7 +84,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let mut render = Render::new(&scene)
         .watch(&progress)
-        .attribute("figures", json!(figures))
+        .attribute("figures", json!(&figures))
         .threads(a.threads.unwrap_or(0));
     if let Some(part) = part {
         render = render.part(part);
@@ -127,6 +128,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if !a.no_figures && part.is_none() {
         figure::draw_all(&target.path, None)?;
+        if !figures.is_empty() && std::io::stderr().is_terminal() {
+            let denoised = target.path.with_extension("denoised.zarr");
+            eprintln!(
+                "figures with less noise: sunstone denoise {store} -o {0} && sunstone figure {0}",
+                denoised.display()
+            );
+        }
     }
     Ok(())
 }

@@ -67,7 +67,8 @@ pub fn black(scene: &Scene) -> String {
         Some(first) => {
             let name = &scene.names.objects[first.object as usize];
             let behind = |s: &VisibleSurface| s.surface.ng.dot(s.wo) < 0.0;
-            let enclosed = seen.len() as u32 == all && seen.iter().all(|s| s.object == first.object && behind(s));
+            let enclosed =
+                seen.len() as u32 == all && seen.iter().all(|s| s.object == first.object && behind(s));
             let farthest = seen.iter().map(|s| s.length).fold(0.0, f64::max);
             if enclosed {
                 format!("the camera is inside the object `{name}`; move the camera or the object")

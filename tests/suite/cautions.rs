@@ -49,7 +49,10 @@ fn black_images_and_missed_bins_are_noted() {
     assert!(away.contains("the image is black: no camera ray hits an object"), "{away}");
     let unlit = "origin = [0.4, 0, 3], target = [0.4, 0, 9]";
     let unlit = rendered(at, "unlit.zarr", "origin = [0.4, 0, 3], target = [0, 0, 0]", unlit);
-    assert!(unlit.contains("; 0 % of the visible points are in the field of view of the projector"), "{unlit}");
+    assert!(
+        unlit.contains("; 0 % of the visible points are in the field of view of the projector"),
+        "{unlit}"
+    );
 }
 
 #[test]
@@ -97,7 +100,10 @@ fn schemes_that_do_not_determine_the_matrix_and_saturation_are_noted() {
         stderr(&run(at, &words, code))
     };
     let some = captured("1e-3", 0);
-    assert_eq!(some, "note: 25.000 % of the intensities are saturated, and NaN in the file; reduce exposure_s in the detector file\n");
+    assert_eq!(
+        some,
+        "note: 25.000 % of the intensities are saturated, and NaN in the file; reduce exposure_s in the detector file\n"
+    );
     let all = captured("1e6", 2);
     assert!(all.contains("no matrix gives a finite intensity"), "{all}");
     assert_eq!(captured("1e-9", 0), "");
@@ -112,7 +118,8 @@ fn layers_of_a_variant_and_data_sets_are_described() {
     for (variant, distance) in [("0", 3.0), ("1", 4.0)] {
         let file = format!("{variant}.npz");
         run(at, &["layers", "scene.toml", "--variant", variant, "-o", &file], 0);
-        let mut zip = zip::ZipArchive::new(std::fs::File::open(at.join(file)).expect("opens")).expect("a zip");
+        let mut zip =
+            zip::ZipArchive::new(std::fs::File::open(at.join(file)).expect("opens")).expect("a zip");
         let mut bytes = vec![];
         std::io::copy(&mut zip.by_name("position.npy").expect("an array"), &mut bytes).expect("reads");
         let last: [u8; 4] = bytes[bytes.len() - 4..].try_into().expect("four bytes");
@@ -126,9 +133,17 @@ fn layers_of_a_variant_and_data_sets_are_described() {
         "finished": true, "samples": [{"variant": 0, "values": {"depth": -1}}, {"variant": 1, "values": {"depth": 0}}]}"#;
     std::fs::write(at.join("set.zarr/dataset.json"), manifest).expect("writes");
     let probe = stderr(&run(at, &["probe", "set.zarr", "photo"], 2));
-    assert!(probe.contains("set.zarr is a data set of several renders, not the store of one render"), "{probe}");
+    assert!(
+        probe.contains("set.zarr is a data set of several renders, not the store of one render"),
+        "{probe}"
+    );
     let info = stdout(&run(at, &["info", "set.zarr"], 0));
-    for part in ["data set, finished, 2 samples", "s.toml", "parameter depth", "-1 in the first sample (objects.plane)"] {
+    for part in [
+        "data set, finished, 2 samples",
+        "s.toml",
+        "parameter depth",
+        "-1 in the first sample (objects.plane)",
+    ] {
         assert!(info.contains(part), "{info}");
     }
 }
