@@ -53,6 +53,16 @@ pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     within.then(|| nearest(nm, wanted)).flatten()
 }
 
+/// Maximum difference between a requested wavelength and the entry of a list that is used for the wavelength,
+/// in nanometres.
+pub const SAME_NM: f64 = 0.5;
+
+/// Returns the same index as [`nearest`], but `None` if the nearest entry differs from `wanted` by more than
+/// [`SAME_NM`].
+pub fn entry(nm: &[f64], wanted: f64) -> Option<usize> {
+    nearest(nm, wanted).filter(|&i| (nm[i] - wanted).abs() <= SAME_NM)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,6 +79,16 @@ mod tests {
         let found = [0.0, 400.0, 450.0, 500.0, 600.0, 700.0, 1e9].map(|nm| t.at(nm));
         assert_eq!(found, [1.0, 1.0, 2.0, 3.0, 2.5, 2.0, 2.0]);
         assert_eq!(table(&[], &[]).at(500.0), 0.0);
+    }
+
+    #[test]
+    fn an_entry_is_at_most_half_a_nanometre_away() {
+        let nm = [450.0, 550.0, 660.0];
+        assert_eq!([450.5, 549.5, 660.0].map(|v| entry(&nm, v)), [Some(0), Some(1), Some(2)]);
+        for nm in [600.0, 550.6, 449.4, 0.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(entry(&[450.0, 550.0, 660.0], nm), None);
+        }
+        assert_eq!(entry(&[], 550.0), None);
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub struct Arguments {
     /// Slice to draw.
     #[arg(long)]
     slice: Option<String>,
-    /// Wavelength in nanometres (mueller, maps).
+    /// Wavelength of the slice in nanometres (mueller, maps).
     #[arg(long, value_parser = places::wavelength)]
     wavelength: Option<f64>,
     /// Mueller element, such as 01 (maps, profile).

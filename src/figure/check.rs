@@ -1,6 +1,6 @@
 //! Checks, before rendering, that a view of a slice can be drawn.
 
-use crate::error::{FigureError, WAVELENGTH};
+use crate::error::FigureError;
 use crate::flight::MOST;
 use crate::spec::View;
 use base::spectral_table;
@@ -27,9 +27,9 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
         _ => None,
     };
     if let Some(wanted) = wavelength
-        && spectral_table::nearest_within(nm, wanted).is_none()
+        && spectral_table::entry(nm, wanted).is_none()
     {
-        return Err(FigureError::option("wavelength_nm", wanted, WAVELENGTH));
+        return Err(FigureError::wavelength(&slice.name, wanted, nm));
     }
     let element = match view {
         View::Mueller(_) => [3, 3],

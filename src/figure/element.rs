@@ -65,7 +65,7 @@ impl TryFrom<String> for Element {
 pub struct ElementView {
     pub slice: String,
     pub element: Element,
-    /// Wavelength to draw, in nanometres. The nearest wavelength of the slice is used. `None` combines all
+    /// Wavelength to draw, in nanometres, at most 0.5 nm from a wavelength of the slice. `None` combines all
     /// wavelengths into a colour image. For signed values, `None` selects the middle wavelength.
     pub wavelength_nm: Option<f64>,
     /// Whether to divide the element by M00. The values are then signed.

@@ -1,8 +1,5 @@
 //! Defines the errors of drawing and saving figures.
 
-/// Description of the valid wavelengths.
-pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometres";
-
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The slice does not resolve an axis of the view.
@@ -41,6 +38,14 @@ pub enum FigureError {
         index: usize,
         len: usize,
     },
+    /// The slice does not have the wavelength of the view.
+    #[error("slice `{slice}` has no wavelength {nm} nm; use a wavelength of the slice: {known} nm")]
+    Wavelength {
+        slice: String,
+        nm: f64,
+        /// Wavelengths of the slice.
+        known: String,
+    },
     #[error("option `{option}` is {value}; the value must be {must}")]
     Option {
         option: &'static str,
@@ -63,6 +68,13 @@ impl FigureError {
     pub(crate) fn option(option: &'static str, value: impl ToString, must: &'static str) -> Self {
         let value = value.to_string();
         Self::Option { option, value, must }
+    }
+
+    /// Returns the error for a wavelength that is not one of a slice's wavelengths, all in nanometres.
+    pub fn wavelength(slice: &str, nm: f64, all: &[f64]) -> Self {
+        // Two decimals distinguish wavelengths that differ by more than the tolerance.
+        let known: Vec<String> = all.iter().map(|v| format!("{}", (v * 100.0).round() / 100.0)).collect();
+        Self::Wavelength { slice: slice.to_owned(), nm, known: known.join(", ") }
     }
 
     /// Returns the error for an empty `axis` of a slice, or for an empty list of a figure's items. `title` is

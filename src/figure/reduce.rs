@@ -1,8 +1,7 @@
 //! Reduces a tensor to the axes of an image. One pass selects, sums and checks the values.
 
 use super::error::FigureError;
-use super::error::WAVELENGTH;
-use base::spectral_table::nearest_within;
+use base::spectral_table;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
@@ -71,14 +70,14 @@ impl<'a> Source<'a> {
         self.coords(AxisKind::Wavelength).unwrap_or(&[])
     }
 
-    /// Returns the index of the wavelength nearest to `nm`, in nanometres. If `nm` is `None`, returns the
-    /// index of the middle wavelength.
+    /// Returns the index of the wavelength `nm`, in nanometres, within [`spectral_table::SAME_NM`]. If `nm` is
+    /// `None`, returns the index of the middle wavelength.
     pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
         match nm {
             // A tensor without a wavelength axis applies to all wavelengths.
             Some(nm) if !all.is_empty() => {
-                nearest_within(all, nm).ok_or_else(|| FigureError::option("wavelength_nm", nm, WAVELENGTH))
+                spectral_table::entry(all, nm).ok_or_else(|| FigureError::wavelength(self.slice, nm, all))
             }
             _ => Ok(all.len() / 2),
         }

@@ -79,7 +79,7 @@ pub struct PhotoView {
 pub struct MuellerView {
     /// Slice to draw; its polarization must be `mueller`.
     pub slice: String,
-    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default: the middle
+    /// Wavelength to draw in nanometres, at most 0.5 nm from a wavelength of the slice. Default: the middle
     /// wavelength.
     pub wavelength_nm: Option<f64>,
     /// Whether to divide every element by the M00 of its pixel. M00 itself is not divided, but
@@ -97,7 +97,7 @@ pub struct MuellerView {
 pub struct MapView {
     /// Slice to draw.
     pub slice: String,
-    /// Wavelength to draw in nanometres; the nearest wavelength of the slice is used. Default:
+    /// Wavelength to draw in nanometres, at most 0.5 nm from a wavelength of the slice. Default:
     /// colour from all wavelengths for M00, the middle wavelength for other elements.
     pub wavelength_nm: Option<f64>,
     /// Index of the camera row to draw along x, from 0 for the slice's first row.

@@ -192,6 +192,10 @@ fn bad_input_is_refused_with_a_fix() {
             ("probe out/room.zarr image --pulse gaussian:50", "time"),
             ("figure out/room.zarr nonesuch", "photo, grid"),
             ("figure out/room.zarr --view flight --slice image", "time"),
+            (
+                "figure out/room.zarr --view mueller --slice image --wavelength 600 -o x.png",
+                "slice `image` has no wavelength 600 nm; use a wavelength of the slice: 450, 550, 660 nm",
+            ),
             ("export out/room.zarr none -o x.exr", "none"),
             ("merge out/room.zarr out/room.zarr -o m.zarr", "seed"),
             ("render room/scene.toml --slices none -o n.zarr", "image, xt"),

@@ -65,6 +65,8 @@ fn errors_name_their_position() {
         ("a slice without matrices", "element = { slice = \"mueller\"", "element = { slice = \"photo\"", "element = {", "polarization = \"mueller\""),
         ("a slice without time", "space_time = { slice = \"row\"", "space_time = { slice = \"photo\"", "space_time = {", "travel time"),
         ("no such element", "-(3,3)", "-(3,4)", "-(3,4)", "not an element"),
+        ("no such wavelength", "element = \"-(3,3)\"", "element = \"-(3,3)\", wavelength_nm = 2000", "element = {", "`mueller` has no wavelength 2000 nm"),
+        ("no such wavelength to decompose", "\"retardance\"", "\"retardance\", wavelength_nm = 2000", "decomposition = {", "`mueller` has no wavelength 2000 nm"),
         ("no such scene", "scene = \"ball\"\nview.photo", "scene = \"bell\"\nview.photo", "\"bell\"", "ball"),
         ("no such file", "scene.toml", "nothing.toml", "nothing.toml", "does not exist"),
         ("no such value", "{pixels}", "{pixel}", "caption = \"Photo", "pixels"),

@@ -84,9 +84,9 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
         colour(&img, r, 0.12, 0.12)
     };
     assert_eq!(one(660.0, 0.5), crate::colour::signed(1.0).0);
-    assert_eq!(one(446.0, 0.5), crate::colour::signed(-1.0).0);
-    assert_eq!(one(548.0, 0.5), crate::colour::signed(0.0).0);
-    assert_eq!(one(664.0, 1.0), crate::colour::signed(0.5).0);
+    assert_eq!(one(449.5, 0.5), crate::colour::signed(-1.0).0);
+    assert_eq!(one(550.4, 0.5), crate::colour::signed(0.0).0);
+    assert_eq!(one(660.5, 1.0), crate::colour::signed(0.5).0);
 }
 
 /// Returns a tensor in which no camera row except row 7 has light. In this row, projector column 3 of 8 is

@@ -26,6 +26,36 @@ fn missing_axes_are_named_with_their_fix() {
 }
 
 #[test]
+fn wavelengths_that_the_slice_does_not_have_are_refused() {
+    let stokes = [(Y, 2), (X, 2), (U, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)];
+    let t = tensor([axes(stokes), vec![axis(Wavelength, RGB_NM.to_vec())]].concat(), |_| 1.0);
+    let grid = |nm| {
+        View::Mueller(MuellerView {
+            slice: "s".into(),
+            wavelength_nm: Some(nm),
+            normalized: true,
+            limit: None,
+        })
+    };
+    for nm in [600.0, 549.4, 660.6, 900.0] {
+        for view in [
+            grid(nm),
+            View::SpaceSpace(map_view(0, [0, 0], Some(nm))),
+            View::SpaceTime(map_view(0, [1, 2], Some(nm))),
+        ] {
+            let want = format!(
+                "slice `s` has no wavelength {nm} nm; use a wavelength of the slice: 450, 550, 660 nm"
+            );
+            assert_eq!(message(&view, &t), want);
+        }
+    }
+    assert!(message(&grid(f64::NAN), &t).contains("NaN nm"));
+    assert!(draw(&grid(549.5), "t", &panel(&t)).is_ok());
+    // A slice without a wavelength axis applies to all wavelengths.
+    assert!(draw(&grid(600.0), "t", &panel(&tensor(axes(stokes), |_| 1.0))).is_ok());
+}
+
+#[test]
 fn options_out_of_range_are_named() {
     let t = tensor(axes([(Y, 2), (X, 2), (T, 3), (StokesOut, 4), (StokesIn, 4)]), |_| 1.0);
     let m = message(&View::SpaceTime(map_view(2, [0, 0], None)), &t);

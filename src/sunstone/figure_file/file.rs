@@ -124,7 +124,7 @@ pub struct DecompositionFile {
     /// Quantity to draw: `polarizance`, `diattenuation`, `retardance` (degrees), `depolarization` or
     /// `entropy`.
     pub quantity: QuantityFile,
-    /// Wavelength to draw in nanometres. The nearest wavelength of the slice is drawn. Default: the middle
+    /// Wavelength to draw in nanometres, at most 0.5 nm from a wavelength of the slice. Default: the middle
     /// wavelength.
     pub wavelength_nm: Option<f64>,
     /// Ends of the colour scale. Default: 0 to 1, or 0 to 180 degrees.

@@ -2,6 +2,7 @@
 //! scale bar.
 
 use base::locate::{InputError, Located};
+use base::spectral_table;
 use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
@@ -47,8 +48,18 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
             Err(format!("slice `{name}` has no Stokes axis; use a slice with `polarization = \"mueller\"`"))
         }
     };
+    let has_wavelength = |slice: &Slice, wanted: Option<f64>| {
+        let all = scene.wavelengths.nm();
+        match wanted {
+            Some(nm) if spectral_table::entry(all, nm).is_none() => {
+                Err(FigureError::wavelength(&slice.name, nm, all).to_string())
+            }
+            _ => Ok(()),
+        }
+    };
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {
+            has_wavelength(slice, v.wavelength_nm)?;
             if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
                 return Err(format!(
                     "slice `{}` has no travel time axis, but the view sets `time_ps`",
@@ -59,6 +70,7 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
         }
         (ViewFile::Decomposition(v), Some(slice)) => {
             scale(v).map(|_| ())?;
+            has_wavelength(slice, v.wavelength_nm)?;
             mueller(slice)
         }
         (ViewFile::Layer(v), _) => {
@@ -116,9 +128,8 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
     let (quantity, name, scale) = scale(view)?;
     let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
     let lane = match (nm, view.wavelength_nm) {
-        (Some(all), Some(nm)) => base::spectral_table::nearest_within(all, nm).ok_or_else(|| {
-            format!("wavelength_nm = {nm} is outside the range of the slice's wavelengths, {all:?} nm")
-        })?,
+        (Some(all), Some(nm)) => spectral_table::entry(all, nm)
+            .ok_or_else(|| FigureError::wavelength(&view.slice, nm, all).to_string())?,
         (Some(all), None) => all.len() / 2,
         (None, _) => 0,
     };
