@@ -3,7 +3,9 @@
 use crate::figure_file::Extension;
 use crate::{Failure, bail, figure_file, places, print_path, source};
 use std::path::{Path, PathBuf};
-use sunstone::figure::spec::{Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+use sunstone::figure::spec::{
+    Figure, FlightView, MapView, MuellerView, PhotoView, ProfileView, SignedScale, View,
+};
 use sunstone::figure::{FigureError, Format};
 use sunstone::figures::{self, FiguresError};
 use sunstone::store::place::is_address;
@@ -47,6 +49,12 @@ pub struct Arguments {
     /// Do not divide Mueller elements by M00 (mueller).
     #[arg(long)]
     raw: bool,
+    /// Scale of the signed elements (mueller).
+    #[arg(long, default_value = "linear")]
+    scale: Scale,
+    /// Draw signed elements below this number of standard errors in grey (mueller).
+    #[arg(long, value_name = "SIGMAS")]
+    mask: Option<f32>,
     /// Value at the ends of the colour scale (mueller), or value shown as white (photo).
     #[arg(long)]
     limit: Option<f32>,
@@ -82,6 +90,14 @@ enum Kind {
     Profile,
 }
 
+/// Scale of signed elements.
+#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Scale {
+    Linear,
+    /// Shows small values.
+    Arctan,
+}
+
 type Element = [usize; 2];
 
 fn element(text: &str) -> Result<Element, String> {
@@ -97,9 +113,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let of_view =
             a.slice.is_some() || a.wavelength.is_some() || a.limit.is_some() || a.raw || !a.pixel.is_empty();
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
-        if a.view.is_some() || a.partial || of_view || moved {
+        let of_grid = a.scale != Scale::Linear || a.mask.is_some();
+        if a.view.is_some() || a.partial || of_view || moved || of_grid {
             bail!(
-                "--view, --slice, --wavelength, --element, --row, --pixel, --frames, --raw, --limit and --partial apply only to stores; \
+                "--view, --slice, --wavelength, --element, --row, --pixel, --frames, --raw, --scale, --mask, --limit and --partial apply only to stores; \
                  set the view in the figure file"
             );
         }
@@ -121,6 +138,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             wavelength_nm: a.wavelength,
             normalized: !a.raw,
             limit: a.limit,
+            scale: match a.scale {
+                Scale::Linear => SignedScale::Linear,
+                Scale::Arctan => SignedScale::Arctan,
+            },
+            mask_sigmas: a.mask,
         }),
         Kind::SpaceSpace => View::SpaceSpace(map(slice)),
         Kind::SpaceTime => View::SpaceTime(map(slice)),

@@ -49,7 +49,10 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
     }
     match view {
         View::Photo(v) => positive("white", v.white),
-        View::Mueller(v) => positive("limit", v.limit),
+        View::Mueller(v) => {
+            positive("limit", v.limit)?;
+            positive("mask_sigmas", v.mask_sigmas)
+        }
         View::Flight(v) if !(1..=MOST).contains(&v.frames) => {
             Err(FigureError::option("frames", v.frames, "1 to 400"))
         }

@@ -46,6 +46,8 @@ pub enum FigureError {
         /// Wavelengths of the slice.
         known: String,
     },
+    #[error("slice `{slice}` has no standard errors, which the mask requires; draw the view without a mask")]
+    NoErrors { slice: String },
     #[error("option `{option}` is {value}; the value must be {must}")]
     Option {
         option: &'static str,

@@ -206,6 +206,13 @@ impl Bar {
         Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
     }
 
+    /// Creates a colour bar for signed values between ± `limit` on an arctan scale. `label` returns the label
+    /// for the given ticks.
+    pub fn arctan(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
+        let ticks = Ticks::arctan(limit);
+        Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
+    }
+
     /// Returns an image of the bar's colours. The image is one pixel wide, with the upper end of the bar
     /// first.
     pub fn colours(&self, steps: u32) -> RgbImage {

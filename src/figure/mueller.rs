@@ -4,20 +4,25 @@
 //! If normalized, M00 is shown as intensity, and every other element is divided by M00. Elements are
 //! undefined (grey) for pixels at which M00 is not positive. If not normalized, all sixteen elements have the
 //! same signed scale.
+//!
+//! With a mask, signed elements below a number of standard errors are also grey. The standard error of
+//! Mij / M00 is that of Mij, divided by M00. Standard errors of summed values (projector pixels, time bins) and
+//! of averaged pixels are added in quadrature. The values are assumed to be independent.
 
 use image::Rgb;
 
-use super::colour::{UNDEFINED, exposure, quotient, signed, srgb};
+use super::colour::{UNDEFINED, exposure, signed, srgb};
 use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo;
 use super::raster::{Factor, Raster};
-use super::reduce::Source;
+use super::reduce::{Reduced, Source};
 use super::text::{Align, NAME, Style, width};
+use super::ticks::Ticks;
 use super::white::White;
-use crate::spec::MuellerView;
+use crate::spec::{MuellerView, SignedScale};
 use tensor::axes::AxisKind;
 
 /// Colour of lines around panels.
@@ -33,8 +38,11 @@ pub fn panels(size: (f64, f64), gap: f64) -> Panels {
 pub(super) struct Grid<'a> {
     source: Source<'a>,
     lane: usize,
+    view: &'a MuellerView,
     /// The sixteen Mueller elements of each pixel.
-    pub raster: Raster<16>,
+    raster: Raster<16>,
+    /// Variances of the elements, and the number of standard errors below which an element is masked.
+    mask: Option<(Raster<16>, f32)>,
     /// Value of M00 shown as white, if normalized.
     pub white: White,
     /// Value at the ends of the signed scale.
@@ -51,49 +59,115 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let lane = source.wavelength(view.wavelength_nm)?;
     let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
-    let values = source.sum(&keep, &pick, f64::from);
-    // Panels show 4 × 4 elements per pixel. From longer Stokes axes, the first four entries are shown.
-    let (so, si) = (values.shape[2], values.shape[3]);
-    let pixels = values.data.chunks_exact(so * si);
-    let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
-    let raster: Raster<16> = Raster::new(&view.slice, xs.len(), data.collect())?;
+    let elements = |values: Reduced| {
+        // Panels show 4 × 4 elements per pixel. From longer Stokes axes, the first four entries are shown.
+        let (so, si) = (values.shape[2], values.shape[3]);
+        let pixels = values.data.chunks_exact(so * si);
+        let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
+        Raster::<16>::new(&view.slice, xs.len(), data.collect())
+    };
+    let raster = elements(source.sum(&keep, &pick, f64::from))?;
+    let mask = match view.mask_sigmas {
+        None => None,
+        Some(n) if !(n > 0.0 && n.is_finite()) => {
+            return Err(FigureError::option("mask_sigmas", n, "a positive number"));
+        }
+        Some(n) => {
+            let error = panel.std_error.filter(|e| e.shape() == panel.mean.shape());
+            let error = error.ok_or_else(|| FigureError::NoErrors { slice: view.slice.clone() })?;
+            let error = Source::new(&view.slice, error)?;
+            Some((elements(error.sum(&keep, &pick, |v| f64::from(v) * f64::from(v)))?, n))
+        }
+    };
     let white = exposure(raster.data.iter().map(|m| m[0]));
     let limit = photo::limit(view.limit, view.normalized, raster.data.iter().flatten().copied())?;
-    Ok(Grid { source, lane, raster, white, limit })
+    Ok(Grid { source, lane, view, raster, mask, white, limit })
 }
 
-/// Returns the colour bar of a Mueller grid.
-pub(super) fn bar(normalized: bool, limit: f32) -> Bar {
-    Bar::signed(limit.into(), |ticks| {
-        if normalized { "Mij / M00".to_owned() } else { format!("Mij [{}]", ticks.unit(CAMERA_UNIT)) }
-    })
+impl Grid<'_> {
+    /// Returns the elements after averaging by the factors. Masked elements are NaN.
+    pub fn elements(&self, factors: (Factor, Factor)) -> Raster<16> {
+        let mut raster = self.raster.clone().shrink(factors);
+        let Some((variances, sigmas)) = &self.mask else {
+            return raster;
+        };
+        let variances = variances.clone().shrink(factors);
+        // The variance of the mean of n pixels is their mean variance, divided by n.
+        let (fx, fy) = (factors.0.down, factors.1.down);
+        let (w, h) = (self.raster.w, self.raster.h);
+        for (at, (m, variance)) in raster.data.iter_mut().zip(&variances.data).enumerate() {
+            let (x, y) = (at % raster.w, at / raster.w);
+            let n = fx.min(w - x * fx) * fy.min(h - y * fy);
+            // M00 is shown as intensity if normalized, and is then not masked.
+            for i in usize::from(self.view.normalized)..16 {
+                let least = sigmas * (variance[i] / n as f32).sqrt();
+                // An element whose standard error is not finite is also masked.
+                if !least.is_finite() || m[i].abs() < least {
+                    m[i] = f32::NAN;
+                }
+            }
+        }
+        raster
+    }
+
+    /// Returns the colour of element `i` of a matrix.
+    pub fn colour(&self, m: &[f32; 16], i: usize) -> Rgb<u8> {
+        let place = |v: f32| self.view.scale.place(v);
+        pixel(m, i, self.view.normalized, (self.white.value(), self.limit.value()), place)
+    }
+
+    pub fn bar(&self) -> Bar {
+        let scale = match self.view.scale {
+            SignedScale::Linear => "",
+            SignedScale::Arctan => ", arctan scale",
+        };
+        let label = |ticks: &Ticks| {
+            if self.view.normalized {
+                format!("Mij / M00{scale}")
+            } else {
+                format!("Mij{scale} [{}]", ticks.unit(CAMERA_UNIT))
+            }
+        };
+        let limit = self.limit.value().into();
+        match self.view.scale {
+            SignedScale::Linear => Bar::signed(limit, label),
+            SignedScale::Arctan => Bar::arctan(limit, label),
+        }
+    }
+
+    /// Returns the notes on the wavelength, on white and on grey pixels.
+    fn notes(&self) -> Vec<String> {
+        let at = match self.source.wavelengths().get(self.lane) {
+            Some(nm) => format!(" at {nm} nm"),
+            None => String::new(),
+        };
+        let mut notes =
+            vec![format!("Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes.")];
+        let masked = self.mask.as_ref().map(|(_, n)| format!("magnitude below {n} standard errors"));
+        if self.view.normalized {
+            let masked = masked.map_or(String::new(), |m| format!(", or {m}"));
+            notes.push(format!(
+                "M00 is shown as intensity, white {}; grey: undefined (M00 is not positive){masked}.",
+                white_words(self.white, " (99th percentile)")
+            ));
+        } else {
+            notes.extend(masked.map(|m| format!("Grey: {m}.")));
+        }
+        notes
+    }
 }
 
 pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
-    let Grid { source, lane, raster, white, limit } = read(view, panel)?;
-    let (w, h) = (raster.w, raster.h);
-    let factors = Factor::square(raster.w, raster.h, 400, 440, 40);
-    let raster = raster.shrink(factors);
+    let content = read(view, panel)?;
+    let (w, h) = (content.raster.w, content.raster.h);
+    let factors = Factor::square(w, h, 400, 440, 40);
+    let raster = content.elements(factors);
     let grid = panels((factors.0.length(w), factors.1.length(h)), 8.0);
 
-    let at = match source.wavelengths().get(lane) {
-        Some(nm) => format!(" at {nm} nm"),
-        None => String::new(),
-    };
-    let bar = bar(view.normalized, limit.value());
-    let mut notes = vec![format!("Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes.")];
-    if view.normalized {
-        notes.push(format!(
-            "M00 is shown as intensity, white {}; grey: undefined (M00 is not positive).",
-            white_words(white, " (99th percentile)")
-        ));
-    }
-    let mut page = grid.page(16, title, Some(bar), notes);
+    let mut page = grid.page(16, title, Some(content.bar()), content.notes());
     let style = NAME.scaled(growth(page.data.w));
     for i in 0..16 {
-        raster.paint(&mut page, grid.corner(i), factors, |m| {
-            pixel(&m, i, view.normalized, white.value(), limit.value())
-        });
+        raster.paint(&mut page, grid.corner(i), factors, |m| content.colour(&m, i));
         let place = grid.place(&page, i);
         page.frame(place, EDGES);
         tag(&mut page, place, &format!("M{}{}", i / 4, i % 4), style);
@@ -101,13 +175,21 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     Ok(page)
 }
 
-/// Returns the colour of element `i` of a matrix. If normalized, M00 is an intensity.
-pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
+/// Returns the colour of element `i` of a matrix. If normalized, M00 is an intensity. `ends` are the value
+/// shown as white and the limit of the signed scale. `place` maps a quotient of a value and the limit to a
+/// position on the colour bar, -1..1.
+pub fn pixel(
+    m: &[f32; 16],
+    i: usize,
+    normalized: bool,
+    (white, limit): (f32, f32),
+    place: impl Fn(f32) -> f32,
+) -> Rgb<u8> {
     match (normalized, i) {
         (true, 0) if m[0].is_finite() => Rgb([srgb(m[0] / white); 3]),
-        (true, 0) => UNDEFINED,
-        (true, _) => quotient(m[i], m[0], limit),
-        (false, _) => signed(m[i] / limit),
+        (true, _) if i == 0 || !(m[0] > 0.0 && m[0].is_finite()) => UNDEFINED,
+        (true, _) => signed(place(m[i] / m[0] / limit)),
+        (false, _) => signed(place(m[i] / limit)),
     }
 }
 

@@ -53,7 +53,7 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
         for element in 0..16 {
             let (dx, dy) = elements.corner(element);
             raster.paint(&mut page, (from.0 + dx, from.1 + dy), factors, |m| {
-                mueller::pixel(&m, element, true, white, 1.0)
+                mueller::pixel(&m, element, true, (white, 1.0), |v| v)
             });
         }
     }

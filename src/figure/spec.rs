@@ -4,6 +4,7 @@
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use tensor::field::Field;
 
 /// A named figure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -61,6 +62,15 @@ impl View {
             Self::Profile(v) => &v.slice,
         }
     }
+
+    /// Returns the arrays of the slice that the view draws in addition to the mean, if the slice has them.
+    pub fn further_fields(&self) -> &'static [Field] {
+        match self {
+            Self::Profile(_) => &[Field::StdError, Field::Overflow],
+            Self::Mueller(v) if v.mask_sigmas.is_some() => &[Field::StdError],
+            _ => &[],
+        }
+    }
 }
 
 /// Options of [`View::Photo`].
@@ -89,6 +99,34 @@ pub struct MuellerView {
     /// Value at the ends of the symmetric colour scale; default: 1 if normalized, otherwise the 99th
     /// percentile of |M|.
     pub limit: Option<f32>,
+    /// Scale of the signed elements.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub scale: SignedScale,
+    /// Signed elements whose magnitude is below this number of their standard errors are grey. The slice must
+    /// have standard errors. Default: no mask.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub mask_sigmas: Option<f32>,
+}
+
+/// A scale of signed values between ± a limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SignedScale {
+    #[default]
+    Linear,
+    /// A scale that shows small values: arctan(8 v / limit) / arctan(8) (Baek & Heide 2021).
+    Arctan,
+}
+
+impl SignedScale {
+    /// Returns the position, -1..1, of a quotient of a value and the limit. The position of a value beyond the
+    /// limit is beyond -1..1. The position of a value that is not finite is this value.
+    pub fn place(self, v: f32) -> f32 {
+        match self {
+            Self::Arctan if v.is_finite() => (8.0 * v).atan() / 8.0_f32.atan(),
+            Self::Linear | Self::Arctan => v,
+        }
+    }
 }
 
 /// Options of [`View::SpaceSpace`] and of [`View::SpaceTime`].
@@ -130,6 +168,12 @@ pub struct ProfileView {
     /// Mueller element [out, in] to draw.
     #[serde(default)]
     pub element: [usize; 2],
+}
+
+/// Returns whether a new option has its default value. Such an option is not stored, so that stores and hashes
+/// of scenes without this option do not change.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn yes() -> bool {

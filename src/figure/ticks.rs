@@ -2,6 +2,10 @@
 
 use super::reduce::ruler;
 use super::text::{TICK, width};
+use crate::spec::SignedScale;
+
+/// Minimum distance between two ticks of an arctan scale, as a fraction of the length of the bar.
+const CLOSEST: f64 = 0.05;
 
 /// Ticks of an axis. The ticks have positions (0..1 from the low end of the axis) and labels. A power of ten
 /// is factored out of the labels.
@@ -51,6 +55,35 @@ impl Ticks {
             .map(|e| ((f64::from(e) - low_exp) / span, format!("10{}", superscript(e))))
             .collect();
         Self { marks, exponent: 0 }
+    }
+
+    /// Returns ticks between ± `limit` on [`SignedScale::Arctan`]. The ticks are at 0 and at 1, 2 or 5 times
+    /// powers of ten. Ticks that are too close to a tick of larger magnitude are omitted.
+    pub fn arctan(limit: f64) -> Self {
+        if !(limit.is_normal() && limit > 0.0) {
+            return Self::default();
+        }
+        let magnitude = (limit * (1.0 + 1e-6)).log10().floor() as i32;
+        let exponent = if (-2..=4).contains(&magnitude) { 0 } else { magnitude };
+        // Position above the middle of the bar, 0..0.5.
+        let place = |v: f64| 0.5 * f64::from(SignedScale::Arctan.place((v / limit) as f32));
+        let candidates = (magnitude - 2..=magnitude)
+            .rev()
+            .flat_map(|e| [5.0, 2.0, 1.0].map(|m| m * 10_f64.powi(e)))
+            .filter(|v| (0.04..=1.0 + 1e-6).contains(&(v / limit)));
+        let mut kept: Vec<f64> = vec![];
+        for v in candidates {
+            if kept.last().is_none_or(|last| place(*last) - place(v) >= CLOSEST) {
+                kept.push(v);
+            }
+        }
+        let least = kept.last().copied().unwrap_or(limit);
+        let decimals = (exponent - (least.log10() + 1e-9).floor() as i32).clamp(0, 12) as usize;
+        let scale = 10_f64.powi(exponent);
+        let mark = |v: f64| ((0.5 + place(v)).clamp(0.0, 1.0), number(v / scale, decimals));
+        let negative = kept.iter().map(|v| mark(-v));
+        let marks = negative.chain([mark(0.0)]).chain(kept.iter().rev().map(|v| mark(*v))).collect();
+        Self { marks, exponent }
     }
 
     /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis do
@@ -165,6 +198,27 @@ mod tests {
         assert_eq!(t.unit("W"), "10⁻⁶ W");
         assert_eq!(labels(&Ticks::linear(-0.5, 319.5, 4)), ["0", "100", "200", "300"]);
         assert_eq!(labels(&Ticks::decades(-3.5, -1.0)), ["10⁻³", "10⁻²", "10⁻¹"]);
+    }
+
+    /// Tests that every tick of an arctan scale is at the position of its value.
+    #[test]
+    fn arctan_ticks_are_at_the_positions_of_their_values() {
+        let t = Ticks::arctan(1.0);
+        let want = ["−1.00", "−0.20", "−0.10", "−0.05", "0.00", "0.05", "0.10", "0.20", "1.00"];
+        assert_eq!(labels(&t), want);
+        for (at, label) in &t.marks {
+            let v: f64 = label.replace('−', "-").parse().unwrap();
+            assert!((at - 0.5 - 0.5 * (8.0 * v).atan() / 8_f64.atan()).abs() < 1e-6, "{at} {label}");
+        }
+        let t = Ticks::arctan(3.2e-6);
+        assert_eq!((t.unit("W"), t.marks.last().unwrap().1.as_str()), ("10⁻⁶ W".into(), "2.0"));
+        assert!(t.marks.windows(2).all(|m| m[1].0 - m[0].0 >= CLOSEST - 1e-9), "{t:?}");
+        for limit in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
+            assert!(Ticks::arctan(limit).marks.is_empty());
+        }
+        for e in -300..300 {
+            assert!(Ticks::arctan(3.7 * 10_f64.powi(e)).marks.iter().all(|m| (0.0..=1.0).contains(&m.0)));
+        }
     }
 
     #[test]

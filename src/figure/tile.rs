@@ -143,15 +143,11 @@ fn of_photo(view: &PhotoView, panel: &Panel) -> Result<Tile, FigureError> {
 
 fn of_mueller(view: &MuellerView, panel: &Panel) -> Result<Tile, FigureError> {
     let grid = mueller::read(view, panel)?;
-    let cell = |i: usize| {
-        let image = grid
-            .raster
-            .image(|m| mueller::pixel(&m, i, view.normalized, grid.white.value(), grid.limit.value()));
-        (image, format!("{}{}", i / 4, i % 4))
-    };
-    let bar = mueller::bar(view.normalized, grid.limit.value());
+    let whole = Factor { down: 1, up: 1 };
+    let raster = grid.elements((whole, whole));
+    let cell = |i: usize| (raster.image(|m| grid.colour(&m, i)), format!("{}{}", i / 4, i % 4));
     let images = Tile::images((0..16).map(cell).collect(), 4);
-    Ok(Tile { white: Some(grid.white), bar: Some(bar), ..images })
+    Ok(Tile { white: Some(grid.white), bar: Some(grid.bar()), ..images })
 }
 
 fn of_map(content: map::Content) -> Tile {

@@ -79,21 +79,21 @@ fn with_panel<T>(
     if is_denoised(store) {
         title += " (denoised)";
     }
-    let is_profile = matches!(figure.view, View::Profile(_));
-    read(store, figure.view.slice(), is_profile, |panel| Ok(draw(&title, panel)?))
+    read(store, figure.view.slice(), figure.view.further_fields(), |panel| Ok(draw(&title, panel)?))
 }
 
-/// Reads the data of a slice. Errors and overflow are read only for profiles, because the slices for other
-/// views can be large.
+/// Reads the data of a slice: the mean, and those arrays in `further` that the slice has. The arrays can be
+/// large.
 pub(crate) fn read<T, E: From<OpenError> + From<AccessError>>(
     store: &TensorStore,
     slice: &str,
-    is_profile: bool,
+    further: &[Field],
     draw: impl FnOnce(&Panel) -> Result<T, E>,
 ) -> Result<T, E> {
     let slice = store.slice(slice)?;
     let mean = slice.read_all(Field::Mean)?;
-    let of = |field| (is_profile && slice.has(field)).then(|| slice.read_all(field)).transpose();
+    let of =
+        |field| (further.contains(&field) && slice.has(field)).then(|| slice.read_all(field)).transpose();
     let (std_error, overflow) = (of(Field::StdError)?, of(Field::Overflow)?);
     draw(&Panel { mean: &mean, std_error: std_error.as_ref(), overflow: overflow.as_ref() })
 }

@@ -146,8 +146,14 @@ fn grids_divide_their_panel_evenly() {
     let axis = |kind, n: usize| Axis { kind, coords: (0..n).map(|i| i as f64).collect(), chunk: 1 };
     let kinds = [(AxisKind::Y, 2), (AxisKind::X, 2), (AxisKind::StokesOut, 4), (AxisKind::StokesIn, 4)];
     let mean = Tensor::zeros("s", kinds.map(|(k, n)| axis(k, n)).into());
-    let view =
-        View::Mueller(MuellerView { slice: "s".into(), wavelength_nm: None, normalized: true, limit: None });
+    let view = View::Mueller(MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized: true,
+        limit: None,
+        scale: crate::spec::SignedScale::Linear,
+        mask_sigmas: None,
+    });
     let panel = Panel { mean: &mean, std_error: None, overflow: None };
     let tile = Tile { bar: None, ..of_view(&view, &panel).expect("a grid") };
     let places = layout(&figure(1, vec![Some(part(tile))])).expect("places");

@@ -79,6 +79,8 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
             wavelength_nm: Some(nm),
             normalized: false,
             limit: Some(limit),
+            scale: SignedScale::Linear,
+            mask_sigmas: None,
         });
         let (img, r) = seen(&view, &panel(&t));
         colour(&img, r, 0.12, 0.12)
@@ -87,6 +89,64 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     assert_eq!(one(449.5, 0.5), crate::colour::signed(-1.0).0);
     assert_eq!(one(550.4, 0.5), crate::colour::signed(0.0).0);
     assert_eq!(one(660.5, 1.0), crate::colour::signed(0.5).0);
+}
+
+/// Tests that an arctan scale shows small values, and that a mask greys the elements below it. The standard
+/// error of the left pixel is small. That of the right pixel is large.
+#[test]
+fn arctan_scale_and_mask_are_honoured() {
+    let t = tensor(axes([(Y, 1), (X, 2), (StokesOut, 4), (StokesIn, 4)]), |at| {
+        if at.i(StokesOut) == at.i(StokesIn) { 2.0 } else { 0.1 }
+    });
+    let error = tensor(axes([(Y, 1), (X, 2), (StokesOut, 4), (StokesIn, 4)]), |at| [0.01, 0.06][at.i(X)]);
+    let full = Panel { std_error: Some(&error), ..panel(&t) };
+    let view = |scale, mask_sigmas| MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized: true,
+        limit: None,
+        scale,
+        mask_sigmas,
+    };
+    let at = |view: MuellerView, panel: &Panel, across: f64| {
+        let (img, r) = seen(&View::Mueller(view), panel);
+        // Element M01.
+        colour(&img, r, 0.25 + 0.25 * across, 0.2)
+    };
+    let signed = |v: f32| crate::colour::signed(v).0;
+    let (linear, arctan) = (SignedScale::Linear, SignedScale::Arctan);
+    for across in [0.4, 0.9] {
+        assert_eq!(at(view(linear, None), &full, across), signed(0.05));
+        assert_eq!(at(view(arctan, None), &full, across), signed(0.4_f32.atan() / 8_f32.atan()));
+    }
+    assert_eq!(at(view(linear, Some(2.0)), &full, 0.4), signed(0.05));
+    assert_eq!(at(view(linear, Some(2.0)), &full, 0.9), UNDEFINED.0);
+    assert_eq!(at(view(linear, Some(1.5)), &full, 0.9), signed(0.05));
+    assert_eq!(at(view(linear, Some(11.0)), &full, 0.4), UNDEFINED.0);
+    let text = draw(&View::Mueller(view(arctan, Some(2.0))), "t", &full).unwrap().svg();
+    assert!(text.contains("arctan scale"), "{text}");
+    let words = "undefined (M00 is not positive), or magnitude below 2 standard errors.";
+    assert!(text.contains(words), "{text}");
+    let raw = MuellerView { normalized: false, ..view(linear, Some(2.0)) };
+    assert!(draw(&View::Mueller(raw), "t", &full).unwrap().svg().contains("Grey: magnitude below 2"));
+    let plain = draw(&View::Mueller(view(linear, None)), "t", &full).unwrap().svg();
+    assert!(!plain.contains("arctan") && !plain.contains("standard errors"), "{plain}");
+}
+
+/// Tests that the average of many pixels has a smaller standard error than one pixel.
+#[test]
+fn averaged_pixels_are_masked_by_the_error_of_the_average() {
+    let t = tensor(axes([(Y, 1), (X, 1760), (StokesOut, 4), (StokesIn, 4)]), |_| 1.0);
+    let error = tensor(axes([(Y, 1), (X, 1760), (StokesOut, 4), (StokesIn, 4)]), |_| 0.8);
+    let full = Panel { std_error: Some(&error), ..panel(&t) };
+    let colour_with = |mask| {
+        let View::Mueller(view) = mueller_view(true) else { unreachable!() };
+        let (img, r) = seen(&View::Mueller(MuellerView { mask_sigmas: Some(mask), ..view }), &full);
+        colour(&img, r, 0.4, 0.2)
+    };
+    // Four pixels are averaged, so the standard error is 0.4.
+    assert_eq!(colour_with(2.4), crate::colour::signed(1.0).0);
+    assert_eq!(colour_with(2.6), UNDEFINED.0);
 }
 
 /// Returns a tensor in which no camera row except row 7 has light. In this row, projector column 3 of 8 is

@@ -7,7 +7,7 @@ use super::drawing::Rect;
 use super::{
     Drawing, FigureError, Format, Panel, animate, draw, is_animation, mueller, profile, save, save_animation,
 };
-use crate::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, View};
+use crate::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, SignedScale, View};
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
@@ -77,7 +77,14 @@ fn white_view(white: f32) -> View {
 }
 
 fn mueller_view(normalized: bool) -> View {
-    View::Mueller(MuellerView { slice: "s".into(), wavelength_nm: None, normalized, limit: None })
+    View::Mueller(MuellerView {
+        slice: "s".into(),
+        wavelength_nm: None,
+        normalized,
+        limit: None,
+        scale: SignedScale::Linear,
+        mask_sigmas: None,
+    })
 }
 
 fn map_view(row: usize, element: [usize; 2], wavelength_nm: Option<f64>) -> MapView {

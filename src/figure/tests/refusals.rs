@@ -35,6 +35,8 @@ fn wavelengths_that_the_slice_does_not_have_are_refused() {
             wavelength_nm: Some(nm),
             normalized: true,
             limit: None,
+            scale: SignedScale::Linear,
+            mask_sigmas: None,
         })
     };
     for nm in [600.0, 549.4, 660.6, 900.0] {
@@ -71,6 +73,17 @@ fn options_out_of_range_are_named() {
         wavelength_nm: None,
         normalized: true,
         limit: Some(0.0),
+        scale: SignedScale::Linear,
+        mask_sigmas: None,
     });
     assert!(message(&limit, &t).contains("`limit`"));
+    let View::Mueller(grid) = mueller_view(true) else { unreachable!() };
+    let masked = |n| View::Mueller(MuellerView { mask_sigmas: Some(n), ..grid.clone() });
+    assert_eq!(
+        message(&masked(2.0), &t),
+        "slice `s` has no standard errors, which the mask requires; draw the view without a mask"
+    );
+    for n in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert!(message(&masked(n), &t).contains("`mask_sigmas`"));
+    }
 }

@@ -99,8 +99,10 @@ pub fn tile(
     let (Some(store), Some(name)) = (&stage.store, view.slice()) else {
         return Err(fault("this view requires a slice, but the view names none".into()).into());
     };
-    figures::read(store, name, matches!(view, ViewFile::Profile(_)), |panel| match (plain(view), view) {
-        (Some(plain), _) => tile::of_view(&plain, panel).map_err(bad),
+    let plain = plain(view);
+    let further = plain.as_ref().map_or(&[][..], View::further_fields);
+    figures::read(store, name, further, |panel| match (&plain, view) {
+        (Some(plain), _) => tile::of_view(plain, panel).map_err(bad),
         (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
         (None, ViewFile::Decomposition(v)) => decomposition(v, panel.mean).map_err(|e| fault(e).into()),
         _ => Err(fault("this view requires a slice, but the view names none".into()).into()),
