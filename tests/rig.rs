@@ -652,6 +652,10 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     assert!(all["polarimetric"]["sigma"].as_array().is_some_and(|s| s.len() == 8));
     // Uses the calibration in schemes. All readings of a run without a sample are saturated.
     output_of(&["reconstruct", "--scheme"], &[file, &air, Path::new("-o"), &bench.path("m.zarr")]);
+    // The scene of a reconstruction lists no figures.
+    let figures = bench.path("m.figures");
+    output_of(&["figure"], &[&bench.path("m.zarr"), Path::new("-o"), &figures]);
+    assert!(std::fs::read_dir(figures).expect("figures").count() >= 2);
     let ones = bench.path("ones.npy");
     let unit: Vec<f32> = (0..16).map(|i| f32::from(u8::from(i % 5 == 0))).collect();
     sunstone::store::numpy::save(&ones, &[1, 1, 4, 4], &unit).expect("writes");

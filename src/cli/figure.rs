@@ -13,15 +13,16 @@ use sunstone::store::place::is_address;
 /// Draw slices of a store, or figures from figure files, as PNG, SVG or PDF; the text and lines of SVG and
 /// PDF are vectors.
 ///
-/// For a store without --view, draws the figures that its scene lists (all, or those named). For a figure
-/// file (.toml), renders the scenes, runs the applications that the file lists, and draws the figure: at full
+/// For a store without --view, draws the figures that its scene lists (all, or those named). If the scene
+/// lists no figures, draws default figures of every slice. For a figure file (.toml), renders the scenes, runs the applications that the file lists, and draws the figure: at full
 /// size, or fast with --preview. Renders are kept: a finished render is not repeated.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render` or `merge`, or a figure file (.toml).
     #[arg(required_unless_present = "all")]
     store: Option<PathBuf>,
-    /// Names of the scene's figures to draw [default: all]; or further figure files.
+    /// Names of the scene's figures or of default figures to draw [default: all figures of the scene]; or
+    /// further figure files.
     names: Vec<String>,
     #[command(flatten)]
     of_files: figure_file::Options,
@@ -174,14 +175,30 @@ fn folder(store: &Path) -> PathBuf {
     }
 }
 
-/// Draws the figures that the scene of a store lists, and prints their paths.
+/// Draws the figures that the scene of a store lists, and prints their paths. If the scene lists no figures,
+/// draws default figures for the arguments of `sunstone figure`, and nothing for `None`.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     places::folders([Some(&path.to_owned())], [Some(&out)])?;
     places::outside_stores([&out])?;
     let store = source::store(path, a.is_some_and(|a| a.partial))?;
     let format = a.map_or("png", |a| a.format.name());
-    for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {
+    let mut listed = figures::listed(&store, a.map_or(&[], |a| &a.names))?;
+    if listed.is_empty() && a.is_some() {
+        let defaults = figures::defaults(&store)?;
+        for (slice, reason) in &defaults.left_out {
+            eprintln!("note: slice `{slice}` has no default figure: {reason}; draw this slice with --view");
+        }
+        if defaults.figures.is_empty() {
+            bail!(
+                "{}: the scene lists no figures, and no slice has a default figure; draw a slice with --view",
+                path.display()
+            );
+        }
+        eprintln!("note: the scene lists no figures; these are default figures");
+        listed = defaults.figures;
+    }
+    for figure in listed {
         let file = out.join(format!("{}.{format}", figure.name));
         figures::draw_to(&store, &figure, &file)?;
         print_path(&file)?;

@@ -26,6 +26,7 @@ mod check;
 pub mod colour;
 pub mod components;
 pub mod composite;
+pub mod defaults;
 mod drawing;
 pub mod element;
 mod error;

@@ -180,6 +180,6 @@ fn yes() -> bool {
     true
 }
 
-fn twelve() -> usize {
+pub(crate) fn twelve() -> usize {
     12
 }

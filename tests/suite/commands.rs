@@ -166,6 +166,55 @@ fn a_chain_of_commands() {
     assert!(info.contains("[0,1]") && info.contains("samples_per_pixel  16"), "{info}");
 }
 
+/// Tests that `figure` draws default figures of a store whose scene lists no figures, and that `render` draws
+/// none.
+#[test]
+fn a_store_without_listed_figures_has_default_figures() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let plain = &SCENE[..SCENE.find("[[figures]]").unwrap()];
+    std::fs::write(d.join("scene.toml"), plain).unwrap();
+    let rendered = harness::run(d, &["render", "scene.toml", "-o", "s.zarr"], 0);
+    assert!(!d.join("s.figures").exists() && !harness::stderr(&rendered).contains("default figures"));
+    let note = "note: the scene lists no figures; these are default figures";
+    let drawn = harness::run(d, &["figure", "s.zarr"], 0);
+    assert!(harness::stderr(&drawn).lines().any(|l| l == note));
+    let names = ["image_photo", "image_mueller", "xt_xt", "xt_ss", "xt_profile"];
+    let paths: Vec<String> = harness::stdout(&drawn).lines().map(str::to_owned).collect();
+    assert_eq!(paths.len(), names.len(), "{paths:?}");
+    for (path, name) in paths.iter().zip(names) {
+        assert!(path.ends_with(&format!("s.figures/{name}.png")), "{path}");
+        assert!(image::open(d.join(path)).unwrap().width() > 100);
+    }
+    let one = harness::run(d, &["figure", "s.zarr", "xt_profile", "--format", "svg", "-o", "one"], 0);
+    assert!(!harness::stderr(&one).contains("default figures"));
+    assert_eq!(std::fs::read_dir(d.join("one")).unwrap().count(), 1);
+    let message = refused(d, &["figure", "s.zarr", "photo"]);
+    let known = "unknown figure `photo`; the scene lists no figures, and the default figures are: image_photo, image_mueller, xt_xt, xt_ss, xt_profile; use one";
+    assert!(message.contains(known), "{message}");
+
+    // The default grid has an arctan scale and a mask.
+    run(d, &["figure", "s.zarr", "image_mueller", "--format", "svg", "-o", "grid"]);
+    let grid = std::fs::read_to_string(d.join("grid/image_mueller.svg")).unwrap();
+    assert!(grid.contains("arctan scale") && grid.contains("below 2 standard errors"), "{grid}");
+    let view = ["figure", "s.zarr", "--view", "mueller", "--slice", "image", "-o", "g.svg"];
+    run(d, &view);
+    let plain = std::fs::read_to_string(d.join("g.svg")).unwrap();
+    assert!(!plain.contains("arctan") && !plain.contains("standard errors"));
+    run(d, &[&view[..], &["--scale", "arctan", "--mask", "2"]].concat());
+    assert!(std::fs::read_to_string(d.join("g.svg")).unwrap().contains("arctan scale"));
+    let message = refused(d, &[&view[..], &["--mask", "0"]].concat());
+    assert!(message.contains("`mask_sigmas` is 0; the value must be a positive number"), "{message}");
+
+    // A slice without camera rows is named in a note.
+    run(d, &["probe", "s.zarr", "xt", "--sum", "y,x,v,u", "-o", "sum.zarr"]);
+    let message = refused(d, &["figure", "sum.zarr"]);
+    assert!(
+        message.contains("note: slice `xt") && message.contains("no slice has a default figure"),
+        "{message}"
+    );
+}
+
 #[test]
 fn a_sharded_store_gives_the_same_output() {
     let dir = rendered();
@@ -190,7 +239,10 @@ fn bad_input_is_refused_with_a_fix() {
             ("probe out/room.zarr none", "none"),
             ("probe out/room.zarr image -k q=1", "axis"),
             ("probe out/room.zarr image --pulse gaussian:50", "time"),
-            ("figure out/room.zarr nonesuch", "photo, grid"),
+            (
+                "figure out/room.zarr nonesuch",
+                "photo, grid; the default figures are: image_photo, image_mueller, xt_xt",
+            ),
             ("figure out/room.zarr --view flight --slice image", "time"),
             (
                 "figure out/room.zarr --view mueller --slice image --wavelength 600 -o x.png",
