@@ -401,7 +401,12 @@ class SunstoneDataset:
         return plots.plot(self._data["mean"], self._data.get("std_error"), **options)
 
     def plot_mueller(self, **options: Any) -> Figure:
-        """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`."""
+        """Draw the sixteen elements of `mean` as a grid of images; see `pysunstone.plots.plot_mueller`.
+
+        If the slice has standard errors, elements below two standard errors are grey. `mask=None` disables this mask.
+        """
+        if "std_error" in self._data:
+            options = {"std_error": self._data["std_error"], "mask": 2.0, **options}
         return plots.plot_mueller(self._data["mean"], **options)
 
     def plot_profile(self, **options: Any) -> Axes:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import zarr
 
 from .dataset import DatasetError, manifest, open_dataset
+from .plots import lane
 
 __all__ = ["MuellerImages"]
 
@@ -28,7 +29,7 @@ class MuellerImages:
     parameters
         Names of the parameters to return, in this order; by default all numeric parameters.
     wavelength
-        Wavelength in nanometres: return only the nearest wavelength of the data set.
+        Wavelength in nanometres: return only this wavelength, at most 0.5 nm from a wavelength of the data set.
     normalized
         Divide images by M00, except M00 itself; pixels without light are 0. Requires Mueller matrices.
     transform
@@ -73,7 +74,7 @@ class MuellerImages:
         self._order = [axes.index(d) for d in self.dims]
         self._lane: tuple[int, int] | None = None
         if wavelength is not None:
-            self._lane = int(np.abs(view["wavelength"].values - wavelength).argmin()), self.dims.index("wavelength")
+            self._lane = lane(view["wavelength"].values, wavelength), self.dims.index("wavelength")
             self.dims.remove("wavelength")
         if normalized and not {"stokes_out", "stokes_in"} <= set(axes):
             raise DatasetError(f"slice `{slice}` has no Mueller matrices to normalize by M00")

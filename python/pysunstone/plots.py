@@ -7,7 +7,7 @@ Matplotlib is imported when the first plot is drawn.
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -25,19 +25,50 @@ __all__ = ["plot", "plot_mueller", "plot_profile", "to_rgb"]
 _UNDEFINED = "#808080"
 #: Quantile of the values that is used as the end of a scale.
 _WHITE = 0.99
+#: Largest difference between a requested wavelength and a wavelength of the slice, in nanometres.
+_SAME_NM = 0.5
+#: Steepness of the arctan scale: arctan(_STEEP v / limit) / arctan(_STEEP), as in Baek & Heide (2021).
+_STEEP = 8.0
+#: Smallest distance between two ticks of the arctan scale, as a fraction of the colour bar.
+_CLOSEST = 0.05
 #: Largest number of lines in one plot.
 _LINES = 12
 #: Font size of the value label, and mean width of its characters relative to the font size.
 _LABEL_PT, _PER_CHARACTER = 7, 0.6
 
 
+def lane(available: Any, wavelength: float) -> int:
+    """Return the index of a wavelength in nanometres, which must be one of those available."""
+    distances = np.abs(np.atleast_1d(np.asarray(available, dtype=float)) - wavelength)
+    # The comparison is false for NaN.
+    if not (distances <= _SAME_NM).any():
+        known = ", ".join(f"{nm:g}" for nm in np.atleast_1d(available))
+        raise ValueError(f"wavelength {wavelength:g} nm does not exist: choose from {known} nm")
+    return int(distances.argmin())
+
+
 def _at_wavelength(data: xr.DataArray, wavelength: float | None) -> xr.DataArray:
-    """Select one wavelength: the nearest, or by default the middle one."""
+    """Select one wavelength: the given one, or by default the middle one."""
     if "wavelength" not in data.dims:
+        if wavelength is not None and "wavelength" in data.coords:
+            lane(data["wavelength"].values, wavelength)
         return data
     if wavelength is None:
         return data.isel(wavelength=(data.sizes["wavelength"] - 1) // 2)
-    return data.sel(wavelength=wavelength, method="nearest")
+    return data.isel(wavelength=lane(data["wavelength"].values, wavelength))
+
+
+def _arctan_ticks(limit: float) -> list[float]:
+    """Return ticks between ± `limit`: 0, and 1, 2 or 5 times powers of ten that are not too close on the arctan scale."""
+    decade = int(np.floor(np.log10(limit * (1 + 1e-6))))
+    kept: list[float] = []
+    for value in (m * 10.0**e for e in range(decade, decade - 3, -1) for m in (5, 2, 1)):
+        if not 0.04 <= value / limit <= 1 + 1e-6:
+            continue
+        places = [0.5 * np.arctan(_STEEP * v / limit) / np.arctan(_STEEP) for v in (*kept[-1:], value)]
+        if len(places) < 2 or places[0] - places[1] >= _CLOSEST:
+            kept.append(value)
+    return [*(-v for v in kept), 0.0, *reversed(kept)]
 
 
 def to_rgb(data: xr.DataArray, white: float | None = None, linear: bool = False) -> npt.NDArray[Any]:
@@ -103,6 +134,9 @@ def plot_mueller(
     wavelength: float | None = None,
     normalized: bool = True,
     limit: float | None = None,
+    scale: Literal["arctan", "linear"] | None = None,
+    std_error: xr.DataArray | None = None,
+    mask: float | None = None,
     figsize: tuple[float, float] | None = None,
 ) -> Figure:
     """Draw the sixteen elements of Mueller matrices as a 4 × 4 grid of images: rows Stokes out, columns Stokes in.
@@ -113,12 +147,20 @@ def plot_mueller(
         Values over `stokes_out`, `stokes_in` and two image axes (`y` and `x`, or any others). Select or sum all further axes
         except the wavelength.
     wavelength
-        Wavelength in nanometres; the nearest one is used. Default: the middle wavelength.
+        Wavelength in nanometres, at most 0.5 nm from a wavelength of the array. Default: the middle wavelength.
     normalized
         Show M00 as intensity, and every other element divided by M00. Otherwise show all sixteen elements on one signed scale.
     limit
         Value at the ends of the signed scale, which is symmetric around 0. By default 1, or without `normalized` the 99th
         percentile of the magnitudes.
+    scale
+        Scale of the signed elements: `"linear"`, or `"arctan"`, which shows small values: arctan(8 v / limit) / arctan(8), as in
+        Baek & Heide (2021). Default: `"arctan"` if normalized, otherwise `"linear"`.
+    std_error
+        Standard errors over the same axes as `data`.
+    mask
+        Draw signed elements whose magnitude is below this number of standard errors in grey; requires `std_error`. The standard
+        error of a normalized element is that of the element, divided by M00. `None` or 0: no mask.
     figsize
         Width and height of the figure, inches.
 
@@ -126,7 +168,7 @@ def plot_mueller(
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib import colormaps
+    from matplotlib import colormaps, colors
     from matplotlib.figure import Figure
 
     chosen = _at_wavelength(data, wavelength).squeeze()
@@ -135,8 +177,23 @@ def plot_mueller(
         raise ValueError("the array contains no Mueller matrices: the axes `stokes_out` and `stokes_in` must have four entries each")
     if len(image) != 2:
         raise ValueError(f"an image has two axes, but the array has {image}: select entries of the other axes, or sum over them")
+    if scale not in (None, "arctan", "linear"):
+        raise ValueError(f"unknown scale `{scale}`: choose from arctan, linear")
+    is_arctan = scale == "arctan" or (scale is None and normalized)
     values = chosen.transpose("stokes_out", "stokes_in", *image).values.astype(float)
     intensity = values[0, 0]
+    masked = np.zeros(values.shape, dtype=bool)
+    if mask is not None and mask != 0:
+        if not (mask > 0 and np.isfinite(mask)):
+            raise ValueError(f"mask must be a positive number of standard errors, or 0 or None for no mask, got {mask}")
+        if std_error is None:
+            raise ValueError("mask requires standard errors: pass std_error, or mask=None")
+        error = _at_wavelength(std_error, wavelength).squeeze()
+        if set(error.dims) != set(chosen.dims) or any(error.sizes[d] != chosen.sizes[d] for d in chosen.dims):
+            raise ValueError(f"std_error has the axes {dict(error.sizes)}, but the values have the axes {dict(chosen.sizes)}")
+        least = mask * error.transpose("stokes_out", "stokes_in", *image).values.astype(float)
+        # An element whose standard error is not finite is also masked.
+        masked = ~(np.abs(values) >= least)
     if normalized:
         with np.errstate(divide="ignore", invalid="ignore"):
             values = np.where(intensity > 0, values / intensity, np.nan)
@@ -146,6 +203,14 @@ def plot_mueller(
     figure = Figure(figsize=figsize or (7.2, 6.4), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey=True)
     drawn = None
+    end = end or 1.0
+    if is_arctan:
+        norm: colors.Normalize = colors.FuncNorm(
+            (lambda v: np.arctan(_STEEP * v / end), lambda v: np.tan(v) * end / _STEEP), vmin=-end, vmax=end
+        )
+    else:
+        norm = colors.Normalize(-end, end)
+    values = np.where(masked, np.nan, values)
     for i in range(4):
         for j in range(4):
             panel = panels[i, j]
@@ -154,14 +219,25 @@ def plot_mueller(
                 white = float(np.quantile(lit, _WHITE)) if lit.size else 1.0
                 panel.imshow(intensity, cmap="gray", vmin=0, vmax=white or 1.0, interpolation="nearest")
             else:
-                drawn = panel.imshow(values[i, j], cmap=signed, vmin=-end or -1, vmax=end or 1, interpolation="nearest")
+                drawn = panel.imshow(values[i, j], cmap=signed, norm=norm, interpolation="nearest")
             panel.set(xticks=[], yticks=[])
             panel.set_title(f"M{i}{j}", fontsize=7, pad=2)
     label = "Mij / M00" if normalized else f"Mij [{data.attrs.get('units', '1')}]"
+    if is_arctan:
+        label += ", arctan scale"
     assert drawn is not None
-    figure.colorbar(drawn, ax=panels, label=label, shrink=0.6)
-    if "wavelength" in chosen.coords:
-        figure.suptitle(f"{float(chosen['wavelength']):g} nm", fontsize=9)
+    if is_arctan:
+        ticks = _arctan_ticks(end)
+        bar = figure.colorbar(drawn, ax=panels, label=label, shrink=0.6, ticks=ticks)
+        bar.set_ticks(ticks, labels=[f"{v:g}" for v in ticks])
+        bar.minorticks_off()
+    else:
+        figure.colorbar(drawn, ax=panels, label=label, shrink=0.6)
+    title = [f"{float(chosen['wavelength']):g} nm"] if "wavelength" in chosen.coords else []
+    if masked.any():
+        title.append(f"grey: below {mask:g} standard errors")
+    if title:
+        figure.suptitle("; ".join(title), fontsize=9)
     return figure
 
 
@@ -183,8 +259,8 @@ def plot_profile(
     std_error
         Standard errors over the same axes.
     wavelength
-        Wavelength in nanometres; the nearest one is used. By default, each wavelength is a line if wavelength is the only other
-        axis.
+        Wavelength in nanometres, at most 0.5 nm from a wavelength of the array. By default, each wavelength is a line if wavelength
+        is the only other axis.
     sigmas
         Half width of the band, in standard errors.
     ax

@@ -237,7 +237,7 @@ def test_kernel_is_a_gaussian_of_the_requested_width() -> None:
 
 def test_mueller_images_are_drawn_on_a_symmetric_scale() -> None:
     steady = opened("steady")
-    figure = steady.sunstone.plot_mueller(wavelength=660)
+    figure = steady.sunstone.plot_mueller(wavelength=660, mask=None)
     panels = [panel for panel in figure.axes if panel.images and panel.get_title()]
     assert [p.get_title() for p in panels] == [f"M{i}{j}" for i in range(4) for j in range(4)]
     matrices = steady["mean"].sel(wavelength=660)
@@ -257,6 +257,57 @@ def test_mueller_images_are_drawn_on_a_symmetric_scale() -> None:
     assert len(limits) == 1 and next(iter(limits))[0] == -next(iter(limits))[1]
     assert "550 nm" in figure.get_suptitle()
     figure.savefig(rendered.folder() / "mueller.png")
+
+
+def test_mueller_images_mask_uncertain_elements_on_an_arctan_scale() -> None:
+    steady = opened("steady")
+    at = steady.isel(wavelength=1)
+    mean, error = (at[name].transpose("stokes_out", "stokes_in", "y", "x").values.astype(float) for name in ("mean", "std_error"))
+    figure = steady.sunstone.plot_mueller()
+    panels = [panel for panel in figure.axes if panel.images and panel.get_title()]
+    for k, panel in enumerate(panels[1:], 1):
+        i, j = divmod(k, 4)
+        shown = np.ma.getmaskarray(np.ma.masked_invalid(panel.images[0].get_array()))
+        assert np.array_equal(shown, (np.abs(mean[i, j]) < 2 * error[i, j]) | ~(mean[0, 0] > 0))
+        norm = panel.images[0].norm
+        assert np.allclose(norm([-1, 0, 0.1, 1]), [0, 0.5, 0.5 + 0.5 * np.arctan(0.8) / np.arctan(8), 1])
+    # Values have an effect: without the mask, fewer pixels are grey.
+    grey = [np.isnan(np.ma.filled(p.images[0].get_array(), np.nan)).sum() for p in panels]
+    plain = steady.sunstone.plot_mueller(mask=0)
+    assert sum(grey) > sum(np.isnan(np.ma.filled(p.images[0].get_array(), np.nan)).sum() for p in plain.axes if p.get_title())
+    assert "below 2 standard errors" in figure.get_suptitle() and "standard errors" not in plain.get_suptitle()
+    bar = figure.axes[-1]
+    assert bar.get_ylabel() == "Mij / M00, arctan scale"
+    labels = {t.get_text().replace("\N{MINUS SIGN}", "-"): at for t, at in zip(bar.get_yticklabels(), bar.get_yticks(), strict=True)}
+    assert list(labels) == ["-1", "-0.2", "-0.1", "-0.05", "0", "0.05", "0.1", "0.2", "1"]
+    assert all(at == pytest.approx(float(label)) for label, at in labels.items())
+    linear = steady.sunstone.plot_mueller(scale="linear")
+    assert linear.axes[-1].get_ylabel() == "Mij / M00"
+    assert steady.sunstone.plot_mueller(normalized=False).axes[-1].get_ylabel().startswith("Mij [")
+    raw = steady.sunstone.plot_mueller(normalized=False, scale="arctan")
+    assert "arctan scale" in raw.axes[-1].get_ylabel()
+    for name, drawn in (("arctan.png", figure), ("raw.png", raw)):
+        drawn.savefig(rendered.folder() / name)
+
+
+def test_plots_refuse_wrong_options() -> None:
+    steady, timed = opened("steady"), opened("timed").isel(y=0, x=0)
+    cases = [
+        (lambda: steady.sunstone.plot_mueller(wavelength=600), "wavelength 600 nm does not exist: choose from 450, 550, 660 nm"),
+        (lambda: steady.sunstone.plot_mueller(wavelength=550.6), "choose from 450, 550, 660 nm"),
+        (lambda: steady.sunstone.plot_mueller(wavelength=np.nan), "wavelength nan nm"),
+        (lambda: steady.isel(wavelength=0).sunstone.plot_mueller(wavelength=550), "choose from 450 nm"),
+        (lambda: timed.sunstone.plot_profile(wavelength=600), "choose from 450, 550, 660 nm"),
+        (lambda: steady.sunstone.plot_mueller(scale="log"), "unknown scale `log`: choose from arctan, linear"),
+        (lambda: steady.sunstone.plot_mueller(mask=-1), "positive number of standard errors"),
+        (lambda: steady["mean"].sunstone.plot_mueller(mask=2), "mask requires standard errors"),
+        (lambda: steady.sunstone.plot_mueller(std_error=steady["std_error"].isel(x=[0])), "std_error has the axes"),
+    ]
+    for call, words in cases:
+        with pytest.raises(ValueError, match=words):
+            call()
+    for wavelength in (549.5, 550.5):
+        assert "550 nm" in steady.sunstone.plot_mueller(wavelength=wavelength).get_suptitle()
 
 
 def test_profiles_are_drawn_with_their_errors() -> None:

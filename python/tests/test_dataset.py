@@ -205,6 +205,8 @@ def test_images_equal_the_samples(three: Path) -> None:
     over = np.where(matrix[0, 0] > 0, matrix / np.where(matrix[0, 0] > 0, matrix[0, 0], 1), 0)
     over[0, 0] = matrix[0, 0]
     assert np.allclose(one[1][0], over, rtol=1e-6)
+    with pytest.raises(ValueError, match="wavelength 600 nm does not exist: choose from 450, 550, 660 nm"):
+        MuellerImages(three, "steady", wavelength=600)
     assert np.array_equal(pickle.loads(pickle.dumps(images))[1][0], image)
 
 
