@@ -26,7 +26,7 @@ def encoded(linear: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
     """Return linear values of 0 to 1 as 8-bit sRGB values."""
     v = np.clip(np.nan_to_num(linear.astype(np.float32)), 0, 1)
     curve = np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
-    return np.rint(curve * 255).astype(np.uint8)
+    return np.asarray(np.rint(curve * 255), np.uint8)
 
 
 def to_rgb(

@@ -46,7 +46,8 @@ class SceneBuilder:
         self._images: dict[str, Any] = {}
 
     def __repr__(self) -> str:
-        parts = [f"{len(v)} {k}" if isinstance(v, list | dict) and k in _COUNTED else k for k, v in self._document.items() if v is not None]
+        given = {key: value for key, value in self._document.items() if value is not None}
+        parts = [f"{len(value)} {key}" if key in _COUNTED else key for key, value in given.items()]
         return f"<pysunstone.SceneBuilder, {', '.join(parts)}>"
 
     def _named(self, table: str, name: str, keys: dict[str, Any]) -> SceneBuilder:

@@ -23,6 +23,8 @@ __all__ = ["plot", "plot_mueller", "plot_profile", "to_rgb"]
 
 #: Colour of undefined values.
 _UNDEFINED = "#808080"
+#: Resolution of figures, with which small labels can be read in notebooks and on pages.
+_DPI = 150
 #: Quantile of the values that is used as the end of a scale.
 _WHITE = 0.99
 #: Largest difference between a requested wavelength and a wavelength of the slice, in nanometres.
@@ -121,7 +123,7 @@ def _in_quadrature(errors: xr.DataArray, kept: list[str]) -> xr.DataArray:
 def _photograph(data: xr.DataArray, figsize: tuple[float, float] | None = None, white: float | None = None) -> Figure:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=figsize or (4.2, 4.2 * data.sizes["y"] / data.sizes["x"]), layout="constrained")
+    figure = Figure(dpi=_DPI, figsize=figsize or (4.2, 4.2 * data.sizes["y"] / data.sizes["x"]), layout="constrained")
     panel = figure.subplots()
     panel.imshow(to_rgb(data, white), interpolation="nearest")
     panel.set_axis_off()
@@ -200,7 +202,7 @@ def plot_mueller(
     sizes = np.abs(values[np.isfinite(values)])
     end = limit if limit is not None else 1.0 if normalized else float(np.quantile(sizes, _WHITE)) if sizes.size else 1.0
     signed = colormaps["RdBu_r"].with_extremes(bad=_UNDEFINED)
-    figure = Figure(figsize=figsize or (7.2, 6.4), layout="constrained")
+    figure = Figure(dpi=_DPI, figsize=figsize or (7.2, 6.4), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey=True)
     drawn = None
     end = end or 1.0
@@ -275,7 +277,7 @@ def plot_profile(
     from matplotlib.figure import Figure
 
     if ax is None:
-        ax = Figure(figsize=(5, 3.2), layout="constrained").subplots()
+        ax = Figure(dpi=_DPI, figsize=(5, 3.2), layout="constrained").subplots()
 
     def chosen(data: xr.DataArray) -> xr.DataArray:
         if "stokes_in" in data.dims:

@@ -14,14 +14,14 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     if *p.resolution == [0, 0] && p.resolution.span() == (0..0) {
         return Err(ctx.error(
             span,
-            "missing field `resolution`",
+            "missing key `resolution`",
             "give resolution = [width, height], or calibration = \"calibration.toml\"",
         ));
     }
     if !p.has_pose() {
         return Err(ctx.error(
             span,
-            "missing field `pose`",
+            "missing key `pose`",
             "give pose.look_at, pose.matrix or pose.extrinsics, or calibration = \"calibration.toml\"",
         ));
     }
