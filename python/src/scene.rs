@@ -203,7 +203,7 @@ impl Scene {
 
     /// Return what the scene contains, as pairs of a key and a value.
     fn description(&self, py: Python<'_>) -> Vec<(String, String)> {
-        let text = self.look(py, cli::info::scene);
+        let text = self.look(py, cli::description);
         let pair = |line: &str| {
             let (key, value) = line.trim().split_once(' ')?;
             Some((key.to_owned(), value.trim().to_owned()))

@@ -99,7 +99,7 @@ const NUMBERS: [(&str, &str); 10] = [
 ];
 
 /// Replaces the words of serde and of Rust in a message.
-fn plain(message: &str) -> String {
+pub fn plain(message: &str) -> String {
     let mut message = message.to_owned();
     for (word, better) in WORDS {
         message = message.replace(word, better);

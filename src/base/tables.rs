@@ -262,6 +262,6 @@ mod tests {
             assert!(message.contains(super::WANTED), "{message}");
         }
         let (.., message) = read("at = [1, 2]").expect_err("a list");
-        assert_eq!(message, "invalid type: sequence, expected a table, { x = .., y = .. }");
+        assert_eq!(message, "found a list, expected a table, { x = .., y = .. }");
     }
 }

@@ -32,7 +32,7 @@ mod failure;
 mod figure;
 mod figure_file;
 mod import;
-pub mod info;
+mod info;
 mod layers;
 mod learn;
 mod matrices;
@@ -54,6 +54,8 @@ mod shard;
 mod source;
 mod trial;
 mod verify;
+
+pub use info::scene as description;
 
 use clap::Parser;
 use failure::{Failure, bail};

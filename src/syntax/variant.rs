@@ -103,7 +103,7 @@ impl<'a> Vary<'a> {
         let read = DeTable::parse(self.text);
         read.map(Spanned::into_inner).map_err(|e| {
             let span = e.span().unwrap_or(0..0);
-            self.error(span, e.message().to_owned(), fix(e.message()))
+            self.error(span, document::plain(e.message()), fix(e.message()))
         })
     }
 
