@@ -71,15 +71,13 @@ impl Believed {
             }
             if let Some(cmos) = &found.detector.cmos {
                 let new = overlaid(&out.cmos, cmos, Cmos::check);
-                out.cmos = new.map_err(|e| {
-                    wrong(None, format!("[detector.cmos]: {}", document::plain(&e.to_string())), FIX)
-                })?;
+                out.cmos =
+                    new.map_err(|e| wrong(None, format!("[detector.cmos]: {}", document::plain(&e)), FIX))?;
             }
             if let Some(spad) = &found.detector.spad {
                 let new = overlaid(&out.spad, spad, Spad::check);
-                out.spad = new.map_err(|e| {
-                    wrong(None, format!("[detector.spad]: {}", document::plain(&e.to_string())), FIX)
-                })?;
+                out.spad =
+                    new.map_err(|e| wrong(None, format!("[detector.spad]: {}", document::plain(&e)), FIX))?;
             }
             if let Some((camera, projector)) = pair {
                 for ((table, size), name) in
