@@ -360,7 +360,7 @@ fn mutated_templates_vary_or_give_an_error() {
                 transform = { scale = 1, translate = [0, 0, 0] }\n";
     let room = room() + ball;
     let variant = |text: &str, number: u64| {
-        within_bounds(text, |path, text| sunstone::scene::variant_from_text(path, text, number))
+        within_bounds(text, |path, text| sunstone::scene::variant_from_text(path, text, Some(number)))
     };
     for number in [0, 5, u64::MAX] {
         let scene = variant(&(room.clone() + VARY), number).expect("the template is right");

@@ -173,7 +173,7 @@ class _Source:
         if isinstance(given, str | os.PathLike):
             path = Path(given)
             whole = Scene.load(path)
-            return cls(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), _places(whole), lambda k: Scene.load(path, k))
+            return cls(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), _places(whole), whole.variant)
         if isinstance(given, Scene):
             content = hashlib.sha256(f"{given.sha256} {given._native.source}".encode()).hexdigest()
             places = _places(given)

@@ -77,7 +77,10 @@ const IN_MEMORY: [&str; 4] =
 /// Creates an error for invalid input with its location in a file or in a dict.
 pub fn located(fault: Fault) -> PyErr {
     let what = IN_MEMORY.into_iter().find(|name| fault.file.ends_with(name));
-    let fault = what.map_or_else(|| fault.clone(), |what| document::in_code(what, fault.clone()));
+    let fault = match what {
+        Some(what) => document::in_code(what, fault),
+        None => fault,
+    };
     let error = input(&fault);
     let (line, column) = fault.line_column().unzip();
     let set = Python::attach(|py| {

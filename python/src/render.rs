@@ -153,8 +153,8 @@ pub fn render_store(
 ) -> PyResult<String> {
     let target = Target { path: output, replace: force, resume };
     let (summary, cautions) = run(py, scene, &asked, progress, |render| {
-        let mut notes = outside_bins(render.scene());
         let now = render.scene();
+        let mut notes = outside_bins(now);
         let summary =
             render.to_target(&target).map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })?;
         if summary.complete {
@@ -184,8 +184,8 @@ pub fn render_arrays<'py>(
             schedule::RenderError::Threads(_) | schedule::RenderError::Sink(_) => failed(e),
         })?;
         let has_light = |name: &String| {
-            let fields = [Field::Mean, Field::Overflow].into_iter().filter_map(|f| kept.arrays.get(name, f));
-            fields.into_iter().any(|t| t.data.iter().any(|v| *v != 0.0))
+            let mut fields = [Field::Mean, Field::Overflow].iter().filter_map(|f| kept.arrays.get(name, *f));
+            fields.any(|t| t.data.iter().any(|v| *v != 0.0))
         };
         if summary.complete && !kept.arrays.names().iter().any(has_light) {
             notes.push(black(now));

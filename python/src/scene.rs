@@ -13,12 +13,11 @@ use sunstone::figure::listed;
 use sunstone::figure::spec::Figure;
 use sunstone::scene::syntax::Syntax;
 use sunstone::scene::syntax::scene::SceneFile;
-use sunstone::scene::syntax::variant::{self, Variant};
+use sunstone::scene::syntax::variant;
 use sunstone::scene::{self, SceneBuilder};
 use sunstone::tensor::layers::{Layer, LayerValues, Parts};
 use sunstone::transport::geometry::mesh::Mesh;
 use sunstone::transport::render::layers::{Options, layers};
-use sunstone::transport::scene::Variant as SceneVariant;
 
 /// A scene, ready to render, and the figures that its file lists.
 #[pyclass(frozen, module = "pysunstone._native")]
@@ -35,10 +34,7 @@ pub struct Scene {
 
 /// Builds a scene and its figures from the text of its file.
 fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, InputError> {
-    let scene = match variant {
-        Some(number) => scene::variant_from_text(path, text, number)?,
-        None => scene::from_text(path, text)?,
-    };
+    let scene = scene::variant_from_text(path, text, variant)?;
     let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
     Ok(Scene {
         built: Mutex::new(scene),
@@ -72,9 +68,9 @@ impl Scene {
     ) -> Result<Self, InputError> {
         let (file, variant) = match variant {
             Some(number) => {
-                let Variant { file, values } = variant::read(path, text, number)?;
-                let values = values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect();
-                (file, Some(SceneVariant { number, values }))
+                let variant = variant::read(path, text, number)?;
+                let recorded = scene::recorded(&variant, number);
+                (variant.file, Some(recorded))
             }
             None => (SceneFile::read(path, text)?, None),
         };
@@ -99,11 +95,6 @@ impl Scene {
             figures,
             memory,
         })
-    }
-
-    /// Calls `at` with the scene, without Python's lock.
-    fn look_here<T>(&self, at: impl FnOnce(&sunstone::Scene) -> T) -> T {
-        at(&self.lock())
     }
 
     /// Calls `at` with the scene. If the scene is being rendered, waits without Python's global
@@ -254,7 +245,7 @@ impl Scene {
             bail!("rays: expected a number from 1 to 64, got {rays}");
         }
         let options = Options { side: rays, through };
-        let set = off_python(py, 0, || self.look_here(|s| layers(s, options)))?;
+        let set = off_python(py, 0, || layers(&self.lock(), options))?;
         let axes = |layer: &Layer| match layer.parts {
             Parts::One => vec!["y", "x"],
             Parts::Vector => vec!["y", "x", "vector"],

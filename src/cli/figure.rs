@@ -14,8 +14,9 @@ use sunstone::store::place::is_address;
 /// PDF are vectors.
 ///
 /// For a store without --view, draws the figures that its scene lists (all, or those named). If the scene
-/// lists no figures, draws default figures of every slice. For a figure file (.toml), renders the scenes, runs the applications that the file lists, and draws the figure: at full
-/// size, or fast with --preview. Renders are kept: a finished render is not repeated.
+/// lists no figures, draws default figures of every slice. For a figure file (.toml), renders the scenes, runs
+/// the applications that the file lists, and draws the figure: at full size, or fast with --preview. Renders
+/// are kept: a finished render is not repeated.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render` or `merge`, or a figure file (.toml).

@@ -58,12 +58,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !is_file && !a.force && std::fs::symlink_metadata(&a.output).is_ok() {
         bail!("{shown} exists; choose another output, or pass --force to replace the existing store");
     }
-    let scene = match a.variant {
-        Some(number) => {
-            sunstone::scene::variant_from_text(&a.scene, &sunstone::scene::read(&a.scene)?, number)?
-        }
-        None => sunstone::scene::load(&a.scene)?,
-    };
+    let text = sunstone::scene::read(&a.scene)?;
+    let scene = sunstone::scene::variant_from_text(&a.scene, &text, a.variant)?;
     for note in &scene.notes {
         eprintln!("note: {note}");
     }

@@ -27,10 +27,7 @@ use sunstone::transport::scene::Scene;
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let text = sunstone::scene::read(&a.scene)?;
-    let mut scene = match a.variant {
-        Some(number) => sunstone::scene::variant_from_text(&a.scene, &text, number)?,
-        None => sunstone::scene::from_text(&a.scene, &text)?,
-    };
+    let mut scene = sunstone::scene::variant_from_text(&a.scene, &text, a.variant)?;
     let mut figures = listed::from_text(&a.scene, &text, &scene.slices, scene.wavelengths.nm())?;
     if let Some(integrator) = a.integrator {
         scene.set_integrator(integrator);

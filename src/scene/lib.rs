@@ -21,7 +21,7 @@ pub mod mitsuba;
 
 pub use {import, syntax};
 
-pub use build::assemble::{from_file, from_text, from_variant, load, read, variant_from_text};
+pub use build::assemble::{from_file, from_text, from_variant, load, read, recorded, variant_from_text};
 pub use build::{materials, media};
 pub use builder::SceneBuilder;
 

@@ -114,7 +114,7 @@ fn scenes_of_applications_have_their_variants() {
         let text = scene::read(&path).expect("a scene file");
         let mut hashes = std::collections::BTreeSet::new();
         for number in plan.train.iter().chain(&plan.test) {
-            let variant = scene::variant_from_text(&path, &text, *number).expect("a variant");
+            let variant = scene::variant_from_text(&path, &text, Some(*number)).expect("a variant");
             assert!(
                 hashes.insert(variant.sha256.clone()),
                 "variant {number} of {} is another's twin",

@@ -71,13 +71,11 @@ impl Believed {
             }
             if let Some(cmos) = &found.detector.cmos {
                 let new = overlaid(&out.cmos, cmos, Cmos::check);
-                out.cmos =
-                    new.map_err(|e| wrong(None, format!("[detector.cmos]: {}", document::plain(&e)), FIX))?;
+                out.cmos = new.map_err(|e| wrong(None, format!("[detector.cmos]: {e}"), FIX))?;
             }
             if let Some(spad) = &found.detector.spad {
                 let new = overlaid(&out.spad, spad, Spad::check);
-                out.spad =
-                    new.map_err(|e| wrong(None, format!("[detector.spad]: {}", document::plain(&e)), FIX))?;
+                out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), FIX))?;
             }
             if let Some((camera, projector)) = pair {
                 for ((table, size), name) in
@@ -112,7 +110,7 @@ fn overlaid<T: Serialize + DeserializeOwned>(
     for (key, value) in found.as_object().into_iter().flatten() {
         all[key] = value.clone();
     }
-    let new = serde_json::from_value(all).map_err(|e| e.to_string())?;
+    let new = serde_json::from_value(all).map_err(|e| document::plain(&e.to_string()))?;
     check(&new).map_err(|e| e.to_string())?;
     Ok(new)
 }

@@ -45,13 +45,17 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
     from_file(path, text, &file)
 }
 
-/// Builds a variant of a scene from the text of its file ([`syntax::variant`]). See [`from_text`] for `path`.
+/// Builds a variant of a scene from the text of its file ([`syntax::variant`]), or the scene itself for `None`.
+/// See [`from_text`] for `path`.
 ///
 /// # Errors
 /// Returns the same errors as [`load`], or an error if the variant does not exist. Errors in varied values
 /// are located in `[vary]`.
-pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
-    from_variant(path, text, &variant::read(path, text, number)?, number)
+pub fn variant_from_text(path: &Path, text: &str, number: Option<u64>) -> Result<Scene, InputError> {
+    match number {
+        Some(number) => from_variant(path, text, &variant::read(path, text, number)?, number),
+        None => from_text(path, text),
+    }
 }
 
 /// Builds a variant of a scene and records the variant's number. `path` and `text` are as in [`from_file`].
@@ -65,11 +69,13 @@ pub fn from_variant(
     number: u64,
 ) -> Result<Scene, InputError> {
     let mut scene = from_file(path, text, &variant.file)?;
-    scene.set_variant(Variant {
-        number,
-        values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect(),
-    });
+    scene.set_variant(recorded(variant, number));
     Ok(scene)
+}
+
+/// Returns what a scene records of its variant: the number, and the values as texts.
+pub fn recorded(variant: &variant::Variant, number: u64) -> Variant {
+    Variant { number, values: variant.values.iter().map(|(name, v)| (name.clone(), v.to_string())).collect() }
 }
 
 /// Builds a scene from a parsed file whose locations refer to `text`. See [`from_text`] for `path`.
