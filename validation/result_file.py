@@ -6,7 +6,7 @@ docs/ against them. A file contains
     format     1
     script     that wrote it, relative to the project's root
     measures   folders and files whose change makes the numbers outdated, relative to the project's root
-    commit     of the measured tree; dirty: whether one of `measures` differed from it
+    commit     of the measured tree; dirty: whether one of `measures` differed from it when the script started
     date       UTC
     machine    processor, cores, memory_gb, system
     note       optional remarks (from the variable SUNSTONE_RESULT_NOTE)
@@ -98,21 +98,26 @@ def machine():
 def git(*arguments, root=ROOT):
     """Return the output of git, or None if it fails."""
     done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True)
-    return done.stdout.strip() if done.returncode == 0 else None
+    return done.stdout.rstrip() if done.returncode == 0 else None
+
+
+# The state of the tree when the script starts, because the measured program is built before. Edits during a long measurement
+# do not change what is measured.
+COMMIT = git("rev-parse", "HEAD")
+CHANGED = [line[3:].split(" -> ")[-1].strip('"').rstrip("/") for line in (git("status", "--porcelain", "--untracked-files=all") or "").splitlines()]
 
 
 def write(name, script, measures, numbers, versions=None, rows=None, note=None):
     """Write results/<name>.json; `script` is the calling script's __file__."""
     script = Path(script).resolve().relative_to(ROOT).as_posix()
-    own = [m for m in [*measures, "Cargo.toml", "Cargo.lock"] if (ROOT / m).exists()]
     wrong = [m for m in measures if not (ROOT / m).exists()]
     assert not wrong, f"{script} measures paths that do not exist: {wrong}"
     head = {
         "format": FORMAT,
         "script": script,
         "measures": measures,
-        "commit": git("rev-parse", "HEAD"),
-        "dirty": bool(git("status", "--porcelain", "--", *own)),
+        "commit": COMMIT,
+        "dirty": any(changed == m or changed.startswith(f"{m}/") for m in [*measures, "Cargo.toml", "Cargo.lock"] for changed in CHANGED),
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "machine": machine(),
         "note": note or os.environ.get("SUNSTONE_RESULT_NOTE"),
