@@ -21,6 +21,7 @@ from pysunstone._native import InputError, RenderError, __version__
 
 if TYPE_CHECKING:
     from pysunstone import apply, pbrdf, phase
+    from pysunstone._view import View, view
     from pysunstone.builder import SceneBuilder
     from pysunstone.capture import Scheme, design_matrix, reconstruct, simulate
     from pysunstone.exposure import Exposure, exposure_for
@@ -44,6 +45,7 @@ __all__ = [
     "Slice",
     "Slices",
     "SunstoneWarning",
+    "View",
     "__version__",
     "apply",
     "decompose",
@@ -58,6 +60,7 @@ __all__ = [
     "reconstruct",
     "shard",
     "simulate",
+    "view",
 ]
 
 # Modules of the public names. Names load on first use, so that the command does not import NumPy and xarray.
@@ -81,6 +84,8 @@ _HOMES = {
     "reconstruct": "capture",
     "shard": "shards",
     "simulate": "capture",
+    "View": "_view",
+    "view": "_view",
 }
 
 

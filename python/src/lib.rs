@@ -17,6 +17,7 @@ mod render;
 mod rig;
 mod scene;
 mod shape;
+mod view;
 mod watch;
 
 use pyo3::prelude::*;
@@ -44,6 +45,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(render::render_store, m)?)?;
     m.add_function(wrap_pyfunction!(render::render_arrays, m)?)?;
     m.add_function(wrap_pyfunction!(picture::encode_image, m)?)?;
+    m.add_function(wrap_pyfunction!(view::start_view, m)?)?;
     m.add_function(wrap_pyfunction!(picture::rgb_weights, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::quantities, m)?)?;
     m.add_function(wrap_pyfunction!(analysis::decompose, m)?)?;

@@ -28,13 +28,9 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Returns an error if the file cannot be read or written.
     pub fn open(of: &Path) -> std::io::Result<(Self, Vec<T>)> {
         let path = of.join(FILE);
-        let text = match crate::input::read_text(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(e) => return Err(e),
-        };
-        let records = text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect();
+        let records = read(of)?;
         let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
+        let text = crate::input::read_text(&path)?;
         if !text.is_empty() && !text.ends_with('\n') {
             file.write_all(b"\n")?;
         }
@@ -61,6 +57,19 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Returns an error if the file cannot be removed.
     pub fn remove(self) -> std::io::Result<()> {
         std::fs::remove_file(self.path)
+    }
+}
+
+/// Returns the records of the journal in the folder `of`, which another process may be writing. Incomplete
+/// lines are ignored. A folder without a journal has no records.
+///
+/// # Errors
+/// Returns an error if the file cannot be read.
+pub fn read<T: DeserializeOwned>(of: &Path) -> std::io::Result<Vec<T>> {
+    match crate::input::read_text(&of.join(FILE)) {
+        Ok(text) => Ok(text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect()),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(vec![]),
+        Err(e) => Err(e),
     }
 }
 

@@ -54,6 +54,7 @@ mod shard;
 mod source;
 mod trial;
 mod verify;
+mod view;
 
 pub use info::scene as description;
 
@@ -82,6 +83,7 @@ Examples:
   sunstone verify out/mirror_room.zarr                   check a store for damage
   sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals and objects per pixel
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
+  sunstone view out/mirror_room.zarr                     explore a store in the browser
   sunstone figure out/mirror_room.zarr                   draw the figures again
   sunstone figure scenes/figures/fig03_mirror_room.toml --preview   render and draw the panels of a figure file
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
@@ -107,6 +109,7 @@ commands! {
     Info(info::Arguments) => info::run,
     Layers(layers::Arguments) => layers::run,
     Probe(probe::Arguments) => probe::run,
+    View(view::Arguments) => view::run,
     Figure(figure::Arguments) => figure::run,
     Merge(merge::Arguments) => merge::run,
     Shard(shard::Arguments) => shard::run,

@@ -6,14 +6,15 @@ mod to_error;
 
 pub use arguments::Arguments;
 
-use crate::progress::stop_on_interrupt;
-use crate::{Failure, bail, figure, places, print};
+use crate::progress::{INTERRUPTED, stop_on_interrupt};
+use crate::{Failure, bail, figure, places, print, view};
 use arguments::{again, named};
 use progress::Progress;
 use serde_json::json;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 use sunstone::cautions;
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
@@ -75,9 +76,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in cautions::outside_bins(&scene) {
         eprintln!("note: {note}");
     }
+    if a.view {
+        if is_address(&target.path) {
+            bail!(
+                "--view: shows stores in local folders only; remove --view, or render into a folder with -o"
+            );
+        }
+        view::show_when_created(&target.path, target.replace);
+    }
     let progress = Progress::new(missing(&scene));
     if let Some(goal) = goal {
-        return to_error::run(a, &mut scene, goal, json!(figures), &target, &progress);
+        to_error::run(a, &mut scene, goal, json!(figures), &target, &progress)?;
+        return stay(a);
     }
     let mut render = Render::new(&scene)
         .watch(&progress)
@@ -131,6 +141,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 "figures with less noise: sunstone denoise {store} -o {0} && sunstone figure {0}",
                 denoised.display()
             );
+        }
+    }
+    stay(a)
+}
+
+/// Keeps the explorer open after a render with `--view`, until Ctrl-C.
+fn stay(a: &Arguments) -> Result<(), Failure> {
+    if a.view {
+        eprintln!("the view stays open; press Ctrl-C to stop");
+        while !INTERRUPTED.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(100));
         }
     }
     Ok(())

@@ -9,7 +9,7 @@
 //!
 //! The crate re-exports the following crates. Each crate uses only crates that precede it in this list:
 //! [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`],
-//! [`pbrdf`], [`figure`], [`apply`].
+//! [`pbrdf`], [`figure`], [`apply`], [`view`].
 //!
 //! `CONVENTIONS.md` defines units, frames and signs. Lengths are in metres, times in picoseconds, wavelengths
 //! in nanometres. Mueller matrices map Stokes vectors in the projector's frame to Stokes vectors in the
@@ -29,7 +29,7 @@ pub mod studio;
 /// Clients of object stores. Programs that read or write object stores must call `objects::install()` once.
 #[cfg(feature = "object-stores")]
 pub use objects;
-pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
+pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport, view};
 
 pub use base::locate::InputError;
 pub use polarimetry::capture::element::Ray;

@@ -33,3 +33,4 @@ mod resume;
 mod rounds;
 mod scenes;
 mod variants;
+mod view;

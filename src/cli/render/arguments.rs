@@ -11,6 +11,7 @@ use sunstone::transport::scene::{Integrator, Scene};
 /// The result is a Zarr v3 store with a group per slice. Ctrl-C (or SIGTERM) stops after the tiles in
 /// progress. With --resume, the render continues after an interruption or a crash and gives the same bytes.
 #[derive(clap::Args)]
+#[allow(clippy::struct_excessive_bools)] // each is one flag
 pub struct Arguments {
     /// Scene file (TOML).
     pub(super) scene: PathBuf,
@@ -62,6 +63,9 @@ pub struct Arguments {
     /// Do not draw the scene's figures.
     #[arg(long)]
     pub(super) no_figures: bool,
+    /// Open the explorer (`sunstone view`) at the start, and keep it open until Ctrl-C.
+    #[arg(long)]
+    pub(super) view: bool,
     #[command(flatten)]
     pub(super) target: TargetArguments,
 }

@@ -1,0 +1,109 @@
+/**
+ * Measures the speed of the explorer: medians of 20. `VIEW_SPEED=1 npx playwright test speed` renders a store of 512 x 512 pixels with
+ * three wavelengths; `VIEW_SPEED=STORE` measures that store, whose first slice must have Mueller matrices.
+ */
+
+import { readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
+import type { Page } from "@playwright/test";
+import { bench, imageOf, matrixOf, open, test } from "./page";
+import { ROOT, stop, sunstone, view } from "./program";
+
+const TIMES = 20;
+
+/** Renders the mirror room with 512 x 512 camera pixels, and only the slice with Mueller matrices. */
+function rendered(): string {
+  const folder = join(ROOT, "scenes/mirror_room");
+  const text = readFileSync(join(folder, "scene.toml"), "utf8")
+    .replaceAll("resolution = [256, 256]", "resolution = [512, 512]")
+    .replaceAll(/file = "/g, `file = "${folder}/`);
+  const scene = join(bench.folder, "large.toml");
+  writeFileSync(scene, text);
+  const store = join(bench.folder, "large.zarr");
+  sunstone("render", scene, "--spp", "2", "--slices", "polarimetric", "--no-figures", "-o", store);
+  return store;
+}
+
+const median = (times: number[]): number => times.toSorted((a, b) => a - b)[Math.floor(times.length / 2)];
+const row = (name: string, times: number[]): string =>
+  `${name.padEnd(52)} ${[median(times), Math.min(...times), Math.max(...times)].map((ms) => ms.toFixed(1).padStart(8)).join(" ")}`;
+
+/** Returns the time from navigation to the first drawn image, and to the complete image. */
+async function firstImage(page: Page, address: string): Promise<[number, number]> {
+  await page.goto("about:blank");
+  await open(page, address, { pixel: [10, 10] });
+  return page.evaluate(() => (window as unknown as { drawn: [number, number] }).drawn);
+}
+
+/** Returns the time from a click to the change of the matrix. */
+async function click(page: Page, down: number, right: number): Promise<number> {
+  const box = (await imageOf(page).boundingBox())!;
+  const measured = page.evaluate(() => new Promise<number>((resolve) => {
+    const matrix = (): string => Array.from(document.querySelectorAll("td[data-element]"), (cell) => cell.getAttribute("data-value")).join();
+    const before = matrix();
+    let start = 0;
+    addEventListener("pointerup", () => (start = performance.now()), { capture: true, once: true });
+    const observer = new MutationObserver(() => {
+      if (matrix() === before) return;
+      observer.disconnect();
+      resolve(performance.now() - start);
+    });
+    observer.observe(document.body, { subtree: true, childList: true, attributes: true });
+  }));
+  await page.mouse.click(box.x + right * box.width, box.y + down * box.height);
+  return measured;
+}
+
+/** Returns the times from a key that changes the state of the light to the end of the frame that shows it. */
+function stateChanges(page: Page, times: number): Promise<number[]> {
+  return page.getByRole("application", { name: /^Projector light/ }).evaluate(async (sphere, n) => {
+    const all: number[] = [];
+    for (let i = 0; i < n; i++) {
+      const start = performance.now();
+      sphere.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+      await new Promise((resolve) => requestAnimationFrame(resolve));
+      await new Promise((resolve) => setTimeout(resolve));
+      all.push(performance.now() - start);
+    }
+    return all;
+  }, times);
+}
+
+test("speed", async ({ page }) => {
+  test.setTimeout(600_000);
+  const given = process.env.VIEW_SPEED!;
+  const server = await view(given === "1" ? rendered() : given);
+  const address = server.ready[0];
+  try {
+    await page.addInitScript(() => {
+      const drawn: number[] = [];
+      (window as unknown as { drawn: number[] }).drawn = drawn;
+      const look = (): void => {
+        const image = document.querySelector("canvas.image");
+        if (image && !document.querySelector(".image-empty") && drawn.length === 0) drawn.push(performance.now());
+        if (image?.getAttribute("data-ready") === "true") drawn.push(performance.now());
+        else requestAnimationFrame(look);
+      };
+      requestAnimationFrame(look);
+    });
+    const [first, complete]: number[][] = [[], []];
+    for (let i = 0; i < TIMES; i++) {
+      const [a, b] = await firstImage(page, address);
+      first.push(a);
+      complete.push(b);
+    }
+    await matrixOf(page);
+    const clicks: number[] = [];
+    for (let i = 0; i < TIMES; i++) clicks.push(await click(page, 0.2 + 0.03 * i, 0.4 + 0.01 * ((7 * i) % TIMES)));
+    const lines = [row("navigation to first image", first), row("navigation to complete image", complete), row("click to numbers", clicks)];
+    for (const quantity of ["colour", "intensity", "dolp"] as const) {
+      await open(page, address, { quantity, input: [1, 1, 0, 0], wavelength: quantity === "colour" ? "all" : 1 });
+      lines.push(row(`state change, ${quantity}`, await stateChanges(page, TIMES)));
+    }
+    const memory = /VmHWM:\s+(\d+) kB/.exec(readFileSync(`/proc/${server.process.pid}/status`, "utf8"));
+    lines.push(`${"largest memory of the server in MB".padEnd(52)} ${(Number(memory?.[1]) / 1000).toFixed(1).padStart(8)}`);
+    console.log([`${`medians of ${TIMES}, in ms`.padEnd(52)}   median  minimum  maximum`, ...lines].join("\n"));
+  } finally {
+    await stop(server);
+  }
+});
