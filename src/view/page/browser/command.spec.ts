@@ -69,7 +69,7 @@ test("images and numbers are downloaded", async ({ page }) => {
   const kinds: [string, (bytes: Buffer) => boolean][] = [
     ["Download PNG", (bytes) => bytes.subarray(1, 4).toString() === "PNG"],
     ["Download SVG", (bytes) => bytes.toString().includes("<svg")],
-    ["Download CSV", (bytes) => parseCsv(bytes.toString()).length === 48],
+    ["Download CSV of the query", (bytes) => parseCsv(bytes.toString()).length === 48],
     ["Download CSV of the image", (bytes) => parseCsv(bytes.toString()).length === 256 * 256],
   ];
   for (const [name, isValid] of kinds) {

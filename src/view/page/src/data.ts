@@ -95,6 +95,8 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
   readonly done = signal(1);
   private controller: AbortController | null = null;
   private key = "";
+  /** Whether the store was finished when the last request began. Then a result cannot change. */
+  private isFinal = false;
 
   constructor(
     private readonly target: Signal<T | null>,
@@ -102,7 +104,7 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
     private readonly part: (result: T) => number,
   ) {}
 
-  /** Requests what is wanted. Without `refresh`, a request for the same key does nothing. */
+  /** Requests what is wanted. The same key is requested again only with `refresh`, and only if the store was not finished. */
   want(next: Wanted<R> | null, refresh = false): void {
     const from = source.value;
     if (!next || !from) {
@@ -112,10 +114,12 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
       return;
     }
     const isSame = next.key === this.key;
-    // An answer that is still arriving is newer than the refresh.
-    if (isSame && (!refresh || this.done.value < 1)) return;
+    // A complete answer that is still arriving comes before the refresh, unless the store has been finished since.
+    const isArriving = this.done.value < 1 && !next.finished;
+    if (isSame && (!refresh || this.isFinal || isArriving)) return;
     this.stop();
     this.key = next.key;
+    this.isFinal = next.finished;
     const kept = next.finished ? cache.get(next.key) : undefined;
     if (kept) {
       this.target.value = kept as T;
@@ -192,7 +196,7 @@ function whenShown(act: (view: ViewState, itsStore: Store, itsSlice: Slice, refr
     const [itsStore, itsSlice] = [store.value, slice.value];
     const isRefresh = refreshes.value !== last;
     last = refreshes.value;
-    untracked(() => (itsStore && itsSlice ? act(state.value, itsStore, itsSlice, isRefresh && !itsStore.finished) : nothing()));
+    untracked(() => (itsStore && itsSlice ? act(state.value, itsStore, itsSlice, isRefresh) : nothing()));
   });
 }
 
@@ -212,11 +216,11 @@ export function startData(): void {
     main.want(wanted(view, itsStore, () => imageRequest(view, itsStore, itsSlice)), refresh);
   }, () => main.want(null));
 
-  whenShown((view, _, itsSlice) => {
+  whenShown((view, _, itsSlice, refresh) => {
     const second = other.value;
     const itsView = second && viewOf(view, itsSlice, second.slice);
     const next = second && itsView && wanted(itsView, second.store, () => imageRequest(itsView, second.store, second.slice));
-    compared.want(next, refreshes.value > 0 && second?.store.finished === false);
+    compared.want(next, refresh);
   }, () => compared.want(null));
 
   effect(() => {
@@ -232,8 +236,10 @@ export function startData(): void {
     const [itsStore, itsSlice, isNeeded] = [store.value, slice.value, needsMovie.value];
     untracked(() => {
       const hasTime = itsStore && itsSlice && axisOf(itsSlice, "t");
-      light.want(hasTime ? wanted(state.value, itsStore, () => totalLightProbe(state.value, itsStore, itsSlice)) : null);
-      frames.want(hasTime && isNeeded ? wanted(state.value, itsStore, () => movieRequest(state.value, itsStore, itsSlice)) : null);
+      const total = hasTime ? wanted(state.value, itsStore, () => totalLightProbe(state.value, itsStore, itsSlice)) : null;
+      light.want(total, itsStore?.finished);
+      const next = hasTime && isNeeded ? wanted(state.value, itsStore, () => movieRequest(state.value, itsStore, itsSlice)) : null;
+      frames.want(next, itsStore?.finished);
     });
   });
 

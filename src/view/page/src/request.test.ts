@@ -16,9 +16,12 @@ const mueller = { stokes_out: range(4), stokes_in: range(4), wavelength: [450, 5
 const xt = sliceOf("xt", { y: [150], x: range(256), t: range(640, 25, 13012.5), ...mueller });
 const ss = sliceOf("ss", { y: range(8), x: range(8), v: range(6), u: range(8), ...mueller });
 const polarimetric = sliceOf("polarimetric", { y: range(4), x: range(4), ...mueller });
-const bounces = sliceOf("bounces", { y: range(4, 2, 0.5), x: range(4, 2, 0.5), bounces: range(12, 1, 1), component: [0, 1], wavelength: [635] });
+const bounces = sliceOf("bounces", {
+  y: range(4, 2, 0.5), x: range(4, 2, 0.5), bounces: range(12, 1, 1), component: [0, 1], wavelength: [635],
+});
 const projector = {
-  resolution: [8, 6], focal_px: [10, 10], principal_px: [4, 3], origin_m: [1, 0, 0], right: [1, 0, 0], down: [0, -1, 0], forward: [0, 0, -1],
+  resolution: [8, 6], focal_px: [10, 10], principal_px: [4, 3], origin_m: [1, 0, 0], right: [1, 0, 0], down: [0, -1, 0],
+  forward: [0, 0, -1],
 } as const;
 const store = {
   id: 0, name: "room.zarr", path: "out/room.zarr", kind: "tensor", finished: true, attributes: { projector: structuredClone(projector) },

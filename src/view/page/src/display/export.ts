@@ -109,4 +109,6 @@ export function pictureSvg(picture: Picture, title: string): string {
 
 /** Returns a canvas as the bytes of a PNG file. */
 export const canvasPng = (canvas: HTMLCanvasElement): Promise<Blob> =>
-  new Promise((resolve, reject) => canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("cannot encode the image"))), "image/png"));
+  new Promise((resolve, reject) => {
+    canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("cannot encode the image"))), "image/png");
+  });

@@ -96,8 +96,12 @@ function photograph(image: ImageResult, view: ViewState, slot: string, level: nu
   const hasMissing = encode(linear, shownWhite, rgba);
   context.putImageData(data, 0, 0);
   return {
-    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight: 0, cellWidth: 0, legend: null, white: shownWhite,
-    read: (index) => readPixel(image, index, view.input, view.analyzer).filter((_, w) => view.wavelength === "all" || w === view.wavelength),
+    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight: 0, cellWidth: 0, legend: null,
+    white: shownWhite,
+    read: (index) => {
+      const all = readPixel(image, index, view.input, view.analyzer);
+      return view.wavelength === "all" ? all : all.slice(view.wavelength, view.wavelength + 1);
+    },
     title: view.analyzer ? "Intensity behind the analyzer" : "Intensity",
   };
 }
@@ -118,7 +122,8 @@ export function mapPicture(
   const hasMissing = lacksFirst || lacksSecond;
   context.putImageData(data, 0, 0);
   return {
-    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight: 0, cellWidth: 0, legend, white: null, title: map.label,
+    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight: 0, cellWidth: 0, legend,
+    white: null, title: map.label,
     read: (index) => [{ label: map.label, value: values[index], error: errors ? errorOf(image, view, index) : null }],
   };
 }
@@ -184,7 +189,8 @@ function grid(image: ImageResult, view: ViewState, slot: string, valueUnits: str
   }
   context.putImageData(data, 0, 0);
   return {
-    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight, cellWidth, legend, white: null, title: legend.label,
+    canvas, rgba, hasMissing, height, width, region: image.region, bin: image.bin, cellHeight, cellWidth, legend, white: null,
+    title: legend.label,
     read: (index, element) => {
       const [row, column] = element ?? [view.row, view.column];
       const map = maps[4 * row + column];
@@ -194,7 +200,9 @@ function grid(image: ImageResult, view: ViewState, slot: string, valueUnits: str
 }
 
 /** Returns the picture of the first image minus the second, or null if their sizes differ. */
-export function differencePicture(a: ImageResult, b: ImageResult, view: ViewState, slot: string, valueUnits: string): Picture | null {
+export function differencePicture(
+  a: ImageResult, b: ImageResult, view: ViewState, slot: string, valueUnits: string,
+): Picture | null {
   const shown: ViewState = view.quantity === "grid" ? { ...view, quantity: "element" } : view;
   const [first, second] = [quantityMap(a, shown, valueUnits), quantityMap(b, shown, valueUnits)];
   if (first.height !== second.height || first.width !== second.width) return null;
@@ -217,7 +225,7 @@ export function readingText(readings: Reading[], unit: string): string {
   }).join(", ") + (unit && unit !== "1" ? ` ${unit}` : "");
 }
 
-/** Returns the intensity of every pixel as CSV: y, x, and one column a wavelength, or the quantity. */
+/** Returns the values of a picture as CSV: y, x, and one column for every wavelength of a photograph, or the quantity. */
 export function pictureCsv(image: ImageResult, picture: Picture): string {
   const ys = image.axes.find((axis) => axis.kind === "y")?.coords ?? [0];
   const xs = image.axes.find((axis) => axis.kind === "x")?.coords ?? [0];

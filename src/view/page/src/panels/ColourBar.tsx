@@ -6,8 +6,8 @@ import type { Legend } from "../display/legend";
 const unitText = (unit: string): string => (unit === "" || unit === "1" ? "" : ` [${unit}]`);
 
 /** Returns the label of a legend with its unit. */
-export const legendTitle = (legend: Legend): string =>
-  legend.label + unitText(legend.unit) + (legend.scale === "linear" ? "" : `, ${legend.scale === "arctan" ? "arctan" : "symmetric log"} scale`);
+export const legendTitle = ({ label, unit, scale }: Legend): string =>
+  label + unitText(unit) + (scale === "linear" ? "" : `, ${scale === "arctan" ? "arctan" : "symmetric log"} scale`);
 
 export function ColourBar({ legend }: { legend: Legend }) {
   const canvas = useRef<HTMLCanvasElement>(null);

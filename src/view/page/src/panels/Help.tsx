@@ -21,7 +21,10 @@ const KEYS: readonly [string, string][] = [
 export function Help({ onClose, onTour }: { onClose: () => void; onTour: () => void }) {
   return (
     <Dialog title="Help" onClose={onClose}>
-      <p>Letters and signs work unless a text field or a list has the focus. The keys that move the image work when the image has the focus.</p>
+      <p>
+        Letters and signs work unless a text field or a list has the focus. The keys that move the image work when the image has the
+        focus.
+      </p>
       <table class="keys">
         <thead><tr><th scope="col">Key or gesture</th><th scope="col">Action</th></tr></thead>
         <tbody>{KEYS.map(([name, action]) => <tr key={name}><th scope="row">{name}</th><td>{action}</td></tr>)}</tbody>

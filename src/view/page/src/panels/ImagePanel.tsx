@@ -52,17 +52,23 @@ const look = computed((): Look | null => {
 /** Returns the frame at a screen position. */
 const frameAt = (left: number): Frame | undefined => frames.value.find((f) => left >= f.left && left < f.left + f.width) ?? frames.value[0];
 
+/** Shows a part of the image. Digits that nobody sees would make the URL long. */
+function show({ y, x, zoom }: Look): void {
+  const brief = (v: number): number => Number(v.toFixed(3));
+  update({ look: { y: brief(y), x: brief(x), zoom: brief(zoom) } });
+}
+
 /** Changes the zoom by a factor, about a position on the screen or the centre. */
 export function zoomBy(factor: number, at?: { top: number; left: number }): void {
   const frame = at ? frameAt(at.left) : frames.value[0];
   if (!frame || !look.value) return;
   const { top, left } = at ?? { top: frame.top + frame.height / 2, left: frame.left + frame.width / 2 };
-  update({ look: zoomedAt(frame, look.value, factor, top, left) });
+  show(zoomedAt(frame, look.value, factor, top, left));
 }
 
 function pan(down: number, right: number): void {
   const frame = frames.value[0];
-  if (frame && look.value) update({ look: panned(frame, look.value, down, right) });
+  if (frame && look.value) show(panned(frame, look.value, down, right));
 }
 
 /** Shows the whole image. */
@@ -84,7 +90,7 @@ function movePixel(down: number, right: number): void {
   if (!frame || !current || s.main.cellHeight > 0) return;
   const [top, left] = toScreen(frame, current, pixel[0] + 0.5, pixel[1] + 0.5);
   if (top < frame.top || top > frame.top + frame.height || left < frame.left || left > frame.left + frame.width) {
-    update({ look: { ...current, y: pixel[0] + 0.5, x: pixel[1] + 0.5 } });
+    show({ ...current, y: pixel[0] + 0.5, x: pixel[1] + 0.5 });
   }
 }
 
@@ -150,7 +156,7 @@ const status = computed((): string => {
     const index = picture && indexOf(picture, pixel);
     if (!picture || index === null) return null;
     const rgba = picture.rgba[Math.floor(index / picture.width) * picture.canvas.width + (index % picture.width)];
-    if (rgba === 0) return "not rendered";
+    if (rgba === 0) return busy.value < 1 ? "not read yet" : "not rendered";
     const element = hover.value ? hoverElement.value : null;
     return readingText(picture.read(index, element), picture.legend?.unit ?? s.unit);
   };
@@ -266,11 +272,12 @@ export function ImagePanel() {
       </div>
       <div class="image-foot">
         <p class="status" data-testid="status" title={status.value}>{status.value}</p>
+        {s?.main.legend ? <ColourBar legend={s.main.legend} /> : null}
+        {s?.main.white != null && <p class="white">White: {s.main.white.toPrecision(3)} {s.unit}</p>}
         <progress
           class="busy" max={1} value={done} aria-label="Fraction of the image that has been read" data-idle={done >= 1}
         />
-        {s?.main.legend ? <ColourBar legend={s.main.legend} /> : null}
-        {s?.main.white != null && <p class="white">White: {s.main.white.toPrecision(3)} {s.unit}</p>}
+        {s?.main.hasMissing && done >= 1 && <p class="white">Hatched: not rendered</p>}
         {s && s.notes.length > 0 && <ul class="notes">{s.notes.map((note) => <li key={note}>{note}</li>)}</ul>}
       </div>
     </section>

@@ -139,7 +139,7 @@ export function MapCanvas(props: MapCanvasProps) {
           {cursor && <div class="map-cursor" style={{ top: percent(cursor[0], height), left: percent(cursor[1], width) }} />}
         </div>
       </div>
-      <span class="map-columns">{columns}</span>
+      <span class="map-columns" style={{ maxWidth: `${tall / aspect + 24}px` }}>{columns}</span>
       <Bar kind={kind} range={range} scale={scale} label={`${label}${unit === "1" ? "" : ` [${unit}]`}`} />
       <output class="readout">{readout || "\u00a0"}</output>
     </figure>

@@ -1,7 +1,7 @@
 /** The dialog that takes out what the view shows: images, numbers, and commands that give the same numbers. */
 
-import { useEffect, useState } from "preact/hooks";
-import { slice, source, store } from "../data";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { description, slice, source, store } from "../data";
 import { labelledCsv } from "../display/csv";
 import { canvasPng, download, pictureCanvas, pictureSvg } from "../display/export";
 import { pictureCsv } from "../display/picture";
@@ -26,15 +26,21 @@ const QUERY_LABELS: Record<Query, string> = {
 /** A text with a button that copies it. */
 function Copy({ label, text }: { label: string; text: string }) {
   const [isCopied, setCopied] = useState(false);
+  const shownText = useRef<HTMLPreElement>(null);
   useEffect(() => setCopied(false), [text]);
   const copy = async (): Promise<void> => {
-    await navigator.clipboard.writeText(text);
-    setCopied(true);
+    try {
+      await navigator.clipboard.writeText(text);
+      setCopied(true);
+    } catch {
+      // Browsers refuse the clipboard to pages that are not on this machine or on HTTPS: the user copies the selection.
+      getSelection()?.selectAllChildren(shownText.current!);
+    }
   };
   return (
     <div class="copy">
       <span class="copy-label">{label}</span>
-      <pre tabIndex={0} aria-label={label}>{text}</pre>
+      <pre ref={shownText} tabIndex={0} aria-label={label}>{text}</pre>
       <button type="button" aria-label={`Copy: ${label}`} onClick={() => void copy()}>{isCopied ? "Copied" : "Copy"}</button>
     </div>
   );
@@ -100,8 +106,10 @@ export function Out({ onClose }: { onClose: () => void }) {
   const picture = s?.main ?? null;
   const title = picture ? `${itsSlice.name}: ${picture.legend ? legendTitle(picture.legend) : picture.title}` : "";
   const name = `${itsSlice.name}_${state.value.quantity}`;
-  const drawn = picture?.white != null ? figureCommand(state.value, itsStore, itsSlice, picture.white)
-    : picture ? figureCommand(state.value, itsStore, itsSlice, 0) : null;
+  const drawn = picture && figureCommand(state.value, itsStore, itsSlice, picture.white ?? 0);
+  const png = async (): Promise<void> => {
+    if (picture) download(`${name}.png`, await canvasPng(pictureCanvas(picture, withBar ? title : null)), "image/png");
+  };
   const link = `${location.origin}${location.pathname}${location.search}#${toHash(state.value)}`;
   return (
     <Dialog title="Take out" onClose={onClose}>
@@ -110,14 +118,11 @@ export function Out({ onClose }: { onClose: () => void }) {
           <h3>Image</h3>
           <Switch label="Colour bar in the PNG file" checked={withBar} disabled={!picture.legend} onChange={setBar} />
           <p class="dialog-actions">
-            <button
-              type="button"
-              onClick={() => void canvasPng(pictureCanvas(picture, withBar ? title : null)).then((blob) => download(`${name}.png`, blob, "image/png"))}
-            >
-              Download PNG
-            </button>
+            <button type="button" onClick={() => void png()}>Download PNG</button>
             <button type="button" onClick={() => download(`${name}.svg`, pictureSvg(picture, title), "image/svg+xml")}>Download SVG</button>
-            <button type="button" onClick={() => download(`${name}.csv`, pictureCsv(s.image, picture), "text/csv")}>Download CSV of the image</button>
+            <button type="button" onClick={() => download(`${name}.csv`, pictureCsv(s.image, picture), "text/csv")}>
+              Download CSV of the image
+            </button>
           </p>
           {drawn && <Copy label="Command that draws the image" text={drawn} />}
         </section>
@@ -126,7 +131,9 @@ export function Out({ onClose }: { onClose: () => void }) {
       <section aria-label="Link">
         <h3>Link</h3>
         <Copy label="Address of this view" text={link} />
-        <p>The address works while this server runs. It contains the access token of the server: do not publish it.</p>
+        {!description.value?.isStatic && (
+          <p>The address works while this server runs. It contains the access token of the server: do not publish it.</p>
+        )}
       </section>
     </Dialog>
   );

@@ -38,7 +38,8 @@ export function steps(itsStore: Store): Step[] {
   const all: (Step | null)[] = [
     {
       title: "The photograph",
-      text: "This is what the camera sees when all projector pixels are on. Drag to move the image, use the wheel to zoom, and click a pixel.",
+      text: "This is what the camera sees when all projector pixels are on. Drag to move the image, use the wheel to zoom, and click a " +
+        "pixel.",
       view: whole,
     },
     polarized ? {
@@ -62,8 +63,8 @@ export function steps(itsStore: Store): Step[] {
     } : null,
     polarized ? {
       title: "Polarization states",
-      text: "The projector emits horizontal polarization, and the analyzer transmits vertical polarization. Drag the points on the Poincaré " +
-        "spheres to change both.",
+      text: "The projector emits horizontal polarization, and the analyzer transmits vertical polarization. Drag the points on the " +
+        "Poincaré spheres to change both.",
       view: { ...whole, slice: polarized.name, input: [1, 1, 0, 0], analyzer: [1, -1, 0, 0], pixel: middle(polarized) },
     } : null,
   ];
