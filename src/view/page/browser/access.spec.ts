@@ -24,14 +24,17 @@ async function expectAccessible(page: Page): Promise<void> {
     return (await axe.run()).violations;
   });
   const bad = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
-  expect(bad.map(({ id, impact, help, nodes }) => `${impact} ${id}: ${help}: ${nodes.map((n) => `${n.html} ${n.failureSummary}`).join("\n")}`))
-    .toEqual([]);
+  const places = (nodes: Violation["nodes"]): string => nodes.map((node) => `${node.html} ${node.failureSummary}`).join("\n");
+  expect(bad.map(({ id, impact, help, nodes }) => `${impact} ${id}: ${help}: ${places(nodes)}`)).toEqual([]);
 }
 
 const VIEWS: Record<string, Partial<ViewState>> = {
   photograph: { slice: "polarimetric", pixel: [150, 163] },
   grid: { slice: "polarimetric", quantity: "grid", wavelength: 1, pixel: [150, 163] },
-  element: { slice: "polarimetric", quantity: "element", row: 2, column: 2, wavelength: 1, pixel: [100, 70], input: [1, 0, 1, 0], analyzer: [1, 0, -1, 0] },
+  element: {
+    slice: "polarimetric", quantity: "element", row: 2, column: 2, wavelength: 1, pixel: [100, 70],
+    input: [1, 0, 1, 0], analyzer: [1, 0, -1, 0],
+  },
   flight: { slice: "flight", time: 31, pixel: [64, 70] },
   time: { slice: "xt", pixel: [0, 163], wavelength: 1, quantity: "intensity" },
   origin: { slice: "ss", pixel: [0, 163], wavelength: 1, quantity: "intensity" },

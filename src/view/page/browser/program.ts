@@ -64,7 +64,13 @@ export function start(program: string, words: string[], pattern: RegExp): Promis
     process.stdout.on("data", read);
     process.stderr.on("data", read);
     process.on("error", (error) => fail(error.message));
-    process.on("exit", (code) => fail(`it exited with code ${code}`));
+    // After the start, only `stop` ends the process. Otherwise the reason is printed, because tests see only a refused connection.
+    process.on("exit", (code, signal) => {
+      if (signal === "SIGTERM" && process.killed) return;
+      const reason = `it ended early with code ${code}, signal ${signal}`;
+      if (pattern.test(output)) console.error(`${program} ${words.join(" ")}: ${reason}; it printed: ${output}`);
+      else fail(reason);
+    });
   });
 }
 

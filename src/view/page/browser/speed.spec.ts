@@ -39,7 +39,8 @@ async function firstImage(page: Page, address: string): Promise<[number, number]
 async function click(page: Page, down: number, right: number): Promise<number> {
   const box = (await imageOf(page).boundingBox())!;
   const measured = page.evaluate(() => new Promise<number>((resolve) => {
-    const matrix = (): string => Array.from(document.querySelectorAll("td[data-element]"), (cell) => cell.getAttribute("data-value")).join();
+    const matrix = (): string =>
+      Array.from(document.querySelectorAll("td[data-element]"), (cell) => cell.getAttribute("data-value")).join();
     const before = matrix();
     let start = 0;
     addEventListener("pointerup", () => (start = performance.now()), { capture: true, once: true });

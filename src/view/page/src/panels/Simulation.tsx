@@ -15,6 +15,7 @@ const SCHEMES = [
   { value: "qrpr", label: "Quad rotating polarizers and retarders, golden angle" },
   { value: "quad", label: "Quad rotating polarizers and retarders, start of learning" },
   { value: "liquid-crystal", label: "Liquid-crystal retarders" },
+  { value: "file", label: "Scheme file" },
 ] as const;
 
 type SchemeName = (typeof SCHEMES)[number]["value"];
@@ -29,6 +30,30 @@ dark_current_e_s = 1.0
 full_well_e = 10700
 bit_depth = 12
 black_level_dn = 16
+`;
+
+/** Angles of a rotating element, for the text of a scheme file. */
+const turned = (step: number): string => Array.from({ length: 36 }, (_, k) => k * step).join(", ");
+
+/** What `sunstone scheme drr -k 36` writes. */
+const SCHEME = `name = "own"
+sensor = { kind = "intensity" }
+
+[[generator]]
+kind = "polarizer"
+angle_deg = 0
+[[generator]]
+kind = "retarder"
+retardance_deg = 90
+angle_deg = [${turned(5)}]
+
+[[analyzer]]
+kind = "retarder"
+retardance_deg = 90
+angle_deg = [${turned(25)}]
+[[analyzer]]
+kind = "polarizer"
+angle_deg = 0
 `;
 
 const PAUSE_MS = 150;
@@ -72,24 +97,34 @@ export function Simulation({ store: itsStore, slice: itsSlice }: { store: Store;
   const [kind, setKind] = useState<"sigma" | "toml">("sigma");
   const [percent, setPercent] = useState(0.1);
   const [toml, setToml] = useState(CAMERA);
+  const [file, setFile] = useState(SCHEME);
+  // The number of captures of a scheme file is known after the first trial.
+  const [inFile, setInFile] = useState(1);
   const [own, setOwn] = useState(0);
   const [seed, setSeed] = useState(0);
   const [capture, setCapture] = useState(0);
   const wavelength = Math.min(view.wavelength === "all" ? own : view.wavelength, Math.max(0, nm.length - 1));
   // A sensor with polarizers records four images at once.
-  const images = captures * (array ? 4 : 1);
+  const images = name === "file" ? inFile : captures * (array ? 4 : 1);
   const shown = Math.min(capture, images - 1);
   const { result, error, waiting } = useTrial({
-    store: itsStore.id, slice: itsSlice.name, scheme: { name, captures, array },
+    store: itsStore.id, slice: itsSlice.name, scheme: name === "file" ? { toml: file } : { name, captures, array },
     detector: kind === "sigma" ? { sigma: percent / 100 } : { toml }, wavelength, seed, capture: shown,
   });
+  useEffect(() => {
+    if (name === "file" && result) setInFile(result.captures);
+  }, [name, result]);
   return (
     <div aria-busy={waiting ? "true" : "false"}>
       <Choice label="Scheme" value={name} options={SCHEMES} onChange={setName} />
-      <div class="row">
-        <NumberField label="Number of captures" value={captures} min={1} max={400} onChange={(n) => setCaptures(Math.round(n))} />
-        <Switch label="Polarizer-array sensor" checked={array} onChange={setArray} />
-      </div>
+      {name === "file" ? (
+        <TextArea label="Scheme file (TOML, as of `sunstone scheme` and `sunstone learn`)" value={file} onChange={setFile} />
+      ) : (
+        <div class="row">
+          <NumberField label="Number of captures" value={captures} min={1} max={400} onChange={(n) => setCaptures(Math.round(n))} />
+          <Switch label="Polarizer-array sensor" checked={array} onChange={setArray} />
+        </div>
+      )}
       <div class="row">
         <Choice
           label="Detector" value={kind} onChange={setKind}
@@ -101,12 +136,7 @@ export function Simulation({ store: itsStore, slice: itsSlice }: { store: Store;
           />
         )}
       </div>
-      {kind === "toml" && (
-        <label class="field text-area">
-          <span>Detector file (TOML, [cmos] or [spad])</span>
-          <textarea rows={9} spellcheck={false} value={toml} onInput={(event) => setToml(event.currentTarget.value)} />
-        </label>
-      )}
+      {kind === "toml" && <TextArea label="Detector file (TOML, [cmos] or [spad])" value={toml} onChange={setToml} />}
       <div class="row">
         {view.wavelength === "all" && nm.length > 1 && (
           <Choice
@@ -123,9 +153,18 @@ export function Simulation({ store: itsStore, slice: itsSlice }: { store: Store;
   );
 }
 
+function TextArea({ label, value, onChange }: { label: string; value: string; onChange: (text: string) => void }) {
+  return (
+    <label class="field text-area">
+      <span>{label}</span>
+      <textarea rows={9} spellcheck={false} value={value} onInput={(event) => onChange(event.currentTarget.value)} />
+    </label>
+  );
+}
+
 function Result({ result, shown }: { result: TrialResult; shown: number }) {
   const unit = shortUnit(description.value?.valueUnits ?? "1");
-  const { height, width, image, errors } = result;
+  const { height, width, image, errors, errorWidth } = result;
   const saturated = image.reduce((n, value) => n + (Number.isNaN(value) ? 1 : 0), 0);
   const where = (y: number, x: number) => `y ${y}, x ${x}`;
   const percent = (value: number | null) => (value === null || !Number.isFinite(value) ? "–" : `${brief(100 * value, 4)} %`);
@@ -156,7 +195,7 @@ function Result({ result, shown }: { result: TrialResult; shown: number }) {
       />
       <h3>Error of the reconstruction</h3>
       <MapCanvas
-        values={errors} height={height} width={width} label="Error over mean M00" unit="1" kind="positive"
+        values={errors} height={errors.length / errorWidth} width={errorWidth} label="Error over mean M00" unit="1" kind="positive"
         rows="y" columns="x" where={where}
       />
     </>

@@ -69,7 +69,8 @@ function imageQuery(request: ImageRequest, slice: Slice): Query & { image: NonNu
   const [height, width] = [lengthOf(slice, "y"), lengthOf(slice, "x")];
   const [y0, y1, x0, x1] = request.region ?? [0, height, 0, width];
   if (![y0, y1, x0, x1].every(Number.isInteger) || !(y0 >= 0 && y0 < y1 && y1 <= height && x0 >= 0 && x0 < x1 && x1 <= width)) {
-    throw new SourceError(`region ${y0},${y1},${x0},${x1}: expected a part of the ${height} × ${width} entries of slice \`${slice.name}\``);
+    const whole = `the ${height} × ${width} entries of slice \`${slice.name}\``;
+    throw new SourceError(`region ${y0},${y1},${x0},${x1}: expected a part of ${whole}`);
   }
   if (request.input && request.stokes !== undefined) throw new SourceError("use either the weights `input` or the state `stokes`");
   const query: Query = parseQuery(request);

@@ -75,8 +75,9 @@ export interface TrialResult {
   width: number;
   /** The noisy image of the requested capture; NaN: saturated. */
   image: Float32Array;
-  /** Error of every pixel over the mean M00. */
+  /** Error of every pixel over the mean M00, in rows of `errorWidth`. A sensor with binning has fewer pixels than the slice. */
   errors: Float32Array;
+  errorWidth: number;
   notes: string[];
 }
 
