@@ -11,8 +11,9 @@ use crate::error::ViewError;
 use crate::probe::LeftOut;
 use crate::request::ImageRequest;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 use store::doubt;
 use store::probe::{CoordRange, Probe, ProbeResult, Selection};
@@ -32,9 +33,18 @@ const LARGEST_TILE: usize = 64;
 /// First words of a probe's note about unreliable error estimates.
 const DOUBT: &str = "unreliable error estimates";
 
+/// Returns the threads that compute images. Small probes run on other threads, and do not wait for tiles.
+fn pool() -> &'static ThreadPool {
+    static POOL: LazyLock<ThreadPool> =
+        LazyLock::new(|| ThreadPoolBuilder::new().build().expect("the system can start threads"));
+    &POOL
+}
+
 /// An image that is being computed.
 pub(crate) struct Job {
     slice: StoredSlice,
+    /// Whether the store of the slice is finished.
+    finished: bool,
     probe: Probe,
     request: ImageRequest,
     region: [usize; 4],
@@ -55,9 +65,25 @@ pub(crate) struct Job {
 
 impl Job {
     /// Plans an image.
-    pub(crate) fn new(slice: StoredSlice, request: ImageRequest) -> Result<Self, ViewError> {
+    pub(crate) fn new(
+        slice: StoredSlice,
+        finished: bool,
+        mut request: ImageRequest,
+    ) -> Result<Self, ViewError> {
         let mut probe = request.probe.probe()?;
         let layout = slice.layout();
+        for (kind, weights) in
+            [(AxisKind::StokesOut, &mut request.output), (AxisKind::StokesIn, &mut request.input)]
+        {
+            let unit = |i: usize| [0, 1, 2, 3].map(|k| if k == i { 1.0 } else { 0.0 });
+            // Reading one element is faster than contracting four.
+            if layout.find(kind).is_some()
+                && let Some(i) = (0..4).find(|i| *weights == Some(unit(*i)))
+            {
+                probe.select.push(Selection::nearest(kind, i as f64));
+                *weights = None;
+            }
+        }
         let (Some(y), Some(x)) = (layout.find(AxisKind::Y), layout.find(AxisKind::X)) else {
             let reason = format!("slice `{}` has no camera pixels", slice.name());
             return Err(ViewError::Request(reason));
@@ -123,6 +149,7 @@ impl Job {
             mean: Arc::default(),
             std_error: None,
             slice,
+            finished,
             probe,
             request,
             region,
@@ -154,9 +181,12 @@ impl Job {
         self.mean = Arc::new(vec![f32::NAN; values]);
         self.std_error = self.request.errors.then(|| Arc::new(vec![f32::NAN; values]));
         self.notes.clone_from(&first.notes);
-        if self.all_tiles > 1 {
-            // The last note of a tile may be about the error estimates of this tile.
+        // The last note of a tile may be about the error estimates of this tile. In an unfinished store, the
+        // estimates also count pixels that are not rendered yet.
+        if self.all_tiles > 1 || !self.finished {
             self.notes.retain(|note| !note.starts_with(DOUBT));
+        }
+        if self.all_tiles > 1 && self.finished {
             let doubt = doubt::within(&self.slice, Some([y0..y1, x0..x1]))?.filter(|d| d.doubtful > 0);
             self.notes.extend(doubt.map(|d| {
                 let name = self.slice.name();
@@ -176,8 +206,10 @@ impl Job {
         self.answers += 1;
         let start = Instant::now();
         while !self.tiles.is_empty() && start.elapsed() < limit {
-            let batch = self.tiles.split_off(self.tiles.len().saturating_sub(rayon::current_num_threads()));
-            let done: Vec<_> = batch.par_iter().map(|tile| self.tile(*tile)).collect::<Result<_, _>>()?;
+            let pool = pool();
+            let batch = self.tiles.split_off(self.tiles.len().saturating_sub(pool.current_num_threads()));
+            let tiles = || batch.par_iter().map(|tile| self.tile(*tile)).collect::<Result<Vec<_>, _>>();
+            let done = pool.install(tiles)?;
             for (tile, values) in batch.iter().zip(done) {
                 self.put(*tile, values);
             }

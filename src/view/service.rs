@@ -73,7 +73,9 @@ impl Service {
 
     fn image(&self, request: ImageRequest, key: &str) -> Result<Answer, ViewError> {
         let store = self.store(request.probe.store)?.tensor()?;
-        let job = self.jobs.get(key, || Job::new(store.slice(&request.probe.slice)?, request))?;
+        let job = self
+            .jobs
+            .get(key, || Job::new(store.slice(&request.probe.slice)?, store.is_finished(), request))?;
         let mut job = job.lock().unwrap_or_else(PoisonError::into_inner);
         let advanced = job.go_on();
         // The image of an unfinished store is outdated at once, and after an error it is incomplete.
@@ -99,7 +101,9 @@ impl Service {
             "store": request.store, "slice": request.slice, "select": select, "limit": 16 * trial::MOST,
         })
         .to_string();
-        let job = self.jobs.get(&image, || Job::new(slice.clone(), parse(image.as_bytes())?))?;
+        let job = self
+            .jobs
+            .get(&image, || Job::new(slice.clone(), store.is_finished(), parse(image.as_bytes())?))?;
         let mut job = job.lock().unwrap_or_else(PoisonError::into_inner);
         while !job.is_done() {
             job.go_on().inspect_err(|_| self.jobs.forget(&image))?;

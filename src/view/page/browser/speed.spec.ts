@@ -1,15 +1,16 @@
 /**
  * Measures the speed of the explorer: medians of 20. `VIEW_SPEED=1 npx playwright test speed` renders a store of 512 x 512 pixels with
- * three wavelengths; `VIEW_SPEED=STORE` measures that store, whose first slice must have Mueller matrices.
+ * three wavelengths; `VIEW_SPEED=STORE` measures that store. `VIEW_SLICE` names the slice, which must have Mueller matrices.
  */
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import type { Page } from "@playwright/test";
-import { bench, imageOf, matrixOf, open, test } from "./page";
+import { addressOf, bench, imageOf, matrixOf, ready, test } from "./page";
 import { ROOT, stop, sunstone, view } from "./program";
 
 const TIMES = 20;
+const SLICE = process.env.VIEW_SLICE ? { slice: process.env.VIEW_SLICE } : {};
 
 /** Renders the mirror room with 512 x 512 camera pixels, and only the slice with Mueller matrices. */
 function rendered(): string {
@@ -28,11 +29,13 @@ const median = (times: number[]): number => times.toSorted((a, b) => a - b)[Math
 const row = (name: string, times: number[]): string =>
   `${name.padEnd(52)} ${[median(times), Math.min(...times), Math.max(...times)].map((ms) => ms.toFixed(1).padStart(8)).join(" ")}`;
 
-/** Returns the time from navigation to the first drawn image, and to the complete image. */
-async function firstImage(page: Page, address: string): Promise<[number, number]> {
+/** Opens a page, and returns the times from navigation to the first drawn image, or also to the complete image. */
+async function firstImage(page: Page, address: string, complete: boolean): Promise<number[]> {
   await page.goto("about:blank");
-  await open(page, address, { pixel: [10, 10] });
-  return page.evaluate(() => (window as unknown as { drawn: [number, number] }).drawn);
+  await page.goto(addressOf(address, { ...SLICE, pixel: [10, 10] }));
+  const drawn = () => (window as unknown as { drawn: number[] }).drawn;
+  await page.waitForFunction((n) => (window as unknown as { drawn: number[] }).drawn.length >= n, complete ? 2 : 1, { timeout: 300_000 });
+  return page.evaluate(drawn);
 }
 
 /** Returns the time from a click to the change of the matrix. */
@@ -45,7 +48,7 @@ async function click(page: Page, down: number, right: number): Promise<number> {
     let start = 0;
     addEventListener("pointerup", () => (start = performance.now()), { capture: true, once: true });
     const observer = new MutationObserver(() => {
-      if (matrix() === before) return;
+      if (start === 0 || matrix() === before) return;
       observer.disconnect();
       resolve(performance.now() - start);
     });
@@ -73,7 +76,8 @@ function stateChanges(page: Page, times: number): Promise<number[]> {
 test("speed", async ({ page }) => {
   test.setTimeout(600_000);
   const given = process.env.VIEW_SPEED!;
-  const server = await view(given === "1" ? rendered() : given);
+  const store = given === "1" ? rendered() : given;
+  const server = await view(store);
   const address = server.ready[0];
   try {
     await page.addInitScript(() => {
@@ -87,18 +91,29 @@ test("speed", async ({ page }) => {
       };
       requestAnimationFrame(look);
     });
-    const [first, complete]: number[][] = [[], []];
+    const first: number[] = [];
     for (let i = 0; i < TIMES; i++) {
-      const [a, b] = await firstImage(page, address);
-      first.push(a);
-      complete.push(b);
+      // A new server has computed nothing yet.
+      const fresh = await view(store);
+      first.push((await firstImage(page, fresh.ready[0], false))[0]);
+      await page.goto("about:blank");
+      await stop(fresh);
     }
+    // With VIEW_WAIT=0, clicks come while the image is still being read.
+    const waits = process.env.VIEW_WAIT !== "0";
+    const [, complete] = await firstImage(page, address, waits);
     await matrixOf(page);
+    // Pixels of the lit wall, whose matrices differ.
     const clicks: number[] = [];
-    for (let i = 0; i < TIMES; i++) clicks.push(await click(page, 0.2 + 0.03 * i, 0.4 + 0.01 * ((7 * i) % TIMES)));
-    const lines = [row("navigation to first image", first), row("navigation to complete image", complete), row("click to numbers", clicks)];
+    for (let i = 0; i < TIMES; i++) clicks.push(await click(page, 0.15 + 0.01 * i, 0.5 + 0.005 * ((7 * i) % TIMES)));
+    const lines = [row("navigation to first image", first)];
+    if (waits) lines.push(row("navigation to complete image, once", [complete]));
+    lines.push(row("click to numbers", clicks));
     for (const quantity of ["colour", "intensity", "dolp"] as const) {
-      await open(page, address, { quantity, input: [1, 1, 0, 0], wavelength: quantity === "colour" ? "all" : 1 });
+      const light = { quantity, input: [1, 1, 0, 0] as [number, number, number, number] };
+      await page.goto(addressOf(address, { ...SLICE, ...light, wavelength: quantity === "colour" ? "all" : 1 }));
+      if (waits) await ready(page);
+      else await page.waitForTimeout(3000);
       lines.push(row(`state change, ${quantity}`, await stateChanges(page, TIMES)));
     }
     const memory = /VmHWM:\s+(\d+) kB/.exec(readFileSync(`/proc/${server.process.pid}/status`, "utf8"));

@@ -2,8 +2,8 @@
 
 import { computed, effect, signal, untracked, type ReadonlySignal, type Signal } from "@preact/signals";
 import { Cache } from "./cache";
-import { type Description, type ImageResult, type Labelled, type Slice, type Store, axisOf } from "./model";
-import { imageRequest, LIMIT, movieRequest, resolvesProjector, totalLightProbe } from "./request";
+import { type Description, type ImageResult, type Labelled, type Slice, type Store, axisOf, isPolarized } from "./model";
+import { imageRequest, LIMIT, movieRequest, resolvesProjector, showsM00, totalLightProbe } from "./request";
 import { SourceError, type ImageRequest, type ProbeRequest, type Source } from "./sources/source";
 import { state, type ViewState } from "./state";
 import { validated } from "./validate";
@@ -160,8 +160,29 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
   }
 }
 
-const imageChannel = (target: Signal<ImageResult | null>): Channel<ImageRequest, ImageResult> =>
-  new Channel(target, (from, request, signal) => from.image(request, signal), (result) => result.done);
+/** Number of values of a slice above which M00 is read before the other elements. */
+const LARGE = 2 ** 27;
+
+/**
+ * Reads an image. Of a large slice, M00 is read first, because its chunks are a sixteenth of all. The other elements follow, and the
+ * complete image replaces M00 when it has been read, or at once when the view needs it.
+ */
+async function* read(from: Source, request: ImageRequest, signal: AbortSignal): AsyncIterable<ImageResult> {
+  const its = description.peek()?.stores[request.store]?.slices.find((s) => s.name === request.slice);
+  const values = its?.axes.reduce((n, axis) => n * axis.coords.length, 1) ?? 0;
+  if (!its || values < LARGE || !isPolarized(its) || !showsM00(state.peek())) return yield* from.image(request, signal);
+  let first: ImageResult | null = null;
+  for await (const result of from.image({ ...request, select: [...request.select, "stokes_out=0", "stokes_in=0"] }, signal)) {
+    first = { ...result, done: result.done / 2 };
+    yield first;
+  }
+  for await (const result of from.image(request, signal)) {
+    const isWanted = result.done >= 1 || !first || !showsM00(state.peek());
+    yield isWanted ? result : { ...first!, done: (1 + result.done) / 2 };
+  }
+}
+
+const imageChannel = (target: Signal<ImageResult | null>): Channel<ImageRequest, ImageResult> => new Channel(target, read, (result) => result.done);
 
 const main = imageChannel(image);
 const compared = imageChannel(otherImage);

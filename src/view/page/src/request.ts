@@ -109,8 +109,17 @@ export function totalLightProbe(view: ViewState, store: Store, slice: Slice): Pr
   const request = baseProbe({ ...view, time: null, gate: null }, store, slice);
   const sum = slice.axes.map((axis) => axis.kind).filter((kind) => kind !== "t" && !MATRIX.includes(kind));
   if (!isPolarized(slice)) return { ...request, sum: [...sum, "wavelength"] };
-  return { ...request, select: [...request.select, "stokes_out=0"], sum: [...sum, "wavelength"], stokes: stokesWord(view.input) };
+  const whole: ProbeRequest = { ...request, sum: [...sum, "wavelength"] };
+  // One element is read faster than a row of the matrix.
+  if (!isPolarizedState(view.input)) return { ...whole, select: [...request.select, "stokes_out=0", "stokes_in=0"] };
+  return { ...whole, select: [...request.select, "stokes_out=0"], stokes: stokesWord(view.input) };
 }
+
+const isPolarizedState = ([, s1, s2, s3]: Stokes): boolean => s1 !== 0 || s2 !== 0 || s3 !== 0;
+
+/** Whether the view shows only M00 of a slice with Mueller matrices, so that the other elements are not needed at once. */
+export const showsM00 = (view: ViewState): boolean =>
+  (view.quantity === "colour" || view.quantity === "intensity") && !isPolarizedState(view.input) && view.analyzer === null;
 
 /** What a command returns. */
 export type Query = "matrix" | "profile" | "stokes" | "image";

@@ -6,6 +6,7 @@ import { quantityMap, type QuantityMap } from "../math/maps";
 import { type ImageResult, isPolarized, lengthOf } from "../model";
 import { state, type ViewState } from "../state";
 import { frameOf, movieWhite, unwarpShifts } from "./movie";
+import { shortUnit } from "./units";
 import { differencePicture, mapPicture, pictureOf, type Picture } from "./picture";
 
 /** What the image panel shows. */
@@ -37,7 +38,7 @@ const shifts = computed(() => {
 });
 
 /** The unit of all values. */
-export const valueUnits: ReadonlySignal<string> = computed(() => description.value?.valueUnits ?? "");
+export const valueUnits: ReadonlySignal<string> = computed(() => shortUnit(description.value?.valueUnits ?? ""));
 
 /** Returns the picture of a time bin of the movie. The movie is already contracted, so its matrices are intensities. */
 function framePicture(frames: ImageResult, bin: number, view: ViewState): { picture: Picture; frame: ImageResult } {

@@ -13,7 +13,8 @@ import { queryProbe } from "../request";
 import { type Stokes, type ViewState, state, update } from "../state";
 import { Choice, NumberField, Panel, Switch, Toggle } from "./Field";
 import { MatrixTable } from "./MatrixTable";
-import { decimals, shortUnit, six } from "./numbers";
+import { decimals, six } from "./numbers";
+import { shortUnit } from "../display/units";
 import { PoincareSphere } from "./PoincareSphere";
 import { type Line, ProfileChart } from "./ProfileChart";
 import { useProbe } from "./useProbe";
@@ -131,7 +132,7 @@ function Values({ result, input, unit }: { result: Labelled; input: Stokes; unit
     return m && outgoing(m, input);
   });
   const rows: [string, string, (s: Stokes) => string][] = [
-    ["s0", `S0 [${unit}]`, (s) => six(s[0])],
+    ["s0", "S0", (s) => six(s[0])],
     ["dop", "DoP", (s) => decimals(degreeOfPolarization(...s), 3)],
     ["dolp", "DoLP", (s) => decimals(degreeOfLinearPolarization(s[0], s[1], s[2]), 3)],
     ["aolp", "AoLP [°]", (s) => decimals(angleOfLinearPolarization(s[1], s[2]), 1)],
@@ -139,11 +140,13 @@ function Values({ result, input, unit }: { result: Labelled; input: Stokes; unit
   ];
   return (
     <table class="values">
-      <caption>{isPolarized(result) ? "Values; S0 to ellipticity are those of the outgoing light for the input state" : "Values"}</caption>
+      <caption>
+        {isPolarized(result) ? `M00 and S0 in ${unit}; S0 to ellipticity are of the outgoing light for the input state` : `M00 in ${unit}`}
+      </caption>
       <WavelengthHeads names={names} />
       <tbody>
         <tr data-quantity="m00">
-          <th scope="row">{`M00 [${unit}]`}</th>
+          <th scope="row">M00</th>
           {names.map((name, wavelength) => {
             const k = at({ wavelength });
             return (

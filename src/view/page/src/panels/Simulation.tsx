@@ -8,7 +8,7 @@ import type { TrialRequest, TrialResult } from "../sources/source";
 import { state } from "../state";
 import { Choice, NumberField, Slider, Switch } from "./Field";
 import { MapCanvas } from "./MapCanvas";
-import { shortUnit } from "./numbers";
+import { shortUnit } from "../display/units";
 
 const SCHEMES = [
   { value: "drr", label: "Dual rotating retarders" },

@@ -9,7 +9,7 @@ import { baseProbe, resolvesProjector } from "../request";
 import { state, update } from "../state";
 import { Choice, Panel } from "./Field";
 import { MapCanvas } from "./MapCanvas";
-import { shortUnit } from "./numbers";
+import { shortUnit } from "../display/units";
 import { elementWords, keeping, laneName, nearest, useProbe } from "./useProbe";
 
 export function SsPanel() {
