@@ -26,8 +26,13 @@ function rendered(): string {
 }
 
 const median = (times: number[]): number => times.toSorted((a, b) => a - b)[Math.floor(times.length / 2)];
-const row = (name: string, times: number[]): string =>
-  `${name.padEnd(52)} ${[median(times), Math.min(...times), Math.max(...times)].map((ms) => ms.toFixed(1).padStart(8)).join(" ")}`;
+
+/** All measurements, in milliseconds or MB. */
+const measured: Record<string, number[]> = {};
+function row(name: string, times: number[]): string {
+  measured[name] = times;
+  return `${name.padEnd(52)} ${[median(times), Math.min(...times), Math.max(...times)].map((ms) => ms.toFixed(1).padStart(8)).join(" ")}`;
+}
 
 /** Opens a page, and returns the times from navigation to the first drawn image, or also to the complete image. */
 async function firstImage(page: Page, address: string, complete: boolean): Promise<number[]> {
@@ -117,7 +122,8 @@ test("speed", async ({ page }) => {
       lines.push(row(`state change, ${quantity}`, await stateChanges(page, TIMES)));
     }
     const memory = /VmHWM:\s+(\d+) kB/.exec(readFileSync(`/proc/${server.process.pid}/status`, "utf8"));
-    lines.push(`${"largest memory of the server in MB".padEnd(52)} ${(Number(memory?.[1]) / 1000).toFixed(1).padStart(8)}`);
+    lines.push(row("largest memory of the server in MB", [Number(memory?.[1]) / 1000]));
+    writeFileSync(join(ROOT, "target/view/speed.json"), JSON.stringify(measured));
     console.log([`${`medians of ${TIMES}, in ms`.padEnd(52)}   median  minimum  maximum`, ...lines].join("\n"));
   } finally {
     await stop(server);
