@@ -62,7 +62,7 @@ def view(*stores: str | os.PathLike[str], port: int = 0, height: int = 800) -> V
     >>> import pysunstone as ps
     >>> ps.view("out/mirror_room.zarr")  # doctest: +SKIP
     """
-    key = (tuple(str(Path(store).resolve()) for store in stores), port)
-    if key not in _RUNNING:
-        _RUNNING[key] = _native.start_view([os.fspath(store) for store in stores], port)
-    return View(_RUNNING[key], height)
+    paths = tuple(str(Path(store).resolve()) for store in stores)
+    if (paths, port) not in _RUNNING:
+        _RUNNING[paths, port] = _native.start_view(paths, port)
+    return View(_RUNNING[paths, port], height)

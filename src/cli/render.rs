@@ -7,7 +7,8 @@ mod to_error;
 pub use arguments::Arguments;
 
 use crate::progress::{INTERRUPTED, stop_on_interrupt};
-use crate::{Failure, bail, figure, places, print, view};
+use crate::view::ViewOfRender;
+use crate::{Failure, bail, figure, places, print};
 use arguments::{again, named};
 use progress::Progress;
 use serde_json::json;
@@ -76,18 +77,21 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in cautions::outside_bins(&scene) {
         eprintln!("note: {note}");
     }
-    if a.view {
-        if is_address(&target.path) {
-            bail!(
-                "--view: shows stores in local folders only; remove --view, or render into a folder with -o"
-            );
-        }
-        view::show_when_created(&target.path, target.replace);
+    if a.view && is_address(&target.path) {
+        bail!(
+            "--view: shows stores in local folders only; remove --view, or render into a folder with -o"
+        );
     }
-    let progress = Progress::new(missing(&scene));
+    if a.view && goal.is_some() {
+        bail!(
+            "--view: a render with --target-error has no store before it is finished; remove --view, and open the finished store with \
+             `sunstone view`"
+        );
+    }
+    let view = a.view.then(|| ViewOfRender::new(&target.path));
+    let progress = Progress::new(missing(&scene), view);
     if let Some(goal) = goal {
-        to_error::run(a, &mut scene, goal, json!(figures), &target, &progress)?;
-        return stay(a);
+        return to_error::run(a, &mut scene, goal, json!(figures), &target, &progress);
     }
     let mut render = Render::new(&scene)
         .watch(&progress)
@@ -143,12 +147,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             );
         }
     }
-    stay(a)
-}
-
-/// Keeps the explorer open after a render with `--view`, until Ctrl-C.
-fn stay(a: &Arguments) -> Result<(), Failure> {
-    if a.view {
+    if progress.view.as_ref().is_some_and(ViewOfRender::open) {
         eprintln!("the view stays open; press Ctrl-C to stop");
         while !INTERRUPTED.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(100));

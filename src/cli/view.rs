@@ -2,7 +2,7 @@
 
 use crate::{Failure, places, print, print_path};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::sync::OnceLock;
 use sunstone::view::{ViewError, Viewer, export};
 
 /// Explore stores in the browser: images of any element or polarization property, the time profile and the
@@ -52,26 +52,31 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     viewer.wait().map_err(Failure::failed)
 }
 
-/// Shows a store as soon as a render creates it. If the render replaces a store, the old store is not shown.
-/// The server runs until the process ends.
-pub fn show_when_created(store: &Path, replaces: bool) {
-    let (store, begun) = (store.to_owned(), SystemTime::now());
-    let exists = move |store: &Path| {
-        let written = std::fs::metadata(store.join("zarr.json")).and_then(|m| m.modified());
-        written.is_ok_and(|time| !replaces || time >= begun)
-    };
-    std::thread::spawn(move || {
-        while !exists(&store) {
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        match Viewer::start(&[store], 0) {
+/// The explorer of a render's store. It is opened once, and serves until the process ends.
+pub struct ViewOfRender {
+    store: PathBuf,
+    opened: OnceLock<bool>,
+}
+
+impl ViewOfRender {
+    pub fn new(store: &Path) -> Self {
+        Self { store: store.to_owned(), opened: OnceLock::new() }
+    }
+
+    /// Opens the explorer of the store, which must exist. Returns whether the explorer is open.
+    pub fn open(&self) -> bool {
+        *self.opened.get_or_init(|| match Viewer::start(std::slice::from_ref(&self.store), 0) {
             Ok(viewer) => {
                 eprintln!("view: {}", viewer.url());
                 open_browser(viewer.url());
+                true
             }
-            Err(e) => eprintln!("note: the view could not start: {e}"),
-        }
-    });
+            Err(e) => {
+                eprintln!("note: the view could not start: {e}");
+                false
+            }
+        })
+    }
 }
 
 fn open_browser(url: &str) {

@@ -25,6 +25,12 @@ pub enum ViewError {
     NotAnExport { path: PathBuf },
     #[error("{path} is inside the store {store}; choose a folder outside of all stores")]
     Within { path: PathBuf, store: PathBuf },
+    #[error("{path} contains the store {store}, which would be lost; choose another folder")]
+    Contains { path: PathBuf, store: PathBuf },
+    #[error("{path}: {fault}; only intact stores without other files are exported")]
+    Faulty { path: PathBuf, fault: String },
+    #[error("cannot start threads: {0}")]
+    Threads(String),
     #[error(
         "{path} contains captures, which an export cannot show; export stores of `sunstone render` or `sunstone reconstruct`"
     )]

@@ -10,7 +10,7 @@ use base::{staging, whole_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use store::shard::shard;
-use store::zarr::{CreateError, around};
+use store::zarr::{CreateError, OpenError, around, verify};
 
 /// File that marks the folder of an export. The page finds it, and reads the stores from files.
 const DESCRIPTION: &str = "data/describe.json";
@@ -25,13 +25,24 @@ pub fn export(stores: &[PathBuf], folder: &Path, replace: bool) -> Result<(), Vi
         return Err(ViewError::NoStore);
     }
     let shown: Vec<Shown> = stores.iter().map(|path| Shown::new(path)).collect::<Result<_, _>>()?;
-    if let Some(captures) = shown.iter().find(|s| s.is_captures) {
-        return Err(ViewError::Captures { path: captures.path.clone() });
+    for store in &shown {
+        if store.is_captures {
+            return Err(ViewError::Captures { path: store.path.clone() });
+        }
+        if !store.tensor()?.is_finished() {
+            return Err(OpenError::Unfinished { path: store.path.clone() }.into());
+        }
+    }
+    let folder = &whole_file::real(folder);
+    if let Some(store) = stores.iter().find(|store| whole_file::real(store).starts_with(folder)) {
+        return Err(ViewError::Contains { path: folder.to_owned(), store: store.clone() });
     }
     if let Some(store) = around(folder) {
         return Err(ViewError::Within { path: folder.to_owned(), store });
     }
     let _lock = Lock::take(folder).map_err(|e| CreateError::locked(folder, e))?;
+    let failed = |cause| ViewError::Write { path: folder.to_owned(), cause };
+    staging::recover(folder).map_err(failed)?;
     if std::fs::symlink_metadata(folder).is_ok() {
         if !replace {
             return Err(ViewError::Exists { path: folder.to_owned() });
@@ -40,8 +51,6 @@ pub fn export(stores: &[PathBuf], folder: &Path, replace: bool) -> Result<(), Vi
             return Err(ViewError::NotAnExport { path: folder.to_owned() });
         }
     }
-    let failed = |cause| ViewError::Write { path: folder.to_owned(), cause };
-    staging::recover(folder).map_err(failed)?;
     let part = staging::part_of(folder);
     staging::remove(&part).map_err(failed)?;
     let write = || -> Result<(), ViewError> {
@@ -72,9 +81,14 @@ fn copy(shown: &Shown, to: &Path) -> Result<(), ViewError> {
         return Ok(());
     }
     let failed = |cause| ViewError::Write { path: to.to_owned(), cause };
-    copy_folder(&shown.path, to).map_err(failed)
+    copy_folder(&shown.path, to).map_err(failed)?;
+    match verify(to)?.faults.first() {
+        Some(fault) => Err(ViewError::Faulty { path: shown.path.clone(), fault: fault.clone() }),
+        None => Ok(()),
+    }
 }
 
+/// Copies files and folders. Files that are not of the store remain, and are found when the copy is verified.
 fn copy_folder(from: &Path, to: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(to)?;
     for entry in std::fs::read_dir(from)? {

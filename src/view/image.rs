@@ -11,9 +11,9 @@ use crate::error::ViewError;
 use crate::probe::LeftOut;
 use crate::request::ImageRequest;
 use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 use serde_json::{Value, json};
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use store::doubt;
 use store::probe::{CoordRange, Probe, ProbeResult, Selection};
@@ -30,15 +30,11 @@ const LATEST: Duration = Duration::from_secs(2);
 /// image, and would otherwise appear at once after a long time.
 const LARGEST_TILE: usize = 64;
 
+/// Maximum number of values of an image.
+pub(crate) const MOST: usize = 1 << 24;
+
 /// First words of a probe's note about unreliable error estimates.
 const DOUBT: &str = "unreliable error estimates";
-
-/// Returns the threads that compute images. Small probes run on other threads, and do not wait for tiles.
-fn pool() -> &'static ThreadPool {
-    static POOL: LazyLock<ThreadPool> =
-        LazyLock::new(|| ThreadPoolBuilder::new().build().expect("the system can start threads"));
-    &POOL
-}
 
 /// An image that is being computed.
 pub(crate) struct Job {
@@ -72,6 +68,15 @@ impl Job {
     ) -> Result<Self, ViewError> {
         let mut probe = request.probe.probe()?;
         let layout = slice.layout();
+        request.limit = request.limit.clamp(1, MOST);
+        let weighted = [(AxisKind::StokesOut, request.output), (AxisKind::StokesIn, request.input)];
+        for (kind, _) in weighted.into_iter().filter(|(_, weights)| weights.is_some()) {
+            let by_stokes = kind == AxisKind::StokesIn && probe.stokes.is_some();
+            if by_stokes || probe.select.iter().any(|s| s.axis == kind) {
+                let reason = format!("the weights already contract the axis `{}`", kind.name());
+                return Err(ViewError::Request(reason));
+            }
+        }
         for (kind, weights) in
             [(AxisKind::StokesOut, &mut request.output), (AxisKind::StokesIn, &mut request.input)]
         {
@@ -120,7 +125,7 @@ impl Job {
         // A range along a kept axis makes the result smaller than the axis.
         let most: usize = rest.iter().map(|a| a.coords.len()).product();
         let mut bin = 1;
-        while (y1 - y0).div_ceil(bin) * (x1 - x0).div_ceil(bin) * most > request.limit.max(1) {
+        while (y1 - y0).div_ceil(bin) * (x1 - x0).div_ceil(bin) * most > request.limit {
             if bin >= (y1 - y0).max(x1 - x0) {
                 return Err(ViewError::Request(format!(
                     "one pixel has {most} values, more than the limit of {}; select fewer entries",
@@ -201,15 +206,20 @@ impl Job {
     }
 
     /// Continues for a short time.
-    pub(crate) fn go_on(&mut self) -> Result<(), ViewError> {
+    pub(crate) fn go_on(&mut self, pool: &ThreadPool) -> Result<(), ViewError> {
         let limit = LATEST.min(FIRST * 2_u32.saturating_pow(self.answers.min(8)));
         self.answers += 1;
         let start = Instant::now();
         while !self.tiles.is_empty() && start.elapsed() < limit {
-            let pool = pool();
             let batch = self.tiles.split_off(self.tiles.len().saturating_sub(pool.current_num_threads()));
             let tiles = || batch.par_iter().map(|tile| self.tile(*tile)).collect::<Result<Vec<_>, _>>();
-            let done = pool.install(tiles)?;
+            let done = match pool.install(tiles) {
+                Ok(done) => done,
+                Err(e) => {
+                    self.tiles.extend(batch);
+                    return Err(e);
+                }
+            };
             for (tile, values) in batch.iter().zip(done) {
                 self.put(*tile, values);
             }

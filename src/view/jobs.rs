@@ -4,8 +4,10 @@ use crate::error::ViewError;
 use crate::image::Job;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Maximum size of all kept images, in bytes. The newest image is kept in any case.
+/// Maximum size of all kept images, in bytes. The newest images are kept in any case: the page continues up
+/// to three at the same time, an image, its comparison and the time bins.
 const BUDGET: usize = 96 << 20;
+const NEWEST: usize = 3;
 
 /// Maximum number of kept images. Each request that the user abandons leaves one.
 const MOST: usize = 16;
@@ -38,12 +40,11 @@ impl Jobs {
         let mut at = all.len();
         while at > 0 {
             at -= 1;
-            // An image that is being computed at the moment counts as large.
-            let bytes = all[at].1.try_lock().map_or(BUDGET, |job| size(&job));
-            if kept >= MOST || bytes > left {
+            let bytes = all[at].1.lock().map_or(BUDGET, |job| size(&job));
+            if kept >= NEWEST && (kept >= MOST || bytes > left) {
                 all.remove(at);
             } else {
-                left -= bytes;
+                left = left.saturating_sub(bytes);
                 kept += 1;
             }
         }

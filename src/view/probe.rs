@@ -3,25 +3,35 @@
 use crate::answer::Answer;
 use crate::describe::axes;
 use crate::error::ViewError;
+use crate::image::MOST;
 use crate::request::ProbeRequest;
 use serde_json::json;
 use std::sync::Arc;
-use store::probe::ProbeResult;
+use store::probe::{CoordRange, ProbeResult};
 use store::zarr::StoredSlice;
 use tensor::array::Tensor;
-
-/// Maximum number of values of an answer. The page shows small results of probes, and larger ones as images.
-const MOST: usize = 1 << 24;
+use tensor::axes::{Axis, AxisKind};
 
 /// Runs the probe of a request.
 pub(crate) fn probe(slice: &StoredSlice, request: &ProbeRequest) -> Result<Answer, ViewError> {
-    let result = request.probe()?.run(slice)?;
-    let found = result.mean.data.len();
-    if found > MOST {
+    let probe = request.probe()?;
+    // An upper bound: the entries nearest to the ends of a range may be outside of it.
+    let kept = |axis: &Axis| match probe.select.iter().find(|s| s.axis == axis.kind).map(|s| s.range) {
+        _ if probe.sum.contains(&axis.kind) => 1,
+        Some(CoordRange::Nearest(_)) => 1,
+        Some(CoordRange::Between(a, b)) => axis.coords.iter().filter(|c| (a..=b).contains(*c)).count() + 2,
+        None if axis.kind == AxisKind::StokesIn && probe.stokes.is_some() => 1,
+        None if matches!(axis.kind, AxisKind::V | AxisKind::U) && probe.pattern.is_some() => 1,
+        None => axis.coords.len(),
+    };
+    let lengths = slice.layout().axes.iter().map(|axis| kept(axis).min(axis.coords.len()));
+    let most = lengths.fold(1, usize::saturating_mul);
+    if most > MOST {
         return Err(ViewError::Request(format!(
-            "the result has {found} values, at most {MOST} are sent; select fewer entries, or sum over an axis"
+            "the result has {most} values, at most {MOST} are sent; select fewer entries, or sum over an axis"
         )));
     }
+    let result = probe.run(slice)?;
     let notes: Vec<String> = result.notes.iter().cloned().chain(LeftOut::of(&result).notes()).collect();
     let header = json!({
         "axes": axes(&result.mean.axes), "notes": notes, "fields": ["mean", "std_error"],

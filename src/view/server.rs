@@ -5,7 +5,7 @@ use crate::error::ViewError;
 use crate::page;
 use crate::service::Service;
 use oxhttp::Server;
-use oxhttp::model::{Body, Method, Request};
+use oxhttp::model::{Body, HeaderValue, Method, Request};
 use rand::TryRng;
 use rand::rngs::SysRng;
 use std::io::Read;
@@ -21,7 +21,7 @@ const LARGEST: u64 = 32 << 20;
 const CONNECTIONS: usize = 64;
 
 /// Time after which a silent connection is closed.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A running explorer. It serves until the process ends.
 pub struct Viewer {
@@ -136,7 +136,11 @@ fn answer(service: &Service, access: &Access, request: &mut Request<Body>) -> An
             _ => Ok(Some(Answer::Refused(405, "the method is not supported".into()))),
         }
     };
-    // The library reads the rest of a body, which may be endless.
+    // The library reads the rest of a body, which may be endless. What is left of it is not the next request.
+    let is_read = matches!(result, Ok(Some(ref answer)) if !matches!(answer, Answer::Refused(..)));
+    if !is_read {
+        request.headers_mut().insert("connection", HeaderValue::from_static("close"));
+    }
     *request.body_mut() = Body::empty();
     match result {
         Ok(Some(answer)) => answer,

@@ -12,13 +12,19 @@ use crate::progress::progress;
 use crate::request::{ImageRequest, ProbeRequest, TrialRequest, parse};
 use crate::trial;
 use std::path::PathBuf;
-use std::sync::PoisonError;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::{Mutex, PoisonError};
 use tensor::axes::AxisKind;
 
 /// The stores that the explorer shows, and the images that were requested last.
 pub(crate) struct Service {
     pub stores: Vec<Shown>,
     jobs: Jobs,
+    /// One image at a time is computed, so that memory does not grow with the number of requests.
+    turn: Mutex<()>,
+    /// Threads that compute images. Probes have other threads, and do not wait for images.
+    images: ThreadPool,
+    probes: ThreadPool,
 }
 
 impl Service {
@@ -28,7 +34,8 @@ impl Service {
             return Err(ViewError::NoStore);
         }
         let stores = paths.iter().map(|path| Shown::new(path)).collect::<Result<_, _>>()?;
-        Ok(Self { stores, jobs: Jobs::default() })
+        let pool = || ThreadPoolBuilder::new().build().map_err(|e| ViewError::Threads(e.to_string()));
+        Ok(Self { stores, jobs: Jobs::default(), turn: Mutex::default(), images: pool()?, probes: pool()? })
     }
 
     /// Answers `GET` requests. `path` is the path of the URL after `/api/`.
@@ -58,10 +65,15 @@ impl Service {
             "probe" => {
                 let request: ProbeRequest = parse(body)?;
                 let store = self.store(request.store)?.tensor()?;
-                probe(&store.slice(&request.slice)?, &request)?
+                let slice = store.slice(&request.slice)?;
+                self.probes.install(|| probe(&slice, &request))?
             }
             "image" => self.image(parse(body)?, &String::from_utf8_lossy(body))?,
-            "trial" => self.trial(&parse(body)?)?,
+            // A browser reports answers with other statuses as errors of the page. Here, the user is typing.
+            "trial" => match self.trial(&parse(body)?) {
+                Err(e) if !e.is_of_system() => Answer::Refused(200, e.to_string()),
+                answer => answer?,
+            },
             _ => return Ok(None),
         }))
     }
@@ -71,16 +83,20 @@ impl Service {
         found.ok_or_else(|| ViewError::Request(format!("there is no store {id}")))
     }
 
+    /// Continues the image of a request, whose text is `key`.
     fn image(&self, request: ImageRequest, key: &str) -> Result<Answer, ViewError> {
-        let store = self.store(request.probe.store)?.tensor()?;
-        let job = self
-            .jobs
-            .get(key, || Job::new(store.slice(&request.probe.slice)?, store.is_finished(), request))?;
+        let shown = self.store(request.probe.store)?;
+        let (manifest, store) = (shown.manifest(), shown.tensor()?);
+        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        // If the store is finished or replaced, its image is another one.
+        let key = format!("{manifest:?} {key}");
+        let finished = store.is_finished();
+        let job = self.jobs.get(&key, || Job::new(store.slice(&request.probe.slice)?, finished, request))?;
         let mut job = job.lock().unwrap_or_else(PoisonError::into_inner);
-        let advanced = job.go_on();
-        // The image of an unfinished store is outdated at once, and after an error it is incomplete.
-        if advanced.is_err() || (job.is_done() && !store.is_finished()) {
-            self.jobs.forget(key);
+        let advanced = job.go_on(&self.images);
+        // The image of an unfinished store is outdated at once.
+        if advanced.is_err() || (job.is_done() && !finished) {
+            self.jobs.forget(&key);
         }
         advanced?;
         Ok(job.answer())
@@ -97,21 +113,24 @@ impl Service {
             None => single_wavelength(&store.attributes()),
         };
         let select: Vec<String> = wavelengths.map(|_| format!("wavelength={nm}")).into_iter().collect();
+        let (scheme, matrices) = trial::scheme(&request.scheme)?;
         let image = serde_json::json!({
-            "store": request.store, "slice": request.slice, "select": select, "limit": 16 * trial::MOST,
-        })
-        .to_string();
-        let job = self
-            .jobs
-            .get(&image, || Job::new(slice.clone(), store.is_finished(), parse(image.as_bytes())?))?;
+            "store": request.store, "slice": request.slice, "select": select, "limit": 16 * matrices,
+        });
+        let key = format!("trial {:?} {image}", self.store(request.store)?.manifest());
+        let finished = store.is_finished();
+        let start = || Job::new(slice.clone(), finished, parse(image.to_string().as_bytes())?);
+        let turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let job = self.jobs.get(&key, start)?;
         let mut job = job.lock().unwrap_or_else(PoisonError::into_inner);
         while !job.is_done() {
-            job.go_on().inspect_err(|_| self.jobs.forget(&image))?;
+            job.go_on(&self.images).inspect_err(|_| self.jobs.forget(&key))?;
         }
-        if !store.is_finished() {
-            self.jobs.forget(&image);
+        drop(turn);
+        if !finished {
+            self.jobs.forget(&key);
         }
-        trial::trial(&job, request, nm)
+        self.probes.install(|| trial::trial(&job, &scheme, request, nm))
     }
 }
 

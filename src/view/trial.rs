@@ -15,25 +15,47 @@ use std::path::Path;
 use std::sync::Arc;
 use tensor::axes::AxisKind;
 
-/// Maximum number of matrices of a trial. Larger images are averaged over blocks, so that an answer takes a
-/// fraction of a second.
-pub(crate) const MOST: usize = 1 << 16;
+/// Maximum number of matrices, and of readings, of a trial. Larger images are averaged over blocks, so that
+/// an answer takes a fraction of a second.
+const MOST_MATRICES: usize = 1 << 16;
+const MOST_READINGS: usize = 1 << 23;
+
+/// Maximum number of captures of a scheme.
+const MOST_CAPTURES: usize = 4096;
+
+/// Returns the scheme of a request, and the number of matrices for its trial.
+pub(crate) fn scheme(choice: &SchemeChoice) -> Result<(Scheme, usize), ViewError> {
+    let many = |found| {
+        let reason = format!("the scheme has {found} captures; at most {MOST_CAPTURES} are simulated");
+        ViewError::Request(reason)
+    };
+    let scheme = match choice {
+        SchemeChoice::Named { captures, .. } if *captures > MOST_CAPTURES => return Err(many(*captures)),
+        SchemeChoice::Named { name, captures, array } => named(name, *captures, *array)?,
+        SchemeChoice::File { toml } => scheme_file::from_toml(Path::new("scheme"), toml)
+            .map_err(|e| ViewError::Request(e.to_string()))?,
+    };
+    if scheme.captures() > MOST_CAPTURES {
+        return Err(many(scheme.captures()));
+    }
+    let matrices = (MOST_READINGS / scheme.measurements().max(1)).min(MOST_MATRICES);
+    Ok((scheme, matrices))
+}
 
 /// Runs the trial of a request on an image with the axes `y, x, stokes_out, stokes_in`.
 /// `nm` is the wavelength.
-pub(crate) fn trial(job: &Job, request: &TrialRequest, nm: f64) -> Result<Answer, ViewError> {
+pub(crate) fn trial(
+    job: &Job,
+    scheme: &Scheme,
+    request: &TrialRequest,
+    nm: f64,
+) -> Result<Answer, ViewError> {
     let refused = |message: String| ViewError::Request(message);
     let (axes, values) = job.matrices();
     let is_matrix = |kind| axes.iter().any(|a| a.kind == kind);
     if !(is_matrix(AxisKind::StokesOut) && is_matrix(AxisKind::StokesIn)) {
         return Err(refused("captures need a slice with polarization `mueller`".into()));
     }
-    let scheme = match &request.scheme {
-        SchemeChoice::Named { name, captures, array } => named(name, *captures, *array)?,
-        SchemeChoice::File { toml } => {
-            scheme_file::from_toml(Path::new("scheme"), toml).map_err(|e| refused(e.to_string()))?
-        }
-    };
     let matrices = values.iter().map(|v| f64::from(*v)).collect();
     let image = MuellerImage::of_slice(matrices, &axes[..2], vec![nm], None)?;
     let noise = match &request.detector {
@@ -45,8 +67,8 @@ pub(crate) fn trial(job: &Job, request: &TrialRequest, nm: f64) -> Result<Answer
         }
     };
     let trial = Trial { image: &image, noise: &noise, prior: None, repeat: 1, seed: request.seed };
-    let result = trial.run(&scheme)?;
-    let captured = image.capture(&scheme, &noise, request.seed).map_err(|e| refused(e.to_string()))?;
+    let result = trial.run(scheme)?;
+    let captured = image.capture(scheme, &noise, request.seed).map_err(|e| refused(e.to_string()))?;
     let measurements = scheme.measurements();
     let shown = request.capture.min(measurements.saturating_sub(1));
     let pixels = captured.layout.pixels();
@@ -64,7 +86,8 @@ pub(crate) fn trial(job: &Job, request: &TrialRequest, nm: f64) -> Result<Answer
         "estimator": result.estimate.name(), "predicted": result.predicted, "rmse": number(result.rmse),
         "normalized": number(result.normalized), "lost": number(result.lost),
         "height": captured.layout.height, "width": captured.layout.width,
-        "errorWidth": result.errors.width, "notes": notes, "fields": ["image", "errors"],
+        "errorWidth": result.errors.width,
+        "errorHeight": result.errors.values.len() / result.errors.width.max(1), "notes": notes, "fields": ["image", "errors"],
     });
     Ok(Answer::Arrays(header, vec![Arc::new(frame), Arc::new(result.errors.values)]))
 }

@@ -268,6 +268,10 @@ fn requests_without_access_are_refused() {
         ("region", "is not inside 12 x 20", &|q| q["region"] = json!([0, 13, 0, 20])),
         ("empty region", "is not inside", &|q| q["region"] = json!([3, 3, 0, 20])),
         ("limit", "more than the limit of 1", &|q| q["limit"] = json!(1)),
+        ("two contractions", "already contract the axis `stokes_out`", &|q| {
+            q["select"] = json!(["stokes_out=1:2"]);
+            q["output"] = json!([0.5, 0.5, 0, 0]);
+        }),
         ("word", "unknown axis `z`", &|q| q["select"] = json!(["z=1"])),
         ("camera pixel", "selects camera pixels by its region", &|q| q["select"] = json!(["y=1"])),
         ("type", "the request is not valid", &|q| q["limit"] = json!("all")),
@@ -276,6 +280,14 @@ fn requests_without_access_are_refused() {
         let (status, message) = query(change);
         assert!(status == 400 && message.contains(part), "{name}: {status} {message}");
     }
+    let trial = |captures: u64| {
+        json!({"store": 0, "slice": "polarimetric", "detector": {"sigma": 0.01},
+               "scheme": {"name": "drr", "captures": captures, "array": false}})
+    };
+    assert_eq!(viewer.arrays("/api/trial", &trial(36)).0["rank"], 16);
+    // The user is typing: a scheme that cannot be used is no error of the page.
+    let (status, message) = viewer.refusal("/api/trial", &trial(10_000_000));
+    assert!(status == 200 && message.contains("at most 4096 are simulated"), "{status} {message}");
     // Requests that are too large, endless or no HTTP.
     let large = vec![b'1'; (32 << 20) + 1];
     assert_eq!(viewer.own("POST /api/probe", &large).0, 413);
@@ -360,6 +372,19 @@ fn damaged_and_removed_stores_are_reported() {
 }
 
 #[test]
+fn a_replaced_store_is_opened_again() {
+    let folder = folder();
+    let at = folder.path();
+    rendered(at);
+    let viewer = Viewer::start(at, &["wall.zarr"]);
+    let query = json!({"store": 0, "slice": "polarimetric", "limit": 1 << 20});
+    let before = viewer.image(&query).1;
+    run(at, &["render", "scene.toml", "-o", "wall.zarr", "--no-figures", "--force", "--seed", "7"], 0);
+    let after = viewer.image(&query).1;
+    assert!(before.len() == after.len() && before != after);
+}
+
+#[test]
 fn an_export_is_complete_or_absent() {
     let folder = folder();
     let at = folder.path();
@@ -390,6 +415,15 @@ fn an_export_is_complete_or_absent() {
     refused(&["wall.zarr", "--export", "wall.zarr", "--force"], "wall.zarr");
     refused(&["wall.zarr", "--export", "wall.zarr/site"], "wall.zarr");
     refused(&["missing.zarr", "--export", "new"], "does not exist");
+    // An export that contains an input is not replaced.
+    refused(&["site/data/0", "--export", "site", "--force"], "site/data/0");
+    assert!(at.join("site/data/0/zarr.json").is_file());
+    // Of a store with shards, only its own intact files are copied.
+    std::fs::write(at.join("site/data/0/notes.txt"), "private").expect("writes");
+    refused(&["site/data/0", "--export", "new"], "notes.txt");
+    assert!(!at.join("new").exists());
+    std::fs::remove_file(at.join("site/data/0/notes.txt")).expect("removes");
+    run(at, &["view", "site/data/0", "--export", "second"], 0);
     refused(&["missing.zarr"], "does not exist");
     refused(&["mine"], "mine");
     assert!(!at.join("new").exists());

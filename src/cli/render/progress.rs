@@ -1,6 +1,7 @@
 //! Prints the progress of a render, and handles interruption with Ctrl-C.
 
 use crate::progress::{INTERRUPTED, bar};
+use crate::view::ViewOfRender;
 use indicatif::ProgressBar;
 use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
@@ -18,16 +19,19 @@ pub(super) struct Progress {
     warnings: Mutex<Vec<String>>,
     /// Prefix of the progress line, such as the number of the round.
     about: Mutex<String>,
+    /// The explorer, which is opened when the first tile is finished.
+    pub(super) view: Option<ViewOfRender>,
 }
 
 impl Progress {
-    pub(super) fn new(warnings: Vec<String>) -> Self {
+    pub(super) fn new(warnings: Vec<String>, view: Option<ViewOfRender>) -> Self {
         let bar = || bar("{bar:32} {pos}/{len} tiles  {msg}  {eta} left", 0);
         Self {
             bar: std::io::stderr().is_terminal().then(bar),
             last: Mutex::new(Instant::now()),
             warnings: Mutex::new(warnings),
             about: Mutex::default(),
+            view,
         }
     }
 
@@ -53,6 +57,9 @@ impl Watch for Progress {
             }
         }
         drop(warnings);
+        if let Some(view) = &self.view {
+            view.open();
+        }
         let rate = s.samples as f64 / s.wall_s / 1e6;
         let about = self.about.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(bar) = &self.bar {

@@ -2,7 +2,7 @@
 
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { description, failure, slice, store } from "./data";
+import { description, failure, hasProjector, slice, store } from "./data";
 import { isPolarized } from "./model";
 import { CapturesPanel } from "./panels/CapturesPanel";
 import { Help } from "./panels/Help";
@@ -107,8 +107,9 @@ export function App() {
         <ProgressPanel />
         {isTensor && (
           <>
+            {hasProjector.value && <OriginPanel />}
             <PixelPanel />
-            <OriginPanel />
+            {!hasProjector.value && <OriginPanel />}
             <ProjectorPanel />
             <StatePanel />
             <XtPanel />

@@ -52,6 +52,7 @@ const refreshes = signal(0);
 
 const CACHE_BYTES = 256 * 2 ** 20;
 const REFRESH_MS = 1000;
+const PAUSE_MS = 80;
 
 const cache = new Cache<ImageResult | Labelled>(CACHE_BYTES);
 const bytesOf = (result: Labelled): number => result.mean.byteLength + (result.stdError?.byteLength ?? 0);
@@ -95,8 +96,11 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
   readonly done = signal(1);
   private controller: AbortController | null = null;
   private key = "";
+  private hasFailed = false;
   /** Whether the store was finished when the last request began. Then a result cannot change. */
   private isFinal = false;
+  /** Time of the last request, in milliseconds. */
+  private asked = 0;
 
   constructor(
     private readonly target: Signal<T | null>,
@@ -137,9 +141,14 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
   /** Reads all results. With `quiet`, shows only the complete one, because an older complete one is on the screen. */
   private async read(from: Source, { request, key, finished }: Wanted<R>, quiet: boolean): Promise<void> {
     const controller = new AbortController();
+    // While the user moves a control, only the last of many requests is sent.
+    const isMoving = performance.now() - this.asked < PAUSE_MS;
+    this.asked = performance.now();
     this.controller = controller;
     this.done.value = 0;
     try {
+      if (isMoving) await new Promise((resolve) => setTimeout(resolve, PAUSE_MS));
+      if (controller.signal.aborted) return;
       for await (const result of this.ask(from, request, controller.signal)) {
         if (controller.signal.aborted) return;
         const part = this.part(result);
@@ -147,9 +156,13 @@ class Channel<R extends ProbeRequest, T extends Labelled> {
         if (part >= 1 && finished) cache.set(key, result, bytesOf(result));
         this.done.value = part;
       }
-      failure.value = null;
+      if (this.hasFailed) failure.value = null;
+      this.hasFailed = false;
     } catch (error) {
       if (controller.signal.aborted) return;
+      this.hasFailed = true;
+      // The next change of the view asks again.
+      this.key = "";
       failure.value = error instanceof SourceError ? error.message : String(error);
     } finally {
       if (this.controller === controller) {

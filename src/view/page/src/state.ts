@@ -114,7 +114,7 @@ export function fromHash(hash: string): { view: ViewState; ignored: string[] } {
   for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
     try {
       const value: unknown = JSON.parse(text);
-      if (!(key in initialState)) throw new Error("unknown");
+      if (!Object.hasOwn(initialState, key)) throw new Error("unknown");
       view[key] = value;
     } catch {
       ignored.push(key);

@@ -29,8 +29,8 @@ export function legendOf(map: QuantityMap, view: ViewState): Legend {
   const widest = range ? range[1] : white(kind === "diverging" ? magnitudes(map.values) : map.values);
   const high = widest / 2 ** view.exposure;
   const low = kind === "diverging" ? -high : 0;
-  // A ratio between 0 and 1 is read best from a linear scale.
-  const scale = kind === "unit" ? "linear" : view.scale;
+  // Ratios between 0 and 1 and angles are read best from a linear scale.
+  const scale = kind === "unit" || unit === "°" ? "linear" : view.scale;
   const table = kind === "diverging" ? diverging : sequential;
   return { label, unit, map: table, low, high, scale, ticks: barTicks(low, high, scale) };
 }

@@ -57,7 +57,7 @@ export function linearTicks(low: number, high: number, most: number): Tick[] {
 export function barTicks(low: number, high: number, scale: Scale): Tick[] {
   if (scale === "linear") return linearTicks(low, high, 5);
   const signed = low < 0;
-  const apart = signed ? 0.22 : 0.12;
+  const apart = signed ? 0.28 : 0.16;
   const magnitude = Math.floor(Math.log10(high * (1 + 1e-6)));
   const found: number[] = [];
   for (const power of [magnitude, magnitude - 1, magnitude - 2]) {

@@ -71,14 +71,16 @@ export const shown: ReadonlySignal<Shown | null> = computed(() => {
 
   if (frames && view.time !== null && (playing.value || view.unwarp)) {
     const { picture, frame } = framePicture(frames, view.time, view);
-    return { main: picture, image: frame, detail: null, other: null, mode: "single", rows, columns, unit: units, notes: frames.notes };
+    const unwarped = "The image shows unwarped time. The time bar and the panels show camera time.";
+    const all = view.unwarp ? [unwarped, ...frames.notes] : frames.notes;
+    return { main: picture, image: frame, detail: null, other: null, mode: "single", rows, columns, unit: units, notes: all };
   }
   if (!found) return null;
   // Comparable with the frames that were played before.
   const white = frames && view.time !== null && view.quantity === "colour" ? movieWhite(frames) / 2 ** view.exposure : null;
   const notes = [...found.notes];
   const second = other.value ? otherImage.value : null;
-  const isNotPolarized = !isPolarized(found) && !["colour", "intensity", "std_error", "snr"].includes(view.quantity);
+  const isNotPolarized = !isPolarized(itsSlice) && !["colour", "intensity", "std_error", "snr"].includes(view.quantity);
   if (isNotPolarized && (view.quantity !== "element" || view.row + view.column > 0)) {
     notes.push("This slice has intensity only, so the quantity is not defined. Choose the photograph or another slice.");
   }

@@ -47,14 +47,14 @@ export function relativeError(over: Labelled): number | null {
   const inner = lanes * lengthOf(over, "stokes_out") * lengthOf(over, "stokes_in");
   let [light, errors] = [0, 0];
   for (let base = 0; base < over.mean.length; base += inner) {
-    let [sum, variance] = [0, 0];
+    let [sum, error] = [0, 0];
     for (let w = 0; w < lanes; w++) {
       sum += over.mean[base + w];
-      variance += over.stdError[base + w] ** 2;
+      error += over.stdError[base + w];
     }
-    if (!Number.isFinite(sum + variance)) continue;
+    if (!Number.isFinite(sum + error)) continue;
     light += sum;
-    errors += Math.sqrt(variance);
+    errors += error;
   }
   return light > 0 ? errors / light : null;
 }

@@ -139,7 +139,10 @@ function element(values: Float32Array, layout: Layout, row: number, column: numb
   return out;
 }
 
-/** Returns the standard error of M_ij of each pixel. The errors of the wavelengths are independent. */
+/**
+ * Returns the standard error of M_ij of each pixel. Values of a pixel may be correlated in any way, so the error of a mean over wavelengths is
+ * the mean of the errors, as in `sunstone probe`.
+ */
 function elementError(image: ImageResult, layout: Layout, row: number, column: number, wavelength: number | "all"): Float32Array {
   const out = new Float32Array(layout.pixels);
   const errors = image.stdError;
@@ -147,8 +150,8 @@ function elementError(image: ImageResult, layout: Layout, row: number, column: n
   const { offsets, weights } = combination(layout, wavelength, (i, j) => (i === row && j === column ? 1 : 0));
   for (let p = 0, base = 0; p < layout.pixels; p++, base += layout.inner) {
     let sum = 0;
-    for (let k = 0; k < offsets.length; k++) sum += (weights[k] * errors[base + offsets[k]]) ** 2;
-    out[p] = Math.sqrt(sum);
+    for (let k = 0; k < offsets.length; k++) sum += Math.abs(weights[k]) * errors[base + offsets[k]];
+    out[p] = sum;
   }
   return out;
 }

@@ -53,7 +53,7 @@ export function MatrixTable({ label, values, errors, normalized, unit, selected,
   };
   return (
     <table class="matrix">
-      <caption>{`${label}; ${normalized ? `M00 in ${unit}, other elements divided by M00` : `in ${unit}`}`}</caption>
+      <caption>{`${label}; ${normalized ? `M00 in ${unit}, other elements and their errors divided by M00` : `in ${unit}`}`}</caption>
       <tbody>{[0, 1, 2, 3].map((row) => <tr key={row}>{[0, 1, 2, 3].map((column) => cell(4 * row + column))}</tr>)}</tbody>
     </table>
   );

@@ -91,6 +91,7 @@ function Numbers({ itsStore, itsSlice }: { itsStore: Store; itsSlice: Slice }) {
             {request.pattern && <button type="button" onClick={() => void pattern()}>Download {PATTERN_FILE}</button>}
             {query !== "image" && <button type="button" onClick={() => void csv()}>Download CSV of the query</button>}
           </p>
+          {view.analyzer && <p>The numbers are without the analyzer A. The image shows A · S / 2 of the Stokes vectors S.</p>}
           {request.pattern && <p>The command and Python read the illumination from {PATTERN_FILE} in the current folder.</p>}
         </>
       )}

@@ -117,10 +117,16 @@ export function ProfileChart(props: ProfileChartProps) {
   const xs = coords.map(x);
   const barWidth = Math.max(1, (0.8 * inner) / coords.length);
 
+  // Bars may be as thin as a pixel: within 4 pixels of the pointer, the highest bar is meant.
+  const reach = lines.some((line) => line.bars) ? (4 / inner) * (high - low) : 0;
   const entryAt = (event: MouseEvent) => {
     const left = box.current!.getBoundingClientRect().left;
-    const coord = low + ((event.clientX - left - LEFT) / inner) * (high - low);
-    return coords.reduce((best, c, i) => (Math.abs(c - coord) < Math.abs(coords[best] - coord) ? i : best), 0);
+    // A click has whole coordinates, a move of the pointer may have fractions.
+    const coord = low + ((Math.floor(event.clientX) - left - LEFT) / inner) * (high - low);
+    const distance = (i: number) => Math.abs(coords[i] - coord);
+    const nearest = coords.reduce((best, _, i) => (distance(i) < distance(best) ? i : best), 0);
+    const size = (i: number) => Math.max(...lines.map((line) => Math.abs(line.values[i]) || 0));
+    return coords.reduce((best, _, i) => (distance(i) <= reach && size(i) > size(best) ? i : best), nearest);
   };
   const onKey = (event: KeyboardEvent) => {
     if (!onCursor) return;
@@ -157,7 +163,7 @@ export function ProfileChart(props: ProfileChartProps) {
             <text x={LEFT - 5} y={TOP + tall * (1 - tick.at) + 4} text-anchor="end">{tick.label}</text>
           </g>
         ))}
-        {linearTicks(low, high, Math.max(2, Math.floor(inner / 80))).map((tick) => (
+        {linearTicks(low, high, Math.max(2, Math.floor(inner / 55))).map((tick) => (
           <text key={tick.label} x={LEFT + tick.at * inner} y={HEIGHT - BOTTOM + 14} text-anchor="middle">{tick.label}</text>
         ))}
         <text class="axis-label" x={LEFT + inner / 2} y={HEIGHT - 4} text-anchor="middle">{`${xLabel} [${xUnit}]`}</text>

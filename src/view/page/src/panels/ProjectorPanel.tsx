@@ -27,11 +27,18 @@ export function projectorSize(itsStore: Store, itsSlice: Slice): [number, number
   return Array.isArray(size) && size.length === 2 ? [Number(size[0]), Number(size[1])] : null;
 }
 
-/** Returns a drawing with nothing on, with blocks that are nearly square. */
+/** Returns a drawing with everything on, with blocks that are nearly square. */
 function blank([width, height]: [number, number]): Drawn {
   const longer = Math.max(width, height);
   const [columns, rows] = [width, height].map((n) => Math.max(1, Math.min(n, Math.round((BLOCKS * n) / longer))));
-  return { kind: "drawn", width: columns, height: rows, digits: "0".repeat(columns * rows) };
+  return { kind: "drawn", width: columns, height: rows, digits: "9".repeat(columns * rows) };
+}
+
+/** Returns the number of rows and columns in an entry of a slice, such as `256 x 1`, or null if each entry is one projector pixel. */
+function binned(itsSlice: Slice): string | null {
+  const bin = itsSlice.attributes.projector_bin;
+  if (!Array.isArray(bin) || (bin[0] === 1 && bin[1] === 1)) return null;
+  return `${bin[1]} × ${bin[0]}`;
 }
 
 export function ProjectorPanel() {
@@ -84,6 +91,12 @@ export function ProjectorPanel() {
         ))}
       </div>
       {!pixel && <p class="note">Choose a camera pixel to use its epipolar line.</p>}
+      {illumination.kind !== "all" && binned(itsSlice) && (
+        <p class="note">
+          {`An entry of this slice is the light of ${binned(itsSlice)} projector pixels. An illumination of some of them is taken as the same ` +
+            "mean drive of all of them."}
+        </p>
+      )}
       <div class="row">
         {"v" in illumination && (
           <NumberField

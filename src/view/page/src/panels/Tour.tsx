@@ -17,6 +17,8 @@ interface Step {
   title: string;
   text: string;
   view: Partial<ViewState>;
+  /** Selector of the panel that the text is about. */
+  panel?: string;
 }
 
 const isImage = (of: Slice): boolean => lengthOf(of, "y") > 1 && lengthOf(of, "x") > 1;
@@ -58,14 +60,17 @@ export function steps(itsStore: Store): Step[] {
     },
     resolved ? {
       title: "Where light comes from",
-      text: "This slice separates projector pixels. The panel Origin shows which of them illuminate the chosen pixel.",
+      text: "This slice separates projector pixels. The panel Origin of the light shows which of them illuminate the chosen " +
+        "pixel. Click a bar or a pixel there to light only this part of the projector.",
       view: { ...whole, slice: resolved.name, pixel: middle(resolved) },
+      panel: ".origin-panel",
     } : null,
     polarized ? {
       title: "Polarization states",
       text: "The projector emits horizontal polarization, and the analyzer transmits vertical polarization. Drag the points on the " +
         "Poincaré spheres to change both.",
       view: { ...whole, slice: polarized.name, input: [1, 1, 0, 0], analyzer: [1, -1, 0, 0], pixel: middle(polarized) },
+      panel: ".state-panel",
     } : null,
   ];
   return all.filter((step) => step !== null);
@@ -74,7 +79,11 @@ export function steps(itsStore: Store): Step[] {
 function go(itsStore: Store, index: number | null): void {
   tourStep.value = index;
   const step = index === null ? undefined : steps(itsStore)[index];
-  if (step) update(step.view);
+  if (!step) return;
+  update(step.view);
+  const { panel } = step;
+  // The panels are drawn again for the new state first.
+  if (panel) setTimeout(() => document.querySelector(panel)?.scrollIntoView({ block: "start" }), 100);
 }
 
 const remember = (): void => {

@@ -13,16 +13,16 @@ interface Arrays {
 }
 
 /** Splits an answer into its header and its arrays. `lengths` returns the number of values of each field. */
-export function unpack(bytes: ArrayBuffer, lengths: (header: Header) => number): Arrays {
+export function unpack(bytes: ArrayBuffer, lengths: (header: Header, name: string) => number): Arrays {
   const damaged = (): SourceError => new SourceError("the server's answer is damaged; reload the page");
   if (bytes.byteLength < 4) throw damaged();
   const size = new DataView(bytes).getUint32(0, true);
   if (4 + size > bytes.byteLength || size % 4 !== 0) throw damaged();
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, size))) as Header;
-  const length = lengths(header);
   const fields = new Map<string, Float32Array>();
   let at = 4 + size;
   for (const name of header.fields ?? []) {
+    const length = lengths(header, name);
     if (at + 4 * length > bytes.byteLength) throw damaged();
     fields.set(name, new Float32Array(bytes, at, length));
     at += 4 * length;
@@ -104,7 +104,9 @@ export class ServerSource implements Source {
 
   async trial(request: TrialRequest, signal?: AbortSignal): Promise<TrialResult> {
     const response = await this.ask("api/trial", request, signal);
-    const { header, fields } = unpack(await response.arrayBuffer(), (h) => (h.height as number) * (h.width as number));
+    if (response.headers.get("content-type") === "application/json") throw new SourceError(((await response.json()) as { error: string }).error);
+    const { header, fields } = unpack(await response.arrayBuffer(), (h, name) =>
+      name === "errors" ? (h.errorHeight as number) * (h.errorWidth as number) : (h.height as number) * (h.width as number));
     const numbers = header as unknown as Omit<TrialResult, "image" | "errors">;
     return { ...numbers, notes: header.notes ?? [], image: required(fields, "image"), errors: required(fields, "errors") };
   }
