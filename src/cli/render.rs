@@ -78,9 +78,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         eprintln!("note: {note}");
     }
     if a.view && is_address(&target.path) {
-        bail!(
-            "--view: shows stores in local folders only; remove --view, or render into a folder with -o"
-        );
+        bail!("--view: shows stores in local folders only; remove --view, or render into a folder with -o");
     }
     if a.view && goal.is_some() {
         bail!(

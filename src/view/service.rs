@@ -11,8 +11,8 @@ use crate::probe::probe;
 use crate::progress::progress;
 use crate::request::{ImageRequest, ProbeRequest, TrialRequest, parse};
 use crate::trial;
-use std::path::PathBuf;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use tensor::axes::AxisKind;
 
