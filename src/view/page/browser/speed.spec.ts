@@ -46,21 +46,24 @@ async function firstImage(page: Page, address: string, complete: boolean): Promi
 /** Returns the time from a click to the change of the matrix. */
 async function click(page: Page, down: number, right: number): Promise<number> {
   const box = (await imageOf(page).boundingBox())!;
-  const measured = page.evaluate(() => new Promise<number>((resolve) => {
+  // The observer is installed before the click.
+  await page.evaluate(() => {
     const matrix = (): string =>
       Array.from(document.querySelectorAll("td[data-element]"), (cell) => cell.getAttribute("data-value")).join();
     const before = matrix();
     let start = 0;
     addEventListener("pointerup", () => (start = performance.now()), { capture: true, once: true });
-    const observer = new MutationObserver(() => {
-      if (start === 0 || matrix() === before) return;
-      observer.disconnect();
-      resolve(performance.now() - start);
+    (window as unknown as { clicked: Promise<number> }).clicked = new Promise((resolve) => {
+      const observer = new MutationObserver(() => {
+        if (start === 0 || matrix() === before) return;
+        observer.disconnect();
+        resolve(performance.now() - start);
+      });
+      observer.observe(document.body, { subtree: true, childList: true, attributes: true });
     });
-    observer.observe(document.body, { subtree: true, childList: true, attributes: true });
-  }));
+  });
   await page.mouse.click(box.x + right * box.width, box.y + down * box.height);
-  return measured;
+  return page.evaluate(() => (window as unknown as { clicked: Promise<number> }).clicked);
 }
 
 /** Returns the times from a key that changes the state of the light to the end of the frame that shows it. */
