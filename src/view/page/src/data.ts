@@ -195,7 +195,8 @@ async function* read(from: Source, request: ImageRequest, signal: AbortSignal): 
   }
 }
 
-const imageChannel = (target: Signal<ImageResult | null>): Channel<ImageRequest, ImageResult> => new Channel(target, read, (result) => result.done);
+const imageChannel = (target: Signal<ImageResult | null>): Channel<ImageRequest, ImageResult> =>
+  new Channel(target, read, (result) => result.done);
 
 const main = imageChannel(image);
 const compared = imageChannel(otherImage);

@@ -92,9 +92,11 @@ export const initialState: ViewState = {
 
 export const state = signal<ViewState>(initialState);
 
-/** Changes some fields of the state. */
+/** Changes some fields of the state. A grid has other places than a single image, so entering or leaving it shows the whole image. */
 export function update(change: Partial<ViewState>): void {
-  state.value = { ...state.value, ...change };
+  const before = state.value;
+  const isOfGrid = change.quantity !== undefined && (change.quantity === "grid") !== (before.quantity === "grid");
+  state.value = { ...before, ...(isOfGrid ? { look: null } : {}), ...change };
 }
 
 /** Returns the state as text for the URL: only fields that differ from the initial state. */

@@ -23,6 +23,9 @@ const rounded = (stokes: Stokes): Stokes => stokes.map((s) => Math.round(s * 1e7
 
 const isSame = (a: Stokes, b: Stokes): boolean => a.every((s, i) => Math.abs(s - b[i]) < 1e-6);
 
+/** Numbers in fields have as many digits as fit. */
+const fitted = (value: number, digits: number): number => Number(value.toFixed(digits));
+
 export function StatePanel() {
   const view = state.value;
   const itsSlice = slice.value;
@@ -94,15 +97,19 @@ function Editor({ title, value, onChange }: { title: string; value: Stokes; onCh
         onChange={(p) => setAngles(p, psi, chi)}
       />
       <div class="row">
-        <NumberField label="AoLP" unit="°" value={psi} min={-180} max={180} step="any" onChange={(a) => setAngles(degree || 1, a, chi)} />
         <NumberField
-          label="Ellipticity" unit="°" value={chi} min={-45} max={45} step="any" onChange={(e) => setAngles(degree || 1, psi, e)}
+          label="AoLP" unit="°" value={fitted(psi, 2)} min={-180} max={180} step="any"
+          onChange={(a) => setAngles(degree || 1, a, chi)}
+        />
+        <NumberField
+          label="Ellipticity" unit="°" value={fitted(chi, 2)} min={-45} max={45} step="any"
+          onChange={(e) => setAngles(degree || 1, psi, e)}
         />
       </div>
       <div class="row">
-        <NumberField label="s1" value={s1} min={-1} max={1} step="any" onChange={(v) => set(v, s2, s3)} />
-        <NumberField label="s2" value={s2} min={-1} max={1} step="any" onChange={(v) => set(s1, v, s3)} />
-        <NumberField label="s3" value={s3} min={-1} max={1} step="any" onChange={(v) => set(s1, s2, v)} />
+        <NumberField label="s1" value={fitted(s1, 4)} min={-1} max={1} step="any" onChange={(v) => set(v, s2, s3)} />
+        <NumberField label="s2" value={fitted(s2, 4)} min={-1} max={1} step="any" onChange={(v) => set(s1, v, s3)} />
+        <NumberField label="s3" value={fitted(s3, 4)} min={-1} max={1} step="any" onChange={(v) => set(s1, s2, v)} />
       </div>
     </fieldset>
   );

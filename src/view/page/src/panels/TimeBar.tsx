@@ -31,6 +31,7 @@ export function togglePlay(): void {
 
 /** Shows the bin before or after the shown one. */
 export function stepTime(by: number): void {
+  playing.value = false;
   if (bins() > 0) show((state.value.time ?? firstLight()) + by);
 }
 
