@@ -23,9 +23,7 @@ pub(crate) fn progress(shown: &Shown) -> Result<Answer, ViewError> {
         known.dedup();
         known.len() as u64
     };
-    Ok(Answer::Json(json!({
-        "tilesDone": done, "tiles": tiles, "relativeError": Value::Null, "finished": finished,
-    })))
+    Ok(Answer::Json(json!({"tilesDone": done, "tiles": tiles, "finished": finished})))
 }
 
 /// Returns the number of tiles of a render.

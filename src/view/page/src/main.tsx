@@ -49,7 +49,7 @@ async function start(): Promise<void> {
   startTheme();
   render(<App />, document.getElementById("app")!);
   try {
-    source.value = await chooseSource(document, location);
+    source.value = await chooseSource(location);
     const replaced = setDescription(await source.value.describe());
     ignored.value = [...ignored.value, ...replaced];
   } catch (error) {

@@ -58,8 +58,6 @@ export interface Pinhole {
 export interface Progress {
   tilesDone: number;
   tiles: number;
-  /** Mean over finished pixels of the standard error of a pixel's total, over the mean total. Null: unknown. */
-  relativeError: number | null;
   finished: boolean;
 }
 
@@ -86,7 +84,6 @@ export interface Captures {
   runAxes: number;
   /** Numbers per frame, such as measured angles: name, unit, one number a frame. */
   columns: { name: string; units: string; values: number[] }[];
-  finished: boolean;
 }
 
 export interface Description {

@@ -53,7 +53,7 @@ export function ProgressPanel() {
         if (!next) return;
         const shown = image.peek();
         // The server leaves the error to the page, which has the values.
-        const relative = next.relativeError ?? (shown && relativeError(shown));
+        const relative = shown && relativeError(shown);
         const point = { seconds: (performance.now() - start) / 1000, tilesDone: next.tilesDone, error: relative };
         setPoints((last) => [...(last.length < POINTS ? last : last.filter((_, i) => i % 2 === 0)), point]);
       } catch (problem) {

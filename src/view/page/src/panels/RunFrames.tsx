@@ -45,7 +45,6 @@ export function RunFrames({ id, captures }: { id: number; captures: Captures }) 
           text={`${coordinate(axis, index[k])} (${index[k] + 1} of ${axis.coords.length})`} onChange={(to) => move(k, to)}
         />
       ))}
-      {!captures.finished && <p class="note">The run is not finished; frames that are not captured yet are missing.</p>}
       {error && <p class="error" role="alert">{error}</p>}
       {frame && <Frame frame={frame} axes={ofFrame} />}
       {captures.columns.length > 0 && (

@@ -2,9 +2,23 @@
 
 import { axisOf, isPolarized, lengthOf, type Slice } from "../model";
 import { description, slice, store } from "../data";
-import { state, update, type Comparison, type Quantity, type Scale, type ViewState } from "../state";
+import { state, update, type Comparison, type Quantity, type Scale } from "../state";
 import { firstSlice, MAX_STOPS, MODES } from "../validate";
 import { Choice, Slider, Switch } from "./Field";
+import { OF_M00, toSlice } from "./showSlice";
+
+/** Quantities that are always on a linear scale. */
+const LINEAR: readonly Quantity[] =
+  ["colour", "dolp", "aolp", "ellipticity", "diattenuation", "polarizance", "retardance", "depolarization", "fast_axis"];
+/** Quantities whose range is fixed: angles that are shown around the circle. */
+const CYCLIC: readonly Quantity[] = ["aolp", "fast_axis"];
+const SCALE_LABELS: Record<Scale, string> = { linear: "Linear", arctan: "Arctan", symlog: "Symmetric log" };
+const MODE_LABELS: Record<Comparison["mode"], string> = {
+  side: "Side by side", difference: "Difference", flicker: "Flicker", split: "Split",
+};
+const ELEMENTS = [0, 1, 2, 3].map((i) => ({ value: String(i), label: String(i) }));
+const FURTHER = ["bounces", "component", "label"] as const;
+const FURTHER_LABELS = { bounces: "Bounces", component: "Component", label: "Path label" };
 
 const QUANTITY_LABELS: Record<Quantity, string> = {
   colour: "Photograph",
@@ -22,19 +36,6 @@ const QUANTITY_LABELS: Record<Quantity, string> = {
   std_error: "Standard error",
   snr: "Signal-to-noise ratio",
 };
-/** Quantities that a slice without polarization has. */
-const OF_INTENSITY: readonly Quantity[] = ["colour", "element", "intensity", "std_error", "snr"];
-/** Quantities that are always on a linear scale. */
-const LINEAR: readonly Quantity[] = ["colour", "dolp", "aolp", "diattenuation", "polarizance", "depolarization", "fast_axis"];
-/** Quantities whose range is fixed: angles that are shown around the circle. */
-const CYCLIC: readonly Quantity[] = ["aolp", "fast_axis"];
-const SCALE_LABELS: Record<Scale, string> = { linear: "Linear", arctan: "Arctan", symlog: "Symmetric log" };
-const MODE_LABELS: Record<Comparison["mode"], string> = {
-  side: "Side by side", difference: "Difference", flicker: "Flicker", split: "Split",
-};
-const ELEMENTS = [0, 1, 2, 3].map((i) => ({ value: String(i), label: String(i) }));
-const FURTHER = ["bounces", "component", "label"] as const;
-const FURTHER_LABELS = { bounces: "Bounces", component: "Component", label: "Path label" };
 
 /** Returns the size of a slice for the list of slices: `polarimetric (256 × 256, Mueller)`. */
 function sliceLabel(of: Slice): string {
@@ -43,22 +44,6 @@ function sliceLabel(of: Slice): string {
   if (axisOf(of, "t")) parts.push(`${lengthOf(of, "t")} time bins`);
   if (isPolarized(of)) parts.push("Mueller");
   return `${of.name} (${parts.join(", ")})`;
-}
-
-/** Returns the changes of the state for another slice: what the new slice does not have is reset. */
-function toSlice(next: Slice): Partial<ViewState> {
-  const view = state.value;
-  const [rows, columns] = [lengthOf(next, "y"), lengthOf(next, "x")];
-  const isSameSize = slice.value !== undefined && lengthOf(slice.value, "y") === rows && lengthOf(slice.value, "x") === columns;
-  return {
-    slice: next.name,
-    time: null,
-    gate: null,
-    select: {},
-    wavelength: view.wavelength === "all" ? "all" : Math.min(view.wavelength, lengthOf(next, "wavelength") - 1),
-    quantity: isPolarized(next) || OF_INTENSITY.includes(view.quantity) ? view.quantity : "colour",
-    ...(isSameSize ? {} : { look: null, pixel: null }),
-  };
 }
 
 function labelNames(value: number): string {
@@ -116,7 +101,7 @@ export function Toolbar({ onHelp, onOut }: { onHelp: () => void; onOut: () => vo
     const first = next && (next.slices.find((s) => s.name === view.slice) ?? firstSlice(next));
     update({
       store: Number(value), slice: "", compare: null, illumination: { kind: "all" },
-      ...(first ? toSlice(first) : { time: null, gate: null, select: {} }),
+      ...(first ? toSlice(view, itsSlice, first) : { time: null, gate: null, select: {} }),
     });
   };
   return (
@@ -131,7 +116,7 @@ export function Toolbar({ onHelp, onOut }: { onHelp: () => void; onOut: () => vo
       {itsStore && itsStore.slices.length > 0 && (
         <Choice
           label="Slice" value={view.slice} options={itsStore.slices.map((of) => ({ value: of.name, label: sliceLabel(of) }))}
-          onChange={(name) => update(toSlice(itsStore.slices.find((s) => s.name === name)!))}
+          onChange={(name) => update(toSlice(view, itsSlice, itsStore.slices.find((s) => s.name === name)!))}
         />
       )}
       {itsSlice && (
@@ -139,7 +124,7 @@ export function Toolbar({ onHelp, onOut }: { onHelp: () => void; onOut: () => vo
           <Choice
             label="Quantity" value={view.quantity}
             options={(Object.keys(QUANTITY_LABELS) as Quantity[]).map((value) => ({
-              value, label: QUANTITY_LABELS[value], disabled: !polarized && !OF_INTENSITY.includes(value),
+              value, label: QUANTITY_LABELS[value], disabled: !polarized && !OF_M00.includes(value),
             }))}
             onChange={(quantity) => update({ quantity })}
           />

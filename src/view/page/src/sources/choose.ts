@@ -7,13 +7,8 @@ import { StaticSource } from "./static";
 /** Folder of the data of a static export, beside the page. */
 const STATIC_FOLDER = "data";
 
-/**
- * Returns the source of this page: the server if the URL has its token, otherwise the files of a static export, which
- * `<meta name="sunstone-source" content="static">` or the file `data/describe.json` announces.
- */
-export async function chooseSource(document: Document, location: Location): Promise<Source> {
-  const meta = document.querySelector('meta[name="sunstone-source"]');
-  if (meta?.getAttribute("content") === "static") return new StaticSource(STATIC_FOLDER);
+/** Returns the source of this page: the server if the URL has its token, otherwise the files of a static export, if there are any. */
+export async function chooseSource(location: Location): Promise<Source> {
   const token = new URLSearchParams(location.search).get("token");
   if (token !== null) return new ServerSource(token);
   const found = await fetch(`${STATIC_FOLDER}/describe.json`).catch(() => null);
