@@ -33,8 +33,7 @@ fn store(id: usize, shown: &Shown) -> Result<Value, ViewError> {
             .iter()
             .map(|a| json!({"name": a.name, "units": a.units, "coords": a.coords}))
             .collect();
-        let captures =
-            json!({"axes": axes, "runAxes": layout.run_axes, "columns": columns(&frames)});
+        let captures = json!({"axes": axes, "runAxes": layout.run_axes, "columns": columns(&frames)});
         return Ok(json!({
             "id": id, "name": name, "path": path, "kind": "captures", "finished": true,
             "attributes": frames.attributes(), "slices": [], "captures": captures,
