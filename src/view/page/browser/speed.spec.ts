@@ -5,8 +5,8 @@
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import type { Page } from "@playwright/test";
-import { addressOf, bench, imageOf, matrixOf, ready, test } from "./page";
+import { expect, type Page } from "@playwright/test";
+import { addressOf, bench, imageOf, matrixOf, test } from "./page";
 import { ROOT, stop, sunstone, view } from "./program";
 
 const TIMES = 20;
@@ -120,7 +120,7 @@ test("speed", async ({ page }) => {
     for (const quantity of ["colour", "intensity", "dolp"] as const) {
       const light = { quantity, input: [1, 1, 0, 0] as [number, number, number, number] };
       await page.goto(addressOf(address, { ...SLICE, ...light, wavelength: quantity === "colour" ? "all" : 1 }));
-      if (waits) await ready(page);
+      if (waits) await expect(imageOf(page)).toHaveAttribute("data-ready", "true", { timeout: 300_000 });
       else await page.waitForTimeout(3000);
       lines.push(row(`state change, ${quantity}`, await stateChanges(page, TIMES)));
     }
