@@ -28,9 +28,9 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     /// Returns an error if the file cannot be read or written.
     pub fn open(of: &Path) -> std::io::Result<(Self, Vec<T>)> {
         let path = of.join(FILE);
-        let records = read(of)?;
+        let text = text(of)?;
+        let records = records(&text);
         let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
-        let text = crate::input::read_text(&path)?;
         if !text.is_empty() && !text.ends_with('\n') {
             file.write_all(b"\n")?;
         }
@@ -66,11 +66,19 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
 /// # Errors
 /// Returns an error if the file cannot be read.
 pub fn read<T: DeserializeOwned>(of: &Path) -> std::io::Result<Vec<T>> {
+    Ok(records(&text(of)?))
+}
+
+/// Returns the text of the journal in a folder. The text is empty if there is no journal.
+fn text(of: &Path) -> std::io::Result<String> {
     match crate::input::read_text(&of.join(FILE)) {
-        Ok(text) => Ok(text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect()),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(vec![]),
-        Err(e) => Err(e),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
+        read => read,
     }
+}
+
+fn records<T: DeserializeOwned>(text: &str) -> Vec<T> {
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
 /// Returns whether the folder `of` has a journal, that is, contains unfinished work.
