@@ -5,7 +5,9 @@ use crate::{Failure, bail, places, print, print_path};
 use std::fmt::Write;
 use std::path::PathBuf;
 use sunstone::base::input;
-use sunstone::store::probe::{Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes, std_error_path};
+use sunstone::store::probe::{
+    LeftOut, Pattern, Probe, ProbeResult, Pulse, parse_axes, parse_stokes, std_error_path,
+};
 use sunstone::tensor::array::Tensor;
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
@@ -99,16 +101,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 /// Prints notes about light outside the time bins and unknown values, which the result does not contain.
 fn report(r: &ProbeResult) -> Result<(), Failure> {
-    for (name, t) in [
-        ("arrived outside the stored time bins", &r.overflow),
-        ("was shifted out of the stored time bins by the pulse", &r.shifted_out),
-    ] {
-        let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
-        if sum != 0.0 {
-            eprintln!(
-                "note: the result does not include the light that {name}; the sum of this light is {sum:.6e}"
-            );
-        }
+    for note in LeftOut::of(r).notes() {
+        eprintln!("note: {note}");
     }
     let values = &r.mean.data;
     let unknown = values.iter().filter(|v| !v.is_finite()).count();

@@ -74,3 +74,20 @@ pub fn within(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<
     }
     Ok(Some(all))
 }
+
+/// Returns a note if error estimates in a box of rows and columns are unreliable.
+///
+/// # Errors
+/// Returns the same errors as [`of`].
+pub fn note(slice: &StoredSlice, pixels: Option<[Range<usize>; 2]>) -> Result<Option<String>, AccessError> {
+    let doubt = within(slice, pixels)?.filter(|d| d.doubtful > 0);
+    Ok(doubt.map(|d| {
+        format!(
+            "unreliable error estimates (too few samples) in {} of {} lit pixels of `{}`: neighbouring pixels found light that these pixels \
+             missed",
+            d.doubtful,
+            d.lit,
+            slice.name()
+        )
+    }))
+}

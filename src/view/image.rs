@@ -8,7 +8,6 @@
 use crate::answer::{Answer, Array};
 use crate::describe::axes;
 use crate::error::ViewError;
-use crate::probe::LeftOut;
 use crate::request::ImageRequest;
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -16,7 +15,7 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use store::doubt;
-use store::probe::{CoordRange, Probe, ProbeResult, Selection};
+use store::probe::{CoordRange, LeftOut, Probe, ProbeResult, Selection};
 use store::zarr::StoredSlice;
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
@@ -32,9 +31,6 @@ const LARGEST_TILE: usize = 64;
 
 /// Maximum number of values of an image.
 pub(crate) const MOST: usize = 1 << 24;
-
-/// First words of a probe's note about unreliable error estimates.
-const DOUBT: &str = "unreliable error estimates";
 
 /// An image that is being computed.
 pub(crate) struct Job {
@@ -186,20 +182,12 @@ impl Job {
         self.mean = Arc::new(vec![f32::NAN; values]);
         self.std_error = self.request.errors.then(|| Arc::new(vec![f32::NAN; values]));
         self.notes.clone_from(&first.notes);
-        // The last note of a tile may be about the error estimates of this tile. In an unfinished store, the
-        // estimates also count pixels that are not rendered yet.
-        if self.all_tiles > 1 || !self.finished {
-            self.notes.retain(|note| !note.starts_with(DOUBT));
-        }
-        if self.all_tiles > 1 && self.finished {
-            let doubt = doubt::within(&self.slice, Some([y0..y1, x0..x1]))?.filter(|d| d.doubtful > 0);
-            self.notes.extend(doubt.map(|d| {
-                let name = self.slice.name();
-                format!(
-                    "{DOUBT} (too few samples) in {} of {} lit pixels of `{name}`: neighbouring pixels found light that these pixels missed",
-                    d.doubtful, d.lit
-                )
-            }));
+        // The tile's note about unreliable error estimates gives way to that of the region. In an unfinished
+        // store, the estimates also count pixels that are not rendered yet.
+        let of_tile = doubt::note(&self.slice, Some([tile[0]..tile[1], tile[2]..tile[3]]))?;
+        self.notes.retain(|note| Some(note) != of_tile.as_ref());
+        if self.finished {
+            self.notes.extend(doubt::note(&self.slice, Some([y0..y1, x0..x1]))?);
         }
         self.put(tile, first);
         Ok(())

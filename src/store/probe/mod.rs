@@ -17,6 +17,7 @@
 
 mod engine;
 mod error;
+mod left_out;
 mod parse;
 mod pattern;
 mod plan;
@@ -25,6 +26,7 @@ mod run;
 mod write;
 
 pub use self::error::ProbeError;
+pub use self::left_out::LeftOut;
 pub use self::parse::{ParseError, parse_axes, parse_stokes};
 pub use self::pattern::Pattern;
 pub use self::request::{CoordRange, Probe, Pulse, Selection};

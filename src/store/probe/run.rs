@@ -42,7 +42,7 @@ impl Probe {
             None
         };
         fetch(&plan, of_overflow.as_ref(), slice)?;
-        plan.notes.extend(in_doubt(&plan, slice)?);
+        plan.notes.extend(doubt::note(slice, pixels(&plan))?);
         let (mean, std_error, shifted_out) = engine::run(&plan, slice, Field::Mean, Field::StdError)?;
         let overflow = match of_overflow {
             Some(plan) => Some(engine::run(&plan, slice, Field::Overflow, Field::OverflowStdError)?.0),
@@ -76,18 +76,4 @@ fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
         Some(axis.first..axis.end)
     };
     read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x])
-}
-
-/// Returns a note if the error estimates of camera pixels that the plan reads are unreliable.
-fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
-    let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
-    Ok(doubt.map(|d| {
-        format!(
-            "unreliable error estimates (too few samples) in {} of {} lit pixels of `{}`: neighbouring pixels found light that these pixels \
-             missed",
-            d.doubtful,
-            d.lit,
-            slice.name()
-        )
-    }))
 }
