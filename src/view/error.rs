@@ -58,7 +58,7 @@ impl ViewError {
     /// Returns whether the cause is a system error and not an invalid request or file.
     pub fn is_of_system(&self) -> bool {
         match self {
-            Self::Write { .. } | Self::Listen { .. } => true,
+            Self::Write { .. } | Self::Listen { .. } | Self::Threads(_) => true,
             Self::Create(e) => e.is_of_system(),
             Self::Access(e) => e.is_of_system(),
             Self::Probe(e) => e.is_of_system(),

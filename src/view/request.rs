@@ -48,6 +48,17 @@ impl ProbeRequest {
     }
 }
 
+impl ImageRequest {
+    /// Returns the request for the Mueller matrices of a slice, at one wavelength if the slice has several.
+    pub(crate) fn of_matrices(store: usize, slice: &str, nm: Option<f64>, limit: usize) -> Self {
+        let select = nm.map(|nm| format!("wavelength={nm}")).into_iter().collect();
+        let slice = slice.to_owned();
+        let probe =
+            ProbeRequest { store, slice, select, sum: vec![], stokes: None, pattern: None, pulse: None };
+        Self { probe, region: None, time: false, output: None, input: None, errors: false, limit }
+    }
+}
+
 /// A probe that keeps camera pixels, and optionally time.
 #[derive(Clone, Debug, Deserialize)]
 pub(crate) struct ImageRequest {

@@ -112,14 +112,12 @@ impl Service {
                 .ok_or_else(|| ViewError::Request(format!("the slice has {} wavelengths", all.len())))?,
             None => single_wavelength(&store.attributes()),
         };
-        let select: Vec<String> = wavelengths.map(|_| format!("wavelength={nm}")).into_iter().collect();
         let (scheme, matrices) = trial::scheme(&request.scheme)?;
-        let image = serde_json::json!({
-            "store": request.store, "slice": request.slice, "select": select, "limit": 16 * matrices,
-        });
-        let key = format!("trial {:?} {image}", self.store(request.store)?.manifest());
+        let one = wavelengths.map(|_| nm);
+        let image = ImageRequest::of_matrices(request.store, &request.slice, one, 16 * matrices);
+        let key = format!("trial {:?} {image:?}", self.store(request.store)?.manifest());
         let finished = store.is_finished();
-        let start = || Job::new(slice.clone(), finished, parse(image.to_string().as_bytes())?);
+        let start = || Job::new(slice.clone(), finished, image);
         let turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
         let job = self.jobs.get(&key, start)?;
         let mut job = job.lock().unwrap_or_else(PoisonError::into_inner);
