@@ -17,6 +17,9 @@ pub(super) struct Descattering {
     solver: Solver,
     /// True if the means of the features over 3 × 3 pixels are further features.
     pub around: bool,
+    /// True if the method is fitted to the truth of the test variant itself. The score is an upper bound of
+    /// what linear functions of the features can reach, and not a result for new scenes.
+    pub same_scene: bool,
 }
 
 /// The features of all pixels at a wavelength.
@@ -86,6 +89,10 @@ enum Features {
     EpipolarPair(usize),
     /// T00 of all light in every bin of travel time.
     Bins,
+    /// T00 of all light in the [`NEAR`] bins around the bin in which the pixel's object is brightest in clear
+    /// water. No laboratory knows this bin exactly in milk, so gates at this depth are an upper bound for gates
+    /// that follow an estimated depth.
+    BinsAtDepth,
     /// T00 of epipolar and of non-epipolar light.
     Space,
     /// The elements [`JOINT`] of epipolar and of non-epipolar light. The features of all methods that use
@@ -94,6 +101,10 @@ enum Features {
     /// [`Self::SpacePolarization`] and [`Self::Bins`].
     SpacePolarizationTime,
 }
+
+/// Bins of [`Features::BinsAtDepth`], relative to the bin of the pixel's object. Bins before the first bin and
+/// after the last bin contain no light.
+const NEAR: std::ops::RangeInclusive<isize> = -2..=2;
 
 /// Elements of the joint methods, row-major: the diagonal, and the elements of [`Features::Pair`].
 const JOINT: [usize; 8] = [0, 5, 10, 15, 1, 4, 3, 12];
@@ -115,13 +126,21 @@ enum Solver {
 }
 
 const fn new(name: &'static str, source: &'static str, features: Features, solver: Solver) -> Descattering {
-    Descattering { method: Method { name, source }, features, solver, around: false }
+    Descattering { method: Method { name, source }, features, solver, around: false, same_scene: false }
 }
 
 /// Returns a method with the means of the features over 3 × 3 pixels.
 const fn with_means(name: &'static str, of: &Descattering) -> Descattering {
     let method = Method { name, source: of.method.source };
-    Descattering { method, features: of.features, solver: of.solver, around: true }
+    Descattering { method, around: true, ..*of }
+}
+
+/// Returns a method that is fitted to the test variant itself. A single variant does not determine the free
+/// number of ridge regression, so the weights are those of least squares.
+const fn same_scene(name: &'static str, of: &Descattering) -> Descattering {
+    let method = Method { name, source: of.method.source };
+    let solver = if let Solver::Ridge = of.solver { Solver::LeastSquares } else { of.solver };
+    Descattering { method, solver, same_scene: true, ..*of }
 }
 
 const NEW: &str = "new here";
@@ -145,12 +164,20 @@ const CIRCULAR: Descattering = new(
 const STRIPING: Descattering =
     new("polarized light striping", "Gupta et al. 2008", Features::EpipolarPair(1), Solver::LeastSquares);
 const GATING: Descattering = new("time gating", "range gating", Features::Bins, Solver::Window);
+const GATING_AT_DEPTH: Descattering = new(
+    "time gating at the true depth",
+    "range gating that follows the depth",
+    Features::BinsAtDepth,
+    Solver::Window,
+);
+const PAPER: Descattering =
+    new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares);
 
-/// All methods. The methods that learn W and b come first, then the joint methods. The baselines begin at
-/// index [`BASELINES`].
-pub(super) const METHODS: [Descattering; 21] = [
+/// All methods. The methods that learn W and b come first, then the joint methods. The [`BASELINES`] follow, and
+/// then methods that are fitted to the test variant itself.
+pub(super) const METHODS: [Descattering; 32] = [
     new("W, b by L-BFGS", "Baek & Heide 2021", Features::Elements, Solver::Lbfgs),
-    new("W, b by least squares", "closed form of the same", Features::Elements, Solver::LeastSquares),
+    PAPER,
     new("W, b by ridge regression", NEW, Features::Elements, Solver::Ridge),
     new("W, b by errors in variables", NEW, Features::Elements, Solver::WithoutNoise),
     new("time-gated W, b by ridge regression", NEW, Features::GatedElements, Solver::Ridge),
@@ -164,16 +191,27 @@ pub(super) const METHODS: [Descattering; 21] = [
     CIRCULAR,
     STRIPING,
     GATING,
+    GATING_AT_DEPTH,
     with_means("conventional, 3 × 3", &CONVENTIONAL),
     with_means("epipolar confocal, 3 × 3", &CONFOCAL),
     with_means("cross-polarization, linear, 3 × 3", &LINEAR),
     with_means("cross-polarization, circular, 3 × 3", &CIRCULAR),
     with_means("polarized light striping, 3 × 3", &STRIPING),
     with_means("time gating, 3 × 3", &GATING),
+    with_means("time gating at the true depth, 3 × 3", &GATING_AT_DEPTH),
+    same_scene("W, b by least squares, same scene", &PAPER),
+    same_scene("joint: space, polarization, time, same scene", &ALL),
+    same_scene("conventional, same scene", &CONVENTIONAL),
+    same_scene("epipolar confocal, same scene", &CONFOCAL),
+    same_scene("cross-polarization, linear, same scene", &LINEAR),
+    same_scene("cross-polarization, circular, same scene", &CIRCULAR),
+    same_scene("polarized light striping, same scene", &STRIPING),
+    same_scene("time gating, same scene", &GATING),
+    same_scene("time gating at the true depth, same scene", &GATING_AT_DEPTH),
 ];
 
-/// Index of the first baseline.
-pub(super) const BASELINES: usize = 9;
+/// Indices of the baselines.
+pub(super) const BASELINES: std::ops::Range<usize> = 9..23;
 
 impl Descattering {
     /// Returns true if the features are matrix elements in row-major order.
@@ -218,6 +256,11 @@ impl Descattering {
             Features::Pair(k) => pair(&seen.polarimetric, k),
             Features::EpipolarPair(k) => pair(&seen.epipolar, k),
             Features::Bins => all(&seen.transient, 1),
+            Features::BinsAtDepth => {
+                let bin = |offset| usize::try_from(seen.arrival[pixel] as isize + offset).ok();
+                let light = |bin: usize| (bin < seen.transient.bins).then(|| at(&seen.transient, bin, 0));
+                NEAR.map(|offset| bin(offset).and_then(light).unwrap_or_default()).collect()
+            }
             Features::Space => parts(0).to_vec(),
             Features::SpacePolarization => joint().collect(),
             Features::SpacePolarizationTime => joint().chain(all(&seen.transient, 1)).collect(),

@@ -7,6 +7,8 @@ use crate::observation::{Observation, Pixels};
 
 /// Name of the truth slice, which shows the same objects in clear water.
 pub(super) const CLEAR: &str = "clear";
+/// Name of the truth slice that shows the same objects in clear water, in bins of travel time.
+pub(super) const CLEAR_IN_TIME: &str = "clear in time";
 
 /// Slices and ground truth of a variant.
 pub(super) struct Seen {
@@ -19,6 +21,8 @@ pub(super) struct Seen {
     pub gated: Pixels,
     /// M00 summed over all projector pixels, in bins of travel time.
     pub transient: Pixels,
+    /// The bin of travel time in which the pixel is brightest in clear water.
+    pub arrival: Vec<usize>,
     /// The image without milk, with one channel per wavelength.
     pub truth: Map,
     /// Maximum value of the truth in the mask.
@@ -40,6 +44,7 @@ impl Seen {
             epipolar: o.pixels("epipolar", true)?,
             gated: o.pixels("gated", true)?,
             transient: o.pixels("transient", false)?,
+            arrival: brightest_bins(&o.pixels(CLEAR_IN_TIME, false)?),
             truth: o.pixels(CLEAR, true)?.weighed(&[1.0]),
             peak: 0.0,
             mask: whole("inside")?,
@@ -51,7 +56,8 @@ impl Seen {
         let equal = slices.iter().all(|p| p.count() == n && p.wavelengths == lanes)
             && seen.truth.width == seen.polarimetric.width
             && seen.truth.data.len() == n * lanes
-            && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3];
+            && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3]
+            && seen.arrival.len() == n;
         if !equal {
             return Err(o.sizes("slices and truth maps"));
         }
@@ -65,6 +71,14 @@ impl Seen {
         }
         Ok(seen)
     }
+}
+
+/// Returns the bin with the largest sum of T00 over all wavelengths, for each pixel.
+fn brightest_bins(p: &Pixels) -> Vec<usize> {
+    let light =
+        |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
+    let brightest = |pixel: usize| (0..p.bins).max_by(|a, b| light(pixel, *a).total_cmp(&light(pixel, *b)));
+    (0..p.count()).map(|pixel| brightest(pixel).unwrap_or(0)).collect()
 }
 
 /// Returns the number of wavelengths. Checks that all variants have equal numbers of wavelengths and bins.

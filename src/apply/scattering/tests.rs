@@ -69,6 +69,10 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
                 ("gated", binned(false)),
                 ("transient", transient),
                 (
+                    seen::CLEAR_IN_TIME,
+                    slice([SIZE[0], SIZE[1], BINS, 3], 0.0, |_, b, e, _| f64::from(e == 0 && b == BINS - 1)),
+                ),
+                (
                     seen::CLEAR,
                     slice(
                         [SIZE[0], SIZE[1], 1, 3],
@@ -240,17 +244,51 @@ fn time_gating_uses_the_bin_without_backscatter() {
     for exact in [
         "time gating",
         "time gating, 3 × 3",
+        "time gating at the true depth",
+        "time gating, same scene",
         "time-gated W, b by ridge regression",
         "joint: space, polarization, time",
         "joint: space, polarization, time, 3 × 3",
     ] {
         assert!(of(&table, exact) > 60.0, "{exact} {table:?}");
     }
-    for veiled in
-        ["conventional", "conventional, 3 × 3", "W, b by least squares", "joint: space, polarization"]
-    {
+    for veiled in [
+        "conventional",
+        "conventional, 3 × 3",
+        "conventional, same scene",
+        "W, b by least squares",
+        "joint: space, polarization",
+    ] {
         assert!(of(&table, veiled) < VEILED, "{veiled} {table:?}");
     }
+}
+
+/// Verifies that the gate follows the depth of each pixel: the bins are counted from the pixel's own bin, and bins
+/// outside the range are dark.
+#[test]
+fn the_gate_at_the_true_depth_follows_each_pixel() {
+    let mut seen = Seen::new(&observations(PLAIN, 3)[0]).expect("seen");
+    assert!(seen.arrival.iter().all(|bin| *bin == BINS - 1));
+    seen.arrival[7] = 0;
+    let gating = METHODS.iter().find(|m| m.method.name == "time gating at the true depth").expect("a method");
+    let table = gating.table(&seen, 2);
+    let light = |pixel: usize, bin: usize| seen.transient.at(pixel, bin, 0, 2);
+    assert_eq!(table.of(6), [light(6, 1), light(6, 2), light(6, 3), 0.0, 0.0]);
+    assert_eq!(table.of(7), [0.0, 0.0, light(7, 0), light(7, 1), light(7, 2)]);
+}
+
+/// Verifies that a fit to the test variant is at least as good as a fit to other variants, for the same features.
+#[test]
+fn a_fit_to_the_same_scene_is_an_upper_bound() {
+    let table = psnr_of(Milk { linear: 0.6, circular: -0.2, things: 0.1, epipolar: 0.5, bins: 2 });
+    let mut bounds = 0;
+    for (name, bound) in &table {
+        if let Some(method) = name.strip_suffix(", same scene") {
+            bounds += 1;
+            assert!(*bound > of(&table, method).min(EXACT), "{method}: {table:?}");
+        }
+    }
+    assert_eq!(bounds, 9);
 }
 
 #[test]
@@ -288,7 +326,7 @@ fn the_task_uses_the_first_method() {
     let task = application.task.expect("it is linear")(&all[..2]).expect("it learns");
     let names: Vec<&str> = application.methods.iter().map(|m| m.name).collect();
     assert_eq!(task.method, names[0]);
-    assert!(task.baselines.len() == 6 && task.baselines.iter().all(|b| names[1..].contains(b)));
+    assert!(task.baselines.len() == 7 && task.baselines.iter().all(|b| names[1..].contains(b)));
     assert!(application.plan.slices.contains(&task.slice));
     assert!(task.functionals.len() == 3 && task.functionals.iter().all(|w| w[0] != 0.0));
 }
