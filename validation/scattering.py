@@ -5,6 +5,7 @@ The methods are trained on 15 variants (three arrangements in five concentration
 1003 (eight arrangements in three concentrations). A score is averaged over concentrations and seeds. The errors are standard errors
 over the arrangements, because scores of one arrangement are correlated. A joint method is compared with baselines that have the
 same spatial help: the method without means over 3 x 3 pixels with those without, the method with means with those with means.
+Rows that end in `same scene` are fitted to the truth of the test variant, and are compared with the joint method fitted so.
 
     python validation/scattering.py [--levels 16x3 96x1] [--renders FOLDER] [--write docs/applications/scattering.json]
 
@@ -27,7 +28,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
 
 TRAIN, TEST, CONCENTRATIONS = "1-5,13-17,25-29", "1003-1049/2", 6
-JOINT, MEANS = "joint: space, polarization, time", ", 3 × 3"
+JOINT, MEANS, SAME = "joint: space, polarization, time", ", 3 × 3", ", same scene"
 NEW = ("W, b", "time-gated", "joint")
 METRICS = ("PSNR", "SSIM")
 
@@ -57,14 +58,14 @@ def table(found):
     print("| method | PSNR [dB] | joint minus this | SSIM | joint minus this |\n|---|---|---|---|---|")
     for method in found["PSNR"]:
         cells = [method]
-        reference = JOINT + MEANS if method.endswith(MEANS) else JOINT
+        reference = JOINT + next((end for end in (MEANS, SAME) if method.endswith(end)), "")
         for metric, digits in zip(METRICS, (2, 3)):
             mine, own = found[metric][reference], found[metric][method]
             mean, error = estimate(own)
             difference, uncertain = estimate(np.subtract(mine, own))
             cells.append(f"{mean:.{digits}f} ± {error:.{digits}f}")
             cells.append("" if method == reference else f"{difference:.{digits}f} ± {uncertain:.{digits}f}")
-            if not method.startswith(NEW) and difference < -2 * uncertain:
+            if not method.startswith(NEW) and not method.endswith(SAME) and difference < -2 * uncertain:
                 ahead.append(f"{method} ({metric})")
         print("| " + " | ".join(cells) + " |")
     print()
