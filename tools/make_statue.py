@@ -296,14 +296,12 @@ def check_closed(faces):
         raise SystemExit("the surface is not closed; change CELL slightly")
 
 
-def main():
-    default = Path(__file__).resolve().parent.parent / "scenes" / "sss_statue"
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    folder.mkdir(parents=True, exist_ok=True)
-    axes = [np.arange(a, b, CELL) for a, b in zip(LOW, HIGH)]
+def surface(distance, low, high, cell):
+    """Return (vertices, normals, triangles) of the zero set of a signed distance in a box, on a grid of the given cell size."""
+    axes = [np.arange(a, b, cell) for a, b in zip(low, high)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    field = np.concatenate([dragon(slab) for slab in grid.reshape(len(axes[0]), -1, 3)]).reshape(grid.shape[:3])
-    field = unambiguous(blurred(field / CELL))
+    field = np.concatenate([distance(slab) for slab in grid.reshape(len(axes[0]), -1, 3)]).reshape(grid.shape[:3])
+    field = unambiguous(blurred(field / cell))
     vertices, quads = surface_net(field)
     slopes = np.stack(np.gradient(field), axis=-1)
     for _ in range(4):
@@ -312,7 +310,7 @@ def main():
         vertices = vertices - move[:, None] * g
     normals = sample(slopes, vertices)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    vertices = LOW + CELL * vertices
+    vertices = low + cell * vertices
     # The shorter diagonal splits a quadrilateral.
     a, b, c, d = (vertices[quads[:, k]] for k in range(4))
     straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
@@ -320,7 +318,14 @@ def main():
     pairs = [np.where(straight[:, None], quads[:, one], quads[:, two]) for one, two in halves]
     triangles = np.vstack(pairs)
     check_closed(triangles)
-    vertices, normals = unfolded(vertices, normals, triangles)
+    return *unfolded(vertices, normals, triangles), triangles
+
+
+def main():
+    default = Path(__file__).resolve().parent.parent / "scenes" / "sss_statue"
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    folder.mkdir(parents=True, exist_ok=True)
+    vertices, normals, triangles = surface(dragon, LOW, HIGH, CELL)
     # Place on y = 0 and scale to unit height.
     vertices[:, 1] -= vertices[:, 1].min()
     vertices /= vertices[:, 1].max()
