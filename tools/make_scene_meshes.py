@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals, fruits and painted_doll.
+"""Write the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals and fruits, and the foil of painted_doll.
 
 Lengths are in metres and +y is up. Every mesh is closed and faces outward, except the facets of the disco ball and the pleated
 foil. Requires Python 3 only; the output is deterministic.
@@ -43,6 +43,17 @@ def write_png(path, rows):
     data = b"".join(b"\0" + bytes(x for pixel in row for x in pixel) for row in rows)
     parts = [(b"IHDR", header), (b"IDAT", zlib.compress(data, 9)), (b"IEND", b"")]
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
+
+
+def vertex_normals(points, triangles):
+    """Return the normals of the vertices of a smooth mesh: means over the adjacent triangles, weighted by area."""
+    sums = [(0.0, 0.0, 0.0)] * len(points)
+    for face in triangles:
+        p, q, r = (points[k] for k in face)
+        normal = cross(add(q, p, -1.0), add(r, p, -1.0))
+        for k in face:
+            sums[k] = add(sums[k], normal)
+    return [unit(n) for n in sums]
 
 
 # --- disco_ball/facets.ply --------------------------------------------------------------------------------------------
@@ -260,22 +271,23 @@ def ruler_image():
 
 # Plane angle of the faces of calcite's cleavage rhombohedron, at its two blunt corners.
 CALCITE_ANGLE = math.radians(101.92)
-CALCITE_EDGES = (0.026, 0.026, 0.026)
 
 
-def calcite():
+def calcite(edges, turn):
     """Return (positions, faces, optic axis) of a cleavage rhombohedron that lies on y = 0, with a blunt corner below.
 
     The three edges at the blunt corner enclose equal angles, and the optic axis encloses equal angles with all of them: it is
-    their sum.
+    the sum of their directions. `edges` are their lengths, and `turn` is the angle about +y.
     """
     c, s = math.cos(CALCITE_ANGLE), math.sin(CALCITE_ANGLE)
     a, b = (1.0, 0.0, 0.0), (c, 0.0, -s)
     # The third edge e has e·a = e·b = c and unit length.
     z = (c * c - c) / s
     e = (c, math.sqrt(1.0 - c * c - z * z), z)
+    u, v = math.cos(turn), math.sin(turn)
+    a, b, e = ((u * p[0] + v * p[2], p[1], u * p[2] - v * p[0]) for p in (a, b, e))
     axis = unit(add(add(a, b), e))
-    a, b, e = (tuple(length * x for x in v) for v, length in zip((a, b, e), CALCITE_EDGES))
+    a, b, e = (tuple(length * x for x in v) for v, length in zip((a, b, e), edges))
     middle = tuple(0.5 * (x + y + w) for x, y, w in zip(a, b, e))
     corners = []
     for k in range(8):
@@ -309,6 +321,139 @@ def quartz():
     return points, outward(points, faces)
 
 
+# --- crystals/quartz_section.ply, quartz_point.ply ----------------------------------------------------------------------
+
+
+# Optic axes, as in crystals/scene.toml: 3 degrees from the camera's line of sight, and upright.
+QUARTZ_SECTION_AXIS, QUARTZ_POINT_AXIS = (0.275, -0.137, -0.952), (0.0, 1.0, 0.0)
+
+
+def polyhedron(planes):
+    """Return (positions, faces) of the points p with n·p <= d for all planes (n, d)."""
+    points = []
+    for i, (n, d) in enumerate(planes):
+        for j, (m, e) in enumerate(planes[:i]):
+            for o, f in planes[:j]:
+                det = dot(n, cross(m, o))
+                if abs(det) < 1e-9:
+                    continue
+                sides = zip((d, e, f), (cross(m, o), cross(o, n), cross(n, m)))
+                p = (0.0, 0.0, 0.0)
+                for weight, side in sides:
+                    p = add(p, side, weight / det)
+                inside = all(dot(k, p) <= g + 1e-9 for k, g in planes)
+                if inside and all(math.dist(p, q) > 1e-7 for q in points):
+                    points.append(p)
+    faces = []
+    for n, d in planes:
+        corners = [k for k, p in enumerate(points) if abs(dot(n, p) - d) < 1e-8]
+        if len(corners) < 3:
+            continue
+        centre = tuple(sum(points[k][axis] for k in corners) / len(corners) for axis in range(3))
+        first = unit(add(points[corners[0]], centre, -1.0))
+        second = cross(n, first)
+        angle = lambda k: math.atan2(dot(add(points[k], centre, -1.0), second), dot(add(points[k], centre, -1.0), first))  # noqa: B023, E731
+        faces.append(tuple(sorted(corners, key=angle)))
+    return points, faces
+
+
+def quartz_crystal(seed, radius, ends, axis):
+    """Return (positions, faces) of a hexagonal prism of quartz that rests on y = 0, about an axis through x = z = 0.
+
+    `radius` is the distance of its sides from its axis. `ends` are the two heights along the axis, each with the kind of the end:
+    "cut" perpendicular to the axis, or "point" with the faces of the two rhombohedra, of which every second one is larger. Natural
+    faces have slightly different distances from the centre.
+    """
+    chance = random.Random(seed)
+    axis = unit(axis)
+    up = (0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (0.35, 0.0, 1.0)
+    first = unit(add(up, axis, -dot(up, axis)))
+    second = cross(axis, first)
+    turn = lambda k: add(tuple(math.cos(TAU * k / 6) * x for x in first), second, math.sin(TAU * k / 6))  # noqa: E731
+    planes = [(turn(k), radius * chance.uniform(0.92, 1.10)) for k in range(6)]
+    c, s = math.cos(QUARTZ_ANGLE), math.sin(QUARTZ_ANGLE)
+    for sign, (height, kind) in zip((1.0, -1.0), ends):
+        if kind == "cut":
+            planes.append((tuple(sign * x for x in axis), height))
+            continue
+        for k in range(6):
+            larger = (k % 2 == 0) == (sign > 0.0)
+            tip = height * (1.0 if larger else 1.0 + 0.35 * radius / height) * chance.uniform(0.99, 1.02)
+            planes.append((add(tuple(sign * c * x for x in axis), turn(k), s), c * tip))
+    points, faces = polyhedron(planes)
+    low = min(p[1] for p in points)
+    return [(x, y - low, z) for x, y, z in points], faces
+
+
+# --- crystals/pebbles.ply, rods.ply -------------------------------------------------------------------------------------
+
+# Centre (x, z), radius, and ratio of height to radius of each pebble.
+PEBBLES = [
+    (-0.034, 0.036, 0.0055, 0.65), (-0.026, 0.043, 0.0036, 0.7), (0.016, 0.034, 0.0048, 0.7), (0.047, -0.034, 0.0090, 0.75),
+    (-0.010, -0.040, 0.0080, 0.9), (-0.046, -0.034, 0.0100, 0.7), (-0.008, 0.034, 0.0034, 0.7), (0.0205, 0.0425, 0.0026, 0.7),
+]  # fmt: skip
+PEBBLE_RINGS, PEBBLE_SIDES = 12, 24
+
+
+def pebbles():
+    """Return (positions, faces, normals) of rounded stones that lie on y = 0."""
+    chance = random.Random(7)
+    points, faces, normals = [], [], []
+    for x, z, radius, flat in PEBBLES:
+        waves = [(unit(tuple(chance.gauss(0.0, 1.0) for _ in range(3))), chance.uniform(2.0, 3.5), chance.uniform(0.0, TAU)) for _ in range(4)]
+        first, own = len(points), []
+        for i in range(PEBBLE_RINGS + 1):
+            a = math.pi * i / PEBBLE_RINGS
+            for j in range(PEBBLE_SIDES if 0 < i < PEBBLE_RINGS else 1):
+                b = TAU * j / PEBBLE_SIDES
+                d = (math.sin(a) * math.cos(b), math.cos(a), -math.sin(a) * math.sin(b))
+                r = radius * (1.0 + sum(0.05 * math.sin(k * dot(n, d) + t) for n, k, t in waves))
+                own.append((x + r * d[0], flat * r * d[1], z + r * d[2]))
+        low = min(p[1] for p in own)
+        own = [(p[0], p[1] - low, p[2]) for p in own]
+        at = lambda i, j: (0 if i == 0 else len(own) - 1 if i == PEBBLE_RINGS else 1 + (i - 1) * PEBBLE_SIDES + j % PEBBLE_SIDES)  # noqa: B023, E731
+        triangles = []
+        for i in range(PEBBLE_RINGS):
+            for j in range(PEBBLE_SIDES):
+                p, q, r, s = at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)
+                triangles += [(p, s, r)] if i == 0 else [(p, s, q)] if i == PEBBLE_RINGS - 1 else [(p, s, r), (p, r, q)]
+        points += own
+        normals += vertex_normals(own, triangles)
+        faces += [tuple(first + k for k in triangle) for triangle in triangles]
+    return points, faces, normals
+
+
+# Both ends and the radius of each rod.
+RODS = [
+    ((-0.030, 0.0022, -0.034), (0.004, 0.0560, -0.0575), 0.0016),
+    ((-0.014, 0.0018, 0.0480), (0.012, 0.0018, 0.0320), 0.0016),
+]  # fmt: skip
+ROD_SIDES = 20
+
+
+def rods():
+    """Return (positions, faces, normals) of round rods with flat ends."""
+    points, faces, normals = [], [], []
+    for start, end, radius in RODS:
+        along = unit(add(end, start, -1.0))
+        side = unit(cross(along, (0.0, 1.0, 0.0)))
+        other = cross(along, side)
+        ring = [add(tuple(math.cos(TAU * j / ROD_SIDES) * x for x in side), other, math.sin(TAU * j / ROD_SIDES)) for j in range(ROD_SIDES)]
+        first = len(points)
+        for centre in (start, end):
+            points += [add(centre, n, radius) for n in ring]
+            normals += ring
+        for j in range(ROD_SIDES):
+            i = (j + 1) % ROD_SIDES
+            faces.append((first + j, first + i, first + ROD_SIDES + i, first + ROD_SIDES + j))
+        for centre, direction in ((start, -1.0), (end, 1.0)):
+            cap = list(range(len(points), len(points) + ROD_SIDES))
+            points += [add(centre, n, radius) for n in ring]
+            normals += [tuple(direction * x for x in along)] * ROD_SIDES
+            faces.append(tuple(cap if direction > 0.0 else reversed(cap)))
+    return points, faces, normals
+
+
 def outward(points, faces):
     """Orient the faces of a convex body counter-clockwise as seen from outside, by means of the mean of its points."""
     centre = tuple(sum(p[k] for p in points) / len(points) for k in range(3))
@@ -335,7 +480,7 @@ def pattern_image():
     return rows
 
 
-# --- fruits/apple.ply, pear.ply, stem.ply -----------------------------------------------------------------------------
+# --- fruits/apple.ply, pear.ply, stem.ply, petals.ply, heart.ply, cloth.png -----------------------------------------------------------------------------
 
 FRUIT_SIDES = 56
 
@@ -381,6 +526,89 @@ def stem():
     return points, faces, normals
 
 
+# Whorls of a flower: number of petals, distance of their base from the axis, length, largest half width, height of the base and
+# rise of the tip, in units of the flower's radius; half the thickness of a petal.
+WHORLS = [(9, 0.30, 0.70, 0.185, 0.000, 0.06), (9, 0.29, 0.60, 0.165, 0.070, 0.20), (8, 0.28, 0.42, 0.125, 0.140, 0.27)]
+PETAL_THICKNESS = 0.014
+
+
+def petals():
+    """Return (positions, faces, normals) of a flower's petals, of unit radius, around +y; petals do not touch each other."""
+    rings, sides = 9, 6
+    points, faces, normals = [], [], []
+    for w, (count, base, length, width, height, rise) in enumerate(WHORLS):
+        for k, up in ((k, up) for k in range(count) for up in (True, False)):
+            # The upper and the lower side have their own normals along their common edge.
+            turn = TAU * (k + 0.5 * (w % 2)) / count + 0.11 * w
+            first, own = len(points), []
+            c, s = math.cos(turn), math.sin(turn)
+            for i in range(rings + 1):
+                t = i / rings
+                # A petal is widest at two thirds of its length, and its edges bend upward.
+                half = width * max(0.0, math.sin(math.pi * t**1.35)) ** 0.6
+                thick = PETAL_THICKNESS * max(0.0, math.sin(math.pi * t)) ** 0.5 * (1.0 if up else -1.0)
+                for j in range(sides + 1 if 0 < i < rings else 1):
+                    a = math.pi * j / sides
+                    x, z = base + length * t, half * math.cos(a)
+                    y = height + rise * t**1.6 + 0.3 * z * z / width - 0.012 * math.cos(5.0 * z / width)
+                    y += thick * math.sin(a) if 0 < j < sides else 0.0
+                    own.append((c * x - s * z, y, s * x + c * z))
+            at = lambda i, j: 0 if i == 0 else len(own) - 1 if i == rings else 1 + (i - 1) * (sides + 1) + j  # noqa: B023, E731
+            triangles = []
+            for i in range(rings):
+                for j in range(sides):
+                    p, q, r, o = at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)
+                    triangles += [(p, o, r)] if i == 0 else [(p, o, q)] if i == rings - 1 else [(p, o, r), (p, r, q)]
+            triangles = [face if up else face[::-1] for face in triangles]
+            faces += [tuple(first + corner for corner in face) for face in triangles]
+            points += own
+            normals += vertex_normals(own, triangles)
+    return points, faces, normals
+
+
+def flower_heart():
+    """Return (positions, faces, normals) of the round heart of the flower of `petals`, with many small bosses."""
+    rings, sides = 24, 48
+    points, faces, normals = [], [], []
+
+    def height(x, z):
+        r, a = math.hypot(x, z), math.atan2(z, x)
+        boss = 0.010 * math.cos(60.0 * r) * math.cos(12 * a) * step(0.02, 0.08, r)
+        return 0.06 + 0.15 * math.sqrt(max(0.0, 1.0 - (r / 0.27) ** 2)) + boss * (1.0 - step(0.22, 0.26, r))
+
+    rows = [(0.27 * math.sin(0.5 * math.pi * i / rings), 1.0) for i in range(1, rings + 1)] + [(0.27, -1.0)]
+    points.append((0.0, height(0.0, 0.0), 0.0))
+    for r, up in rows:
+        for j in range(sides):
+            x, z = r * math.cos(TAU * j / sides), r * math.sin(TAU * j / sides)
+            points.append((x, height(x, z), z) if up > 0.0 else (x, 0.0, z))
+    points.append((0.0, 0.0, 0.0))
+    ring = lambda i, j: 1 + i * sides + j % sides  # noqa: E731
+    for j in range(sides):
+        faces.append((0, ring(0, j + 1), ring(0, j)))
+        for i in range(len(rows) - 1):
+            p, q, r, s = ring(i, j), ring(i, j + 1), ring(i + 1, j + 1), ring(i + 1, j)
+            faces += [(p, q, r), (p, r, s)]
+        faces.append((len(points) - 1, ring(len(rows) - 1, j), ring(len(rows) - 1, j + 1)))
+    return points, faces, vertex_normals(points, faces)
+
+
+def cloth_image():
+    """Return a woven check of 40 × 28 cells in three shades of blue, with the threads of the weave."""
+    size, shades = 12, ((226, 228, 224), (150, 172, 200), (84, 112, 160))
+    chance = random.Random(5)
+    warp, weft = ([chance.uniform(-9.0, 9.0) for _ in range(size * n)] for n in (40, 28))
+    rows = []
+    for y in range(28 * size):
+        row = []
+        for x in range(40 * size):
+            colour = shades[(x // size) % 2 + (y // size) % 2]
+            thread = warp[x] if (x + y) % 2 else weft[y]
+            row.append(tuple(max(0, min(255, round(v + thread + (6 if (x + y) % 2 else -6)))) for v in colour))
+        rows.append(row)
+    return rows
+
+
 def pleats():
     """Return a foil with eight vertical pleats of 6 mm whose sides enclose a right angle. The foil is 85 mm high and faces +z."""
     positions, faces = [], []
@@ -406,15 +634,24 @@ def main():
     paint = [[doll_paint((x + 0.5) / size, 1.0 - (y + 0.5) / size) for x in range(size)] for y in range(size)]
     write_png(root / "milky_tank/doll.png", paint)
     write_png(root / "milky_tank/ruler.png", ruler_image())
-    corners, faces, axis = calcite()
+    corners, faces, axis = calcite((0.020, 0.014, 0.0185), math.radians(-10))
     write_ply(root / "crystals/calcite.ply", corners, faces)
     print("calcite's optic axis, for crystals/scene.toml:", [round(x, 6) for x in axis])
     write_ply(root / "crystals/quartz.ply", *quartz())
+    section = quartz_crystal(1, 0.0098, [(0.011, "cut")] * 2, QUARTZ_SECTION_AXIS)
+    write_ply(root / "crystals/quartz_section.ply", *section)
+    point = quartz_crystal(2, 0.0044, [(0.0190, "point"), (0.0120, "cut")], QUARTZ_POINT_AXIS)
+    write_ply(root / "crystals/quartz_point.ply", *point)
+    write_ply(root / "crystals/pebbles.ply", *pebbles())
+    write_ply(root / "crystals/rods.ply", *rods())
     write_png(root / "crystals/pattern.png", pattern_image())
     for name, profile, height in (("apple", APPLE_PROFILE, 0.065), ("pear", PEAR_PROFILE, 0.095)):
         points, normals, triangles = turned(profile, FRUIT_SIDES, math.radians(10), height)
         write_ply(root / f"fruits/{name}.ply", points, triangles, normals)
     write_ply(root / "fruits/stem.ply", *stem())
+    write_ply(root / "fruits/petals.ply", *petals())
+    write_ply(root / "fruits/heart.ply", *flower_heart())
+    write_png(root / "fruits/cloth.png", cloth_image())
     write_ply(root / "painted_doll/pleats.ply", *pleats())
 
 
