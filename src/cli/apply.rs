@@ -247,6 +247,7 @@ impl From<StudioError> for Failure {
             StudioError::Scene(e) => e.into(),
             StudioError::Interrupted => Failure::Interrupted(e.to_string()),
             StudioError::Render(ref cause) => Failure::of_system(is_of_system(cause), e),
+            StudioError::Denoise(ref cause) => Failure::of_system(cause.is_of_system(), e),
             _ => Failure::input(e),
         }
     }

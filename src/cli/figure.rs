@@ -51,7 +51,7 @@ pub struct Arguments {
     /// Do not divide Mueller elements by M00 (mueller).
     #[arg(long)]
     raw: bool,
-    /// Scale of the signed elements (mueller).
+    /// Scale of signed elements (mueller, maps).
     #[arg(long, default_value = "linear")]
     scale: Scale,
     /// Draw signed elements below this number of standard errors in grey (mueller).
@@ -132,7 +132,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return draw_all(&store, Some(a));
     };
     let slice = a.slice.clone().unwrap_or_default();
-    let map = |slice: String| MapView { slice, wavelength_nm: a.wavelength, row: a.row, element: a.element };
+    let scale = match a.scale {
+        Scale::Linear => SignedScale::Linear,
+        Scale::Arctan => SignedScale::Arctan,
+    };
+    let map =
+        |slice: String| MapView { slice, wavelength_nm: a.wavelength, row: a.row, element: a.element, scale };
     let view = match kind {
         Kind::Photo => View::Photo(PhotoView { slice, white: a.limit }),
         Kind::Mueller => View::Mueller(MuellerView {
@@ -140,10 +145,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             wavelength_nm: a.wavelength,
             normalized: !a.raw,
             limit: a.limit,
-            scale: match a.scale {
-                Scale::Linear => SignedScale::Linear,
-                Scale::Arctan => SignedScale::Arctan,
-            },
+            scale,
             mask_sigmas: a.mask,
         }),
         Kind::SpaceSpace => View::SpaceSpace(map(slice)),

@@ -2,7 +2,7 @@
 
 use crate::error::FigureError;
 use crate::flight::MOST;
-use crate::spec::View;
+use crate::spec::{SignedScale, View};
 use base::spectral_table;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
@@ -62,6 +62,10 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
             Err(FigureError::option("pixel", value, "a column and a row of the camera, counted from 0"))
         }
         View::Profile(_) => Ok(()),
+        View::SpaceSpace(v) | View::SpaceTime(v) if v.scale == SignedScale::Arctan && v.element == [0, 0] => {
+            let must = "`linear`, or an element other than M00, because M00 has no signed scale";
+            Err(FigureError::option("scale", "arctan", must))
+        }
         View::SpaceSpace(v) | View::SpaceTime(v) => {
             let resolved = !matches!(
                 slice.projector,

@@ -7,6 +7,7 @@
 //! primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
+use crate::spec::SignedScale;
 use base::spectral_table;
 use image::Rgb;
 
@@ -117,8 +118,30 @@ pub fn signed(v: f32) -> Rgb<u8> {
 }
 
 /// Returns the colour of the quotient `element` / `m00` on the scale ± `limit`.
-pub fn quotient(element: f32, m00: f32, limit: f32) -> Rgb<u8> {
-    if m00 > 0.0 && m00.is_finite() { signed(element / m00 / limit) } else { UNDEFINED }
+pub fn quotient(element: f32, m00: f32, limit: f32, scale: SignedScale) -> Rgb<u8> {
+    if m00 > 0.0 && m00.is_finite() { signed(scale.place(element / m00 / limit)) } else { UNDEFINED }
+}
+
+/// Samples of Matplotlib's cyclic colour map twilight. Both ends are equal. The explorer uses the same samples.
+#[rustfmt::skip]
+const TWILIGHT: [u32; 33] = [
+    0xe2d9e2, 0xd6d7dd, 0xc2ced4, 0xaac2cc, 0x93b4c6, 0x80a5c3, 0x7297c1, 0x6887be, 0x6276ba, 0x5f64b5, 0x5e51ad,
+    0x5d3da1, 0x592a8f, 0x511b77, 0x45135c, 0x381145, 0x301437, 0x3a113a, 0x4a1342, 0x5f174a, 0x741e4f, 0x872750,
+    0x983550, 0xa64550, 0xb25652, 0xbb6958, 0xc27c63, 0xc78f72, 0xcca287, 0xd1b5a1, 0xd8c6bd, 0xded3d4, 0xe2d9e2,
+];
+
+/// Returns the colour of an angle in a cyclic colour map. The angle has a period of 1. Returns [`UNDEFINED`] if
+/// the angle is not finite.
+pub fn cyclic(turn: f32) -> Rgb<u8> {
+    if !turn.is_finite() {
+        return UNDEFINED;
+    }
+    let last = TWILIGHT.len() - 1;
+    let at = turn.rem_euclid(1.0) * last as f32;
+    let i = (at as usize).min(last - 1);
+    let [low, high] = [TWILIGHT[i], TWILIGHT[i + 1]].map(u32::to_be_bytes);
+    let between = |c: usize| f32::from(low[c]) + (at - i as f32) * (f32::from(high[c]) - f32::from(low[c]));
+    Rgb([1, 2, 3].map(|c| between(c).round() as u8))
 }
 
 /// Returns the colour of a value in a perceptually uniform sequential colour map. The colour is black for 0
@@ -166,6 +189,8 @@ mod tests {
         assert_eq!(signed(7.0), signed(1.0));
         assert!(sequential(0.0).0.iter().all(|&c| c < 10));
         assert_eq!(srgb(1.0), 255);
+        assert_eq!((cyclic(0.0), cyclic(0.5)), (Rgb([0xe2, 0xd9, 0xe2]), Rgb([0x30, 0x14, 0x37])));
+        assert_eq!((cyclic(1.25), cyclic(-0.75)), (cyclic(0.25), cyclic(0.25)));
         assert_eq!(srgb(0.215_861), 128);
     }
 

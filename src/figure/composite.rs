@@ -13,5 +13,5 @@ mod tests;
 pub use draw::draw;
 pub use parts::{
     Arrow, COLUMN_MM, Composite, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, Part, ScaleBar, WIDTHS_MM,
-    letter,
+    check_crop, letter, pixels_of,
 };

@@ -23,8 +23,13 @@ pub fn figures(slice: &str, axes: &[Axis], has_errors: bool, pixel: [f64; 2]) ->
     let projector = len(AxisKind::U).max(len(AxisKind::V));
     let name = || slice.to_owned();
     // The row in the middle.
-    let map =
-        || MapView { slice: name(), wavelength_nm: None, row: y.saturating_sub(1) / 2, element: [0, 0] };
+    let map = || MapView {
+        slice: name(),
+        wavelength_nm: None,
+        row: y.saturating_sub(1) / 2,
+        element: [0, 0],
+        scale: SignedScale::Linear,
+    };
     let is_scanline = x > 0 && y <= FEW_ROWS && SCANLINE * y <= x && (t > 0 || projector > 1);
     let mut views = vec![];
     if x > 0 && y > 0 && !is_scanline {

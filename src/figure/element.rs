@@ -12,6 +12,7 @@ use super::photo::{limit, white};
 use super::raster::Raster;
 use super::reduce::Source;
 use super::tile::Tile;
+use crate::spec::SignedScale;
 use serde::Deserialize;
 use std::str::FromStr;
 use tensor::axes::AxisKind;
@@ -76,11 +77,26 @@ pub struct ElementView {
     /// Value shown as white, or value at the ends of the signed scale. `None` selects 1 if normalized,
     /// otherwise the 99th percentile.
     pub limit: Option<f32>,
+    /// Scale of signed values.
+    #[serde(default)]
+    pub scale: SignedScale,
 }
 
 impl ElementView {
     fn is_signed(&self) -> bool {
         self.normalized || self.element.sign == 0
+    }
+
+    /// Checks the options that do not depend on the slice.
+    ///
+    /// # Errors
+    /// [`FigureError::Option`] if the view has a scale for signed values but shows values of one sign as light.
+    pub fn check(&self) -> Result<(), FigureError> {
+        if self.scale == SignedScale::Linear || self.is_signed() {
+            return Ok(());
+        }
+        let must = "`linear`, or the element normalized or with the sign ±, because light of one sign has no signed scale";
+        Err(FigureError::option("scale", "arctan", must))
     }
 }
 
@@ -106,6 +122,7 @@ fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
 /// - The slice is empty or damaged.
 /// - An option is out of range.
 pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
+    view.check()?;
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let (w, h) = (xs.len(), ys.len());
@@ -139,15 +156,18 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let raster = Raster::new(&view.slice, w, pairs.map(|(m, m00)| [*m, sign as f32 * m00]).collect())?;
     let limit = limit(view.limit, view.normalized, raster.data.iter().map(|v| v[0]))?;
     let end = limit.value();
-    let image =
-        raster.image(|[m, m00]| if view.normalized { quotient(m, m00, end) } else { signed(m / end) });
+    let scale = view.scale;
+    let image = raster.image(|[m, m00]| {
+        if view.normalized { quotient(m, m00, end, scale) } else { signed(scale.place(m / end)) }
+    });
     let [i, j] = view.element.at;
     let name = format!("{}M{i}{j}", if sign < 0.0 { "−" } else { "" });
-    let bar = Bar::signed(end.into(), |ticks| {
+    let words = scale.words();
+    let bar = Bar::scaled(scale, end.into(), |ticks| {
         if view.normalized {
-            format!("{name} / M00")
+            format!("{name} / M00{words}")
         } else {
-            format!("{name} [{}]", ticks.unit(CAMERA_UNIT))
+            format!("{name}{words} [{}]", ticks.unit(CAMERA_UNIT))
         }
     });
     Ok(Tile { white: Some(limit), bar: Some(bar), ..Tile::image(image) })
@@ -182,6 +202,7 @@ mod tests {
             normalized,
             time_ps: None,
             limit: Some(1.0),
+            scale: SignedScale::Linear,
         };
         let panel = Panel { mean: t, std_error: None, overflow: None };
         let tile = tile(&view, &panel).expect("a picture");

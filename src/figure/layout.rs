@@ -8,6 +8,7 @@ use super::drawing::{Drawing, Point, Rect};
 use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap};
 use super::ticks::{Ticks, brief};
 use super::white::White;
+use crate::spec::SignedScale;
 
 /// Unit of camera values, which are spectral radiances.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
@@ -206,11 +207,15 @@ impl Bar {
         Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
     }
 
-    /// Creates a colour bar for signed values between ± `limit` on an arctan scale. `label` returns the label
-    /// for the given ticks.
-    pub fn arctan(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
-        let ticks = Ticks::arctan(limit);
-        Self { label: label(&ticks), ticks, colour: |v| signed(2.0 * v - 1.0) }
+    /// Creates a colour bar for signed values between ± `limit` on a scale. `label` returns the label for the
+    /// given ticks, without the name of the scale.
+    pub fn scaled(scale: SignedScale, limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
+        let bar = Self::signed(limit, |_| String::new());
+        let ticks = match scale {
+            SignedScale::Linear => bar.ticks,
+            SignedScale::Arctan => Ticks::arctan(limit),
+        };
+        Self { label: label(&ticks), ticks, ..bar }
     }
 
     /// Returns an image of the bar's colours. The image is one pixel wide, with the upper end of the bar

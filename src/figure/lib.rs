@@ -16,7 +16,7 @@ use crate::spec::{FlightView, View};
 pub use check::check;
 pub use drawing::{Drawing, Rect};
 pub use error::FigureError;
-pub use output::{Format, is_animation, save, save_animation};
+pub use output::{Format, check_animation, is_animation, save, save_animation};
 pub use panel::Panel;
 pub use white::White;
 
@@ -40,6 +40,7 @@ mod mueller;
 mod output;
 mod panel;
 mod photo;
+pub mod polarization;
 mod profile;
 mod raster;
 mod reduce;

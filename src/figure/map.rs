@@ -17,7 +17,7 @@ use super::photo::channels;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::ticks::Ticks;
-use crate::spec::MapView;
+use crate::spec::{MapView, SignedScale};
 use tensor::axes::AxisKind;
 
 /// Ratio of the 99.9th to the 5th percentile of positive values. The scale is logarithmic above this ratio.
@@ -115,8 +115,8 @@ enum Values {
     /// Red, green and blue values of M00.
     Colour(Raster<3>, Scale),
     Size(Raster<1>, Scale),
-    /// Values of M00 and of the drawn element.
-    Signed(Raster<2>),
+    /// Values of the drawn element and of M00.
+    Signed(Raster<2>, SignedScale),
 }
 
 fn rising<const C: usize>(
@@ -133,7 +133,7 @@ impl Content<'_> {
         match &self.values {
             Values::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
             Values::Size(r, scale) => rising(r, factors, |[v]| sequential(scale.place(v))),
-            Values::Signed(r) => rising(r, factors, |[m, m00]| quotient(m, m00, 1.0)),
+            Values::Signed(r, scale) => rising(r, factors, |[m, m00]| quotient(m, m00, 1.0, *scale)),
         }
     }
 
@@ -216,7 +216,8 @@ fn content<'a>(
         let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
         let note = format!("{row}{at} Grey: undefined (M00 is not positive).");
         let [out, inn] = view.element;
-        (note, Values::Signed(raster), Bar::signed(1.0, |_| format!("M{out}{inn} / M00")))
+        let bar = Bar::scaled(view.scale, 1.0, |_| format!("M{out}{inn} / M00{}", view.scale.words()));
+        (note, Values::Signed(raster, view.scale), bar)
     };
     Ok(Content { xs, ups, label, note, values, bar })
 }

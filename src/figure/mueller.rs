@@ -18,11 +18,11 @@ use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo;
 use super::raster::{Factor, Raster};
-use super::reduce::{Reduced, Source};
+use super::reduce::Source;
 use super::text::{Align, NAME, Style, width};
 use super::ticks::Ticks;
 use super::white::White;
-use crate::spec::{MuellerView, SignedScale};
+use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
 
 /// Colour of lines around panels.
@@ -49,36 +49,48 @@ pub(super) struct Grid<'a> {
     pub limit: White,
 }
 
-pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
-    let source = Source::new(&view.slice, panel.mean)?;
+/// Returns the Mueller matrix of every pixel at one wavelength, summed over all other axes. The function `f` is
+/// applied to every value before summation.
+pub(super) fn matrices(
+    source: Source,
+    lane: usize,
+    f: impl Fn(f32) -> f64,
+) -> Result<Raster<16>, FigureError> {
     let xs = source.need(AxisKind::X)?;
     source.need(AxisKind::Y)?;
     for kind in [AxisKind::StokesOut, AxisKind::StokesIn] {
         source.index("Stokes elements", 3, source.need(kind)?.len())?;
     }
-    let lane = source.wavelength(view.wavelength_nm)?;
-    let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
-    let elements = |values: Reduced| {
-        // Panels show 4 × 4 elements per pixel. From longer Stokes axes, the first four entries are shown.
-        let (so, si) = (values.shape[2], values.shape[3]);
-        let pixels = values.data.chunks_exact(so * si);
-        let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
-        Raster::<16>::new(&view.slice, xs.len(), data.collect())
-    };
-    let raster = elements(source.sum(&keep, &pick, f64::from))?;
-    let mask = match view.mask_sigmas {
-        None => None,
-        Some(n) if !(n > 0.0 && n.is_finite()) => {
-            return Err(FigureError::option("mask_sigmas", n, "a positive number"));
-        }
-        Some(n) => {
-            let error = panel.std_error.filter(|e| e.shape() == panel.mean.shape());
-            let error = error.ok_or_else(|| FigureError::NoErrors { slice: view.slice.clone() })?;
-            let error = Source::new(&view.slice, error)?;
-            Some((elements(error.sum(&keep, &pick, |v| f64::from(v) * f64::from(v)))?, n))
-        }
-    };
+    let values = source.sum(&keep, &[(AxisKind::Wavelength, lane)], f);
+    // From longer Stokes axes, the first four entries are used.
+    let (so, si) = (values.shape[2], values.shape[3]);
+    let pixels = values.data.chunks_exact(so * si);
+    let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
+    Raster::new(source.slice, xs.len(), data.collect())
+}
+
+/// Returns the variance of every element of [`matrices`] for a mask of `sigmas` standard errors. Standard errors
+/// of summed values are added in quadrature.
+pub(super) fn variances(
+    slice: &str,
+    lane: usize,
+    sigmas: f32,
+    panel: &Panel,
+) -> Result<Raster<16>, FigureError> {
+    if !(sigmas > 0.0 && sigmas.is_finite()) {
+        return Err(FigureError::option("mask_sigmas", sigmas, "a positive number"));
+    }
+    let error = panel.std_error.filter(|e| e.shape() == panel.mean.shape());
+    let error = error.ok_or_else(|| FigureError::NoErrors { slice: slice.to_owned() })?;
+    matrices(Source::new(slice, error)?, lane, |v| f64::from(v) * f64::from(v))
+}
+
+pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
+    let source = Source::new(&view.slice, panel.mean)?;
+    let lane = source.wavelength(view.wavelength_nm)?;
+    let raster = matrices(source, lane, f64::from)?;
+    let mask = view.mask_sigmas.map(|n| Ok((variances(&view.slice, lane, n, panel)?, n))).transpose()?;
     let white = exposure(raster.data.iter().map(|m| m[0]));
     let limit = photo::limit(view.limit, view.normalized, raster.data.iter().flatten().copied())?;
     Ok(Grid { source, lane, view, raster, mask, white, limit })
@@ -117,10 +129,7 @@ impl Grid<'_> {
     }
 
     pub fn bar(&self) -> Bar {
-        let scale = match self.view.scale {
-            SignedScale::Linear => "",
-            SignedScale::Arctan => ", arctan scale",
-        };
+        let scale = self.view.scale.words();
         let label = |ticks: &Ticks| {
             if self.view.normalized {
                 format!("Mij / M00{scale}")
@@ -128,11 +137,7 @@ impl Grid<'_> {
                 format!("Mij{scale} [{}]", ticks.unit(CAMERA_UNIT))
             }
         };
-        let limit = self.limit.value().into();
-        match self.view.scale {
-            SignedScale::Linear => Bar::signed(limit, label),
-            SignedScale::Arctan => Bar::arctan(limit, label),
-        }
+        Bar::scaled(self.view.scale, self.limit.value().into(), label)
     }
 
     /// Returns the notes on the wavelength, on white and on grey pixels.

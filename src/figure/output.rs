@@ -62,6 +62,14 @@ fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
+/// Checks that the extension of a path is that of an animation.
+///
+/// # Errors
+/// [`FigureError::Extension`] for any other extension.
+pub fn check_animation(path: &Path) -> Result<(), FigureError> {
+    if is_animation(path) { Ok(()) } else { Err(unknown(path, ANIMATIONS)) }
+}
+
 /// Writes a drawing atomically in the format of the path's extension. Creates missing folders.
 ///
 /// # Errors
@@ -108,10 +116,13 @@ pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError
             }
             png.finish().map_err(encode)?;
         }
-        _ => return Err(unknown(path, ".gif or .apng")),
+        _ => return Err(unknown(path, ANIMATIONS)),
     }
     write(path, bytes.get_ref())
 }
+
+/// Extensions of animations, for messages.
+const ANIMATIONS: &str = ".gif or .apng";
 
 fn unknown(path: &Path, known: &'static str) -> FigureError {
     let path = path.display().to_string();

@@ -127,6 +127,14 @@ impl SignedScale {
             Self::Linear | Self::Arctan => v,
         }
     }
+
+    /// Returns the text that a label of a colour bar appends to the quantity.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Linear => "",
+            Self::Arctan => ", arctan scale",
+        }
+    }
 }
 
 /// Options of [`View::SpaceSpace`] and of [`View::SpaceTime`].
@@ -144,6 +152,9 @@ pub struct MapView {
     /// Mueller element [out, in] to draw; elements other than [0, 0] are signed and normalized by M00.
     #[serde(default)]
     pub element: [usize; 2],
+    /// Scale of elements other than [0, 0].
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub scale: SignedScale,
 }
 
 /// Options of [`View::Flight`].

@@ -84,7 +84,7 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     (kept.trim_end().to_owned() + "…", style)
 }
 
-/// Wraps a text into lines of at most `room` pixels. A wider word is on a line of its own.
+/// Wraps a text into lines of at most `room` pixels. A wider word is broken between characters.
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -93,10 +93,28 @@ pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
                 line.push(' ');
                 line.push_str(word);
             }
-            _ => lines.push(word.to_owned()),
+            _ => lines.extend(broken(word, style, room)),
         }
     }
     lines
+}
+
+/// Breaks a word into pieces of at most `room` pixels, but of at least one character.
+fn broken(word: &str, style: Style, room: f64) -> Vec<String> {
+    let mut pieces = vec![String::new()];
+    let mut used = 0.0;
+    for c in word.chars() {
+        let wide = advance(c, style);
+        if used > 0.0 && used + wide > room {
+            pieces.push(String::new());
+            used = 0.0;
+        }
+        used += wide;
+        if let Some(piece) = pieces.last_mut() {
+            piece.push(c);
+        }
+    }
+    pieces
 }
 
 #[cfg(test)]
@@ -118,5 +136,9 @@ mod tests {
         let lines = wrap(long, NOTE, 120.0);
         assert!(lines.len() > 2 && lines.iter().all(|l| width(l, NOTE) <= 120.0));
         assert_eq!(lines.join(" "), long);
+        let word = "polarization-resolved/transient";
+        let lines = wrap(word, NOTE, 60.0);
+        assert!(lines.len() > 2 && lines.iter().all(|l| width(l, NOTE) <= 60.0), "{lines:?}");
+        assert_eq!(lines.concat(), word);
     }
 }

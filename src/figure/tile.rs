@@ -3,10 +3,11 @@
 //!
 //! Images have one pixel per value. The composite scales them.
 
-use image::{Rgb, RgbImage};
+use image::{Rgb, RgbImage, imageops};
 
 use super::chart::{self, Chart, Marks, Scale as Along, label, marks};
-use super::colour::{self, UNDEFINED, photo, sequential, signed};
+use super::colour::{self, UNDEFINED, cyclic, photo, sequential, signed};
+use super::composite::pixels_of;
 use super::error::FigureError;
 use super::layout::Bar;
 use super::marker::{DISTINCT, palette};
@@ -16,7 +17,7 @@ use super::reduce::Source;
 use super::ticks::Ticks;
 use super::white::White;
 use super::{flight, map, mueller, profile};
-use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
+use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, SignedScale, View};
 
 /// The contents of a panel.
 #[derive(Clone, Debug)]
@@ -30,6 +31,8 @@ pub struct Tile {
     pub bar: Option<Bar>,
     /// Chart to draw instead of images.
     pub(crate) chart: Option<Lines>,
+    /// Whether the image shows points of the Poincaré sphere. The circles of the sphere are drawn on the image.
+    pub(crate) sphere: bool,
     /// Ratio of height to width of a map or a chart. Images have their own ratio.
     pub aspect: Option<f64>,
     /// The value shown as white, or at the end of a signed scale. The value exists if the tile has such a
@@ -96,7 +99,10 @@ pub enum Scale {
     Signed {
         /// Value at the upper end of the scale. The lower end is the negative of this value.
         limit: f32,
+        scale: SignedScale,
     },
+    /// Angles in degrees with a period of 180°, drawn with a cyclic colour map.
+    Axial,
     /// Indices of objects, counted from 0. Negative values mean no object.
     Things,
 }
@@ -107,7 +113,37 @@ impl Tile {
     }
 
     fn images(cells: Vec<(RgbImage, String)>, columns: usize) -> Self {
-        Self { cells, columns: columns.max(1), axes: None, bar: None, chart: None, aspect: None, white: None }
+        Self {
+            cells,
+            columns: columns.max(1),
+            axes: None,
+            bar: None,
+            chart: None,
+            sphere: false,
+            aspect: None,
+            white: None,
+        }
+    }
+
+    /// Returns one tile per image, for an animation.
+    pub fn frames(&self) -> Vec<Self> {
+        let frame =
+            |cell: &(RgbImage, String)| Self { cells: vec![cell.clone()], columns: 1, ..self.clone() };
+        self.cells.iter().map(frame).collect()
+    }
+
+    /// Crops every image to `[x, y, width, height]`, which are fractions of the image. The crop is rounded to
+    /// whole pixels. Returns false if the tile has no photographs that can be cropped, because the tile is a
+    /// map with axes, a chart or a Poincaré sphere.
+    pub fn crop(&mut self, [x, y, w, h]: [f64; 4]) -> bool {
+        if self.axes.is_some() || self.chart.is_some() || self.sphere {
+            return false;
+        }
+        for (image, _) in &mut self.cells {
+            let [x, y, w, h] = pixels_of([x, y, w, h], [image.width(), image.height()]);
+            *image = imageops::crop_imm(image, x, y, w, h).to_image();
+        }
+        true
     }
 
     /// Returns the size in pixels of a single image.
@@ -223,9 +259,15 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
             let bar = Bar { label: label(&ticks), ticks, colour: sequential };
             (raster.image(|[v]| sequential((v - low) / span)), Some(high), Some(bar))
         }
-        Scale::Signed { limit } => {
-            let bar = Bar::signed(positive(limit)?.into(), label);
-            (raster.image(|[v]| signed(v / limit)), Some(limit), Some(bar))
+        Scale::Signed { limit, scale } => {
+            let label = |ticks: &Ticks| label(ticks) + scale.words();
+            let bar = Bar::scaled(scale, positive(limit)?.into(), label);
+            (raster.image(|[v]| signed(scale.place(v / limit))), Some(limit), Some(bar))
+        }
+        Scale::Axial => {
+            let ticks = Ticks::linear(0.0, 180.0, 4);
+            let bar = Bar { label: label(&ticks), ticks, colour: cyclic };
+            (raster.image(|[v]| cyclic(v / 180.0)), None, Some(bar))
         }
         Scale::Things => {
             let thing = |v: f32| if v.is_finite() && v >= 0.0 { palette(v as usize) } else { UNDEFINED };

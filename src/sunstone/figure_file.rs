@@ -22,8 +22,10 @@ use base::locate::Located;
 use figure::composite::{self, Composite, Part};
 use figure::{Drawing, FigureError, White};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use transport::render::schedule::Watch;
 
+use crate::cost::Cost;
 use crate::studio::Studio;
 use application::Applications;
 use caption::Value;
@@ -33,9 +35,24 @@ use stage::Stage;
 /// A finished figure, with the number of renders.
 #[derive(Clone, Debug)]
 pub struct Made {
-    pub drawing: Drawing,
+    /// The figure, or the frames of an animation.
+    pub pages: Vec<Drawing>,
+    animation: bool,
     /// Number of new renders, excluding cached renders.
     pub rendered: usize,
+}
+
+impl Made {
+    /// Writes the figure in the format of the path's extension.
+    ///
+    /// # Errors
+    /// Returns the same errors as [`figure::save`] and [`figure::save_animation`].
+    pub fn save(&self, path: &Path) -> Result<(), FigureError> {
+        match &self.pages[..] {
+            [page] if !self.animation => figure::save(page, path),
+            pages => figure::save_animation(pages, path),
+        }
+    }
 }
 
 /// A figure file that was checked against its scenes and applications.
@@ -93,6 +110,7 @@ pub fn prepare<'a>(
             variant,
             number: entry.variant,
             seed: entry.seed,
+            denoise: entry.denoise,
             size,
             slices,
             scene,
@@ -116,30 +134,39 @@ impl Prepared<'_> {
     ///
     /// # Errors
     /// Returns [`FigureFileError`] if a render, an application or the drawing fails.
-    pub fn draw(mut self) -> Result<Made, FigureFileError> {
+    pub fn draw(&mut self) -> Result<Made, FigureFileError> {
         let source = self.source;
         for stage in self.stages.values_mut() {
-            let names: Vec<&str> = stage.slices.iter().map(String::as_str).collect();
-            // Layers do not need a render.
-            if !names.is_empty() {
-                let store =
-                    stage.studio.render(stage.number, &stage.variant, stage.seed, stage.size, &names)?;
-                stage.store = Some(store);
-            }
+            stage.render()?;
         }
         self.applications.run()?;
         let parts: Result<Vec<_>, _> = source.file.panels.iter().map(|p| self.part(p)).collect();
-        let figure = Composite {
+        let figure = |parts| Composite {
             title: source.file.title.clone(),
             width_mm: source.width_mm().unwrap_or(composite::COLUMN_MM[1]),
             columns: *source.file.columns,
             column_headings: source.file.column_headings.clone(),
             row_headings: source.file.row_headings.clone(),
             letters: source.file.letters,
-            parts: parts?,
+            parts,
+        };
+        let parts = parts?;
+        let pages = match (&parts[..], source.file.animation) {
+            ([Some(part)], true) => {
+                let frame = |tile| composite::draw(&figure(vec![Some(Part { tile, ..part.clone() })]));
+                part.tile.frames().into_iter().map(frame).collect::<Result<_, _>>()?
+            }
+            _ => vec![composite::draw(&figure(parts))?],
         };
         let rendered = self.stages.values().map(|s| s.studio.rendered()).sum::<usize>();
-        Ok(Made { drawing: composite::draw(&figure)?, rendered: rendered + self.applications.rendered() })
+        let animation = source.file.animation;
+        Ok(Made { pages, animation, rendered: rendered + self.applications.rendered() })
+    }
+
+    /// Returns the name and the cost of every new render of the file's scenes, and of every newly denoised
+    /// store. Renders of applications are not included.
+    pub fn costs(&self) -> Vec<(String, Cost)> {
+        self.stages.values().flat_map(|s| s.studio.costs().iter().cloned()).collect()
     }
 
     fn part(&self, panel: &Located<PanelFile>) -> Result<Option<Part>, FigureFileError> {
@@ -178,14 +205,24 @@ impl Prepared<'_> {
         }
         let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();
         let arrows: Result<_, _> = panel.arrows.iter().map(|a| source.arrow(a)).collect();
-        let scale_bar = match (&panel.scale_bar, stage) {
+        let mut scale_bar = match (&panel.scale_bar, stage) {
             (Some(bar), Some(stage)) => Some(view::scale_bar(bar, &stage.scene).map_err(source.at(bar))?),
             _ => None,
         };
+        if let Some(crop) = &panel.crop {
+            if !tile.crop(**crop) {
+                let help = "remove the crop, or use a view of a camera image";
+                return Err(source.error(crop, "a map, chart or sphere cannot be cropped", help).into());
+            }
+            if let Some(bar) = &mut scale_bar {
+                bar.share /= crop[2];
+            }
+        }
         Ok(Some(Part {
             tile,
             span: panel.span.as_ref().map_or(1, |s| **s),
             caption,
+            denoised: at.slice().zip(stage).is_some_and(|(slice, stage)| stage.is_denoised(slice)),
             insets: insets?,
             arrows: arrows?,
             scale_bar,

@@ -17,6 +17,7 @@
 
 pub mod applications;
 pub mod cautions;
+pub mod cost;
 pub mod denoise;
 pub mod figure_file;
 pub mod figures;

@@ -11,14 +11,18 @@ use scene::syntax::Syntax;
 use scene::syntax::scene::SceneFile;
 use scene::syntax::slice::CameraSelectFile;
 use scene::syntax::variant::{self, Variant};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use store::denoised::is_denoised;
 use store::sink::{SinkError, Target};
 use store::zarr::{CreateError, OpenError, TensorStore};
 use transport::render::schedule::{RenderError, Watch};
 use transport::scene::Scene;
 
+use crate::cost::{Clock, Cost};
+use crate::denoise::{DenoiseError, denoise};
 use crate::render::Render;
 
 /// Seed of ground-truth renders. This seed differs from all seeds of the renders that methods receive.
@@ -54,6 +58,9 @@ pub enum StudioError {
     /// A render cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// Renders cannot be denoised.
+    #[error(transparent)]
+    Denoise(Box<DenoiseError>),
     /// The store at the render's path belongs to another render.
     #[error("{cause}; or delete {path} and run the same command again to repeat the render")]
     Kept {
@@ -69,6 +76,7 @@ pub struct Studio<'a> {
     renders: &'a Path,
     watch: &'a dyn Watch,
     rendered: usize,
+    costs: Vec<(String, Cost)>,
 }
 
 impl<'a> Studio<'a> {
@@ -77,12 +85,25 @@ impl<'a> Studio<'a> {
     /// # Errors
     /// Returns [`StudioError::Scene`] if the scene file cannot be read.
     pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
-        Ok(Self { text: scene::read(path)?, path: path.to_owned(), renders, watch, rendered: 0 })
+        Ok(Self {
+            text: scene::read(path)?,
+            path: path.to_owned(),
+            renders,
+            watch,
+            rendered: 0,
+            costs: vec![],
+        })
     }
 
     /// Returns the number of new renders, excluding reused finished renders.
     pub fn rendered(&self) -> usize {
         self.rendered
+    }
+
+    /// Returns the file name and the cost of every new render and of every newly denoised store. The cost of a
+    /// resumed render excludes earlier runs.
+    pub fn costs(&self) -> &[(String, Cost)] {
+        &self.costs
     }
 
     /// Returns the scene file and the values of the variant with this number. Without a number, returns the
@@ -132,7 +153,7 @@ impl<'a> Studio<'a> {
             s.replicates = s.replicates.min(REPLICATES);
         });
         let path = self.renders.join(file_name(&scene, number, seed));
-        let begun = Instant::now();
+        let (begun, clock) = (Instant::now(), Clock::start());
         let mut message = false;
         let summary = loop {
             let target = Target { resume: path.exists(), path: path.clone(), replace: false };
@@ -155,8 +176,56 @@ impl<'a> Studio<'a> {
         if !summary.complete {
             return Err(StudioError::Interrupted);
         }
-        self.rendered += usize::from(summary.samples > 0);
+        if summary.samples > 0 {
+            self.rendered += 1;
+            self.costs.push((name_of(&path), clock.cost()));
+        }
         Ok(TensorStore::open(&path)?)
+    }
+
+    /// Returns the denoised store of a variant. The store is denoised from two renders with half of the samples
+    /// each, with the seeds `seed` and `seed` + 1. The renders and the denoised store are reused. The name of
+    /// the denoised store contains a digest of the manifests of both renders.
+    ///
+    /// # Errors
+    /// Returns the same errors as [`Self::render`], and [`StudioError::Denoise`].
+    pub fn denoised(
+        &mut self,
+        number: Option<u64>,
+        variant: &Variant,
+        seed: u64,
+        size: Size,
+        slices: &[&str],
+    ) -> Result<TensorStore, StudioError> {
+        let half = Size { spp: size.spp.div_ceil(2), ..size };
+        let first = self.render(number, variant, seed, half, slices)?;
+        let second = self.render(number, variant, seed.wrapping_add(1), half, slices)?;
+        let both = format!("{}\n{}", first.fingerprint(), second.fingerprint());
+        let digest: String = Sha256::digest(both).iter().take(4).map(|b| format!("{b:02x}")).collect();
+        let renders = [first.path().to_owned(), second.path().to_owned()];
+        let stem = renders[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let path = self.renders.join(format!("{stem}_denoised_{digest}.zarr"));
+        let clock = Clock::start();
+        while !path.exists() {
+            match denoise(&renders, &path, false) {
+                Ok(_) => self.costs.push((name_of(&path), clock.cost())),
+                // Another process denoises the same renders. The result appears when it is finished.
+                Err(DenoiseError::Create(CreateError::Locked { .. } | CreateError::Exists { .. })) => {
+                    std::thread::sleep(PAUSE);
+                }
+                Err(e) => return Err(StudioError::Denoise(Box::new(e))),
+            }
+            if self.watch.interrupted() {
+                return Err(StudioError::Interrupted);
+            }
+        }
+        let store = TensorStore::open(&path)
+            .map_err(|e| StudioError::Kept { path: path.clone(), cause: Box::new(e) })?;
+        if is_denoised(&store) && store.is_finished() {
+            return Ok(store);
+        }
+        let cause = "the store is not a finished denoised store".into();
+        Err(StudioError::Kept { path, cause })
     }
 
     /// Returns a scene file with only the given slices, in which the longer side of the camera
@@ -228,6 +297,10 @@ fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectF
         }
         other => other.clone(),
     }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn is_locked(e: &RenderError<SinkError>) -> bool {

@@ -263,7 +263,7 @@ fn an_interrupted_render_resumes() {
     };
     let (resumed, straight) = (draw(&cut), draw(&whole));
     assert_eq!((resumed.rendered, straight.rendered), (1, 1));
-    assert_eq!(resumed.drawing, straight.drawing);
+    assert_eq!(resumed.pages, straight.pages);
     assert_eq!(draw(&cut).rendered, 0);
 }
 

@@ -7,6 +7,7 @@ use crate::chart::{self, Marks, Nib, Scales};
 use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::error::FigureError;
 use crate::layout::{BAR_STEPS, Bar, GRID};
+use crate::polarization::{RADIUS, project};
 use crate::text::{Align, INK, Style, fit, width};
 use crate::ticks::Ticks;
 use crate::tile::{Lines, Tile};
@@ -31,6 +32,12 @@ const HEAD: (f64, f64) = (1.9, 0.8);
 const RIM: f64 = 0.25;
 /// Opacity of the background of text in images.
 const GROUND: f64 = 0.75;
+/// Number of segments of a circle of the Poincaré sphere.
+const CIRCLE: usize = 96;
+/// Distance of the names of states from the centre of the Poincaré sphere, in radii.
+const NAMES: f64 = 1.14;
+/// Colour of hidden halves of circles.
+const HIDDEN: Rgb<u8> = Rgb([190, 190, 194]);
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 /// Draws a composite figure.
@@ -46,9 +53,12 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     for (text, at) in &places.columns {
         pen.text(text, *at, Align::Middle, HEADING);
     }
-    for (text, (x, y)) in &places.rows {
-        let (x, y) = (x * scale, y * scale);
-        pen.page.text_up(text, (x, y), pen.style(HEADING));
+    for (text, (x, y), length) in &places.rows {
+        let (text, style) = fit(text, pen.style(HEADING), length * scale);
+        pen.page.text_up(&text, (x * scale, y * scale), style);
+    }
+    for (text, at) in &places.note {
+        pen.text(text, *at, Align::Start, TICK);
     }
     for placed in &places.panels {
         if let Some(part) = &figure.parts[placed.part] {
@@ -134,9 +144,12 @@ impl Scribe {
             self.chart(lines, placed.picture);
             self.legend(lines, &placed.legend, placed.picture);
         }
+        if tile.sphere {
+            self.sphere(placed.picture);
+        }
         self.axes(tile, placed.picture);
-        if let (Some(bar), Some(r)) = (&tile.bar, placed.bar) {
-            self.bar(bar, r);
+        if let (Some(bar), Some((r, label))) = (&tile.bar, &placed.bar) {
+            self.bar(bar, *r, label);
         }
         for (inset, (crop, large)) in part.insets.iter().zip(&placed.insets) {
             if let (Some([w, h]), Some((image, _))) = (tile.size(), tile.cells.first()) {
@@ -217,11 +230,11 @@ impl Scribe {
         self.page.text_up(&name, at, style);
     }
 
-    fn bar(&mut self, bar: &Bar, r: Rect) {
+    fn bar(&mut self, bar: &Bar, r: Rect, label: &str) {
         let place = self.snapped(r);
         self.page.image(place, &bar.colours(BAR_STEPS));
         self.frame(r, INK, THIN / 2.0);
-        self.beside(&bar.ticks, (r.x + r.w, 1.0), r, &bar.label);
+        self.beside(&bar.ticks, (r.x + r.w, 1.0), r, label);
     }
 
     fn chart(&mut self, lines: &Lines, r: Rect) {
@@ -252,6 +265,36 @@ impl Scribe {
             let (name, style) = fit(series.name.trim(), self.style(TICK), room);
             let at = self.point((x, at.1));
             self.page.text(&name, at, Align::Start, style);
+        }
+    }
+
+    /// Draws the outline, the equator, two meridians and the poles of the Poincaré sphere. Hidden halves of
+    /// circles are pale.
+    fn sphere(&mut self, r: Rect) {
+        let radius = RADIUS * r.w.min(r.h);
+        let (x, y) = r.centre();
+        let place = |[right, down, _]: [f64; 3]| (x + radius * right, y + radius * down);
+        let turn = |i: usize| std::f64::consts::TAU * i as f64 / CIRCLE as f64;
+        let outline: Vec<Point> = (0..=CIRCLE).map(|i| place([turn(i).cos(), turn(i).sin(), 0.0])).collect();
+        self.line(&outline, INK, THIN);
+        for plane in [[0, 1], [0, 2], [1, 2]] {
+            let point = |i: usize| {
+                let mut s = [0.0; 3];
+                (s[plane[0]], s[plane[1]]) = (turn(i).cos(), turn(i).sin());
+                project(s)
+            };
+            for i in 0..CIRCLE {
+                let (a, b) = (point(i), point(i + 1));
+                let colour = if a[2] + b[2] >= 0.0 { INK } else { HIDDEN };
+                self.line(&[place(a), place(b)], colour, THIN / 2.0);
+            }
+        }
+        for (i, names) in [["H", "V"], ["+45°", "−45°"], ["R", "L"]].into_iter().enumerate() {
+            for (name, v) in names.into_iter().zip([NAMES, -NAMES]) {
+                let mut s = [0.0; 3];
+                s[i] = v;
+                self.text(name, place(project(s)), Align::Middle, TICK);
+            }
         }
     }
 

@@ -1,14 +1,20 @@
 //! Computes the layout of a composite, in millimetres from the upper left corner.
 //!
-//! All images have the same width p = (W - 2 edge - row headings - Σ space next to the columns - (n - 1)
-//! gap) / n. An image that spans k columns also covers the space between these columns. The space next to a
-//! column is the sum of two widths. The first is the width of the widest axis to the left of the column. The
-//! second is the width of the widest colour bar to the right of the column. The space above and below a row
-//! is computed in the same way.
+//! All images of a row have the same width p = (W - 2 edge - row headings - Σ space next to the columns -
+//! (n - 1) gap) / n. An image that spans k columns also covers the space between these columns. The space next
+//! to a column is the sum of two widths. The first is the width of the axis to the left of the column. The
+//! second is the width of the colour bar to the right of the column. Every row is computed separately, so that
+//! every row fills the width of the figure. Only with column headings, all rows have the same columns, and the
+//! space next to a column is that of the widest axis and of the widest colour bar.
+//!
+//! Adjacent panels of a row with equal scales share one colour bar, to the right of the last of these panels.
+//! Captions are as wide as their panel with its axis and its colour bar.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};
 use crate::error::FigureError;
+use crate::layout::{BAR_STEPS, Bar};
+use crate::spec::SignedScale;
 use crate::text::{INK, Style, width, wrap};
 use crate::ticks::Ticks;
 use crate::tile::{Lines, Scaled, Tile};
@@ -59,7 +65,8 @@ pub struct Placed {
     pub picture: Rect,
     /// Rectangle of each image.
     pub cells: Vec<Rect>,
-    pub bar: Option<Rect>,
+    /// Rectangle and label of the colour bar.
+    pub bar: Option<(Rect, String)>,
     /// Entries of a chart's legend. Each entry has the index of the series and the position of the left end
     /// of the sample. The position is at half the height of capital letters.
     pub legend: Vec<(usize, Point)>,
@@ -78,10 +85,13 @@ pub struct Layout {
     pub width: f64,
     pub height: f64,
     pub panels: Vec<Placed>,
-    /// Column headings, and the position of the centre of each heading.
+    /// Lines of column headings, and the position of the centre of each line.
     pub columns: Vec<(String, Point)>,
-    /// Row headings, and the position of the centre of each heading. The text is rotated to read upward.
-    pub rows: Vec<(String, Point)>,
+    /// Row headings, with the position of the centre and the length of the row. The text is rotated to read
+    /// upward.
+    pub rows: Vec<(String, Point, f64)>,
+    /// Lines of the note below the panels, and the position of the left end of each line.
+    pub note: Vec<(String, Point)>,
 }
 
 /// Returns a style with the given em in millimetres.
@@ -111,12 +121,90 @@ fn left(tile: &Tile) -> f64 {
     NAME + SPACE + beside(&ticks)
 }
 
-/// Returns the space that a tile needs to the right of its image, in millimetres.
-fn right(tile: &Tile) -> f64 {
-    tile.bar.as_ref().map_or(0.0, |bar| {
+/// Returns the space for a colour bar to the right of an image, in millimetres.
+fn right(bar: Option<&Bar>) -> f64 {
+    bar.map_or(0.0, |bar| {
         let name = if bar.label.is_empty() { 0.0 } else { NAME + SPACE };
         1.0 + BAR + beside(&bar.ticks) + name
     })
+}
+
+/// A panel of a row.
+struct Item<'a> {
+    /// Index of the panel.
+    number: usize,
+    part: &'a Part,
+    /// First column.
+    column: usize,
+    /// The colour bar to draw, with the labels of all panels that share the bar.
+    bar: Option<Bar>,
+}
+
+impl Item<'_> {
+    fn last(&self) -> usize {
+        self.column + self.part.span - 1
+    }
+}
+
+/// Removes the colour bars of panels whose right neighbour has the same scale. The bar of the neighbour
+/// receives the labels of all these panels.
+fn share_bars(row: &mut [Item]) {
+    for i in 1..row.len() {
+        let [.., left, right] = &mut row[..=i] else { continue };
+        if let (Some(a), Some(b)) = (&left.bar, &mut right.bar)
+            && left.column + left.part.span == right.column
+            && a.ticks == b.ticks
+            && a.colours(BAR_STEPS) == b.colours(BAR_STEPS)
+        {
+            b.label = joined(&a.label, &b.label);
+            left.bar = None;
+        }
+    }
+}
+
+/// Joins the labels of two bars of equal scales. The name of the scale and equal labels occur only once.
+fn joined(a: &str, b: &str) -> String {
+    let scale = SignedScale::Arctan.words();
+    let (a, b, scale) = match (a.strip_suffix(scale), b.strip_suffix(scale)) {
+        (Some(a), Some(b)) => (a, b, scale),
+        _ => (a, b, ""),
+    };
+    if a.split(", ").any(|label| label == b) { format!("{a}{scale}") } else { format!("{a}, {b}{scale}") }
+}
+
+/// The columns of one or several rows, in millimetres.
+struct Columns {
+    /// Left edge of each column's images.
+    xs: Vec<f64>,
+    /// Width of an image.
+    p: f64,
+}
+
+/// Returns the columns for rows of a figure. `head` is the width of the row headings.
+fn columns<'a>(
+    figure: &Composite,
+    items: impl Iterator<Item = &'a Item<'a>>,
+    head: f64,
+) -> Result<Columns, FigureError> {
+    let n = figure.columns;
+    let (mut lefts, mut rights) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    for item in items {
+        lefts[item.column] = lefts[item.column].max(left(&item.part.tile));
+        rights[item.last()] = rights[item.last()].max(right(item.bar.as_ref()));
+    }
+    let beside = lefts.iter().chain(&rights).sum::<f64>();
+    let p = (figure.width_mm - 2.0 * EDGE - head - beside - (n - 1) as f64 * GAP) / n as f64;
+    if p < 4.0 {
+        let must = "small enough that every image is at least 4 mm wide";
+        return Err(FigureError::option("columns", n, must));
+    }
+    let mut x = EDGE + head;
+    let place = |(left, right): (&f64, &f64)| {
+        let at = x + left;
+        x = at + p + right + GAP;
+        at
+    };
+    Ok(Columns { xs: lefts.iter().zip(&rights).map(place).collect(), p })
 }
 
 /// Returns the space under an image of width `w` for the axis and the legend, in millimetres.
@@ -160,20 +248,21 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Returns the rows of the grid as lists of panels. Each panel has its index, part and column. Empty
-/// positions are skipped.
-fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
+/// Returns the rows of the grid. Empty positions are skipped.
+fn rows(figure: &Composite) -> Vec<Vec<Item<'_>>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
-    for (i, part) in figure.parts.iter().enumerate() {
+    for (number, part) in figure.parts.iter().enumerate() {
         let span = part.as_ref().map_or(1, |p| p.span);
         if column + span > figure.columns {
             rows.push(vec![]);
             column = 0;
         }
         let row = rows.last_mut();
-        row.expect("begins with one row").extend(part.iter().map(|part| (i, part, column)));
+        let item = |part| Item { number, part, column, bar: part.tile.bar.clone() };
+        row.expect("begins with one row").extend(part.iter().map(item));
         column += span;
     }
+    rows.iter_mut().for_each(|row| share_bars(row));
     rows
 }
 
@@ -184,77 +273,102 @@ fn rows(figure: &Composite) -> Vec<Vec<(usize, &Part, usize)>> {
 /// images.
 pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     figure.check()?;
-    let n = figure.columns;
     let rows = rows(figure);
-    let (mut lefts, mut rights) = (vec![0.0_f64; n], vec![0.0_f64; n]);
-    for &(_, part, column) in rows.iter().flatten() {
-        lefts[column] = lefts[column].max(left(&part.tile));
-        let last = column + part.span - 1;
-        rights[last] = rights[last].max(right(&part.tile));
-    }
     let head = if figure.row_headings.is_empty() { 0.0 } else { HEADING + 2.0 * SPACE };
-    let taken: f64 =
-        2.0 * EDGE + head + lefts.iter().sum::<f64>() + rights.iter().sum::<f64>() + (n - 1) as f64 * GAP;
-    let p = (figure.width_mm - taken) / n as f64;
-    if p < 4.0 {
-        let must = "small enough that every image is at least 4 mm wide";
-        return Err(FigureError::option("columns", n, must));
-    }
-    // Left edge of each column's image.
-    let mut xs = vec![];
-    let mut x = EDGE + head;
-    for column in 0..n {
-        x += lefts[column];
-        xs.push(x);
-        x += p + rights[column] + GAP;
-    }
+    let common = if figure.column_headings.is_empty() {
+        None
+    } else {
+        Some(columns(figure, rows.iter().flatten(), head)?)
+    };
     let mut out = Layout { width: figure.width_mm, ..Layout::default() };
     let mut y = EDGE;
-    if !figure.column_headings.is_empty() {
-        let middle = y + HEADING / 2.0;
-        for (heading, x) in figure.column_headings.iter().zip(&xs) {
-            out.columns.push((heading.clone(), (x + p / 2.0, middle)));
+    if let Some(Columns { xs, p }) = &common {
+        let mut bottom = y;
+        for (heading, x) in figure.column_headings.iter().zip(xs) {
+            let mut top = y;
+            for line in wrap(heading, style(HEADING), *p) {
+                out.columns.push((line, (x + p / 2.0, top + HEADING / 2.0)));
+                top += LINE * HEADING;
+            }
+            bottom = bottom.max(top - (LINE - 1.0) * HEADING);
         }
-        y += HEADING + SPACE;
+        y = bottom + SPACE;
     }
     for (number, row) in rows.iter().enumerate() {
-        let mut under = 0.0_f64;
-        let mut tallest = 0.0_f64;
-        let first = out.panels.len();
-        for &(i, part, column) in row {
-            let last = column + part.span - 1;
-            let w = xs[last] + p - xs[column];
-            let placed = place(part, i, (xs[column], y), w);
+        let own = match common {
+            Some(_) => None,
+            None => Some(columns(figure, row.iter(), head)?),
+        };
+        let Some(Columns { xs, p }) = own.as_ref().or(common.as_ref()) else { continue };
+        let (mut tallest, mut bottom) = (0.0_f64, y);
+        for item in row {
+            let w = xs[item.last()] + p - xs[item.column];
+            let mut placed = place(item, (xs[item.column], y), w);
             tallest = tallest.max(placed.picture.h);
-            under = under.max(below(&part.tile, w));
+            let under = placed.picture.y + placed.picture.h + below(&item.part.tile, w);
+            let name = if figure.letters {
+                format!("{} {}", letter(out.panels.len()), item.part.caption)
+            } else {
+                item.part.caption.clone()
+            };
+            let left = left(&item.part.tile);
+            let lines = wrap(&name, style(CAPTION), left + w + right(item.bar.as_ref()));
+            let line = |k: usize| under + SPACE + k as f64 * LINE * CAPTION;
+            bottom = bottom.max(if lines.is_empty() { under } else { line(lines.len()) });
+            let x = placed.picture.x - left;
+            let at = |(k, text)| (text, (x, line(k) + LINE * CAPTION / 2.0));
+            placed.caption = lines.into_iter().enumerate().map(at).collect();
             out.panels.push(placed);
-        }
-        let mut captions = 0.0_f64;
-        for (i, (placed, (_, part, _))) in (first..).zip(out.panels[first..].iter_mut().zip(row)) {
-            let name =
-                if figure.letters { format!("{} {}", letter(i), part.caption) } else { part.caption.clone() };
-            let room = placed.picture.w + right(&part.tile);
-            let top = y + tallest + under + SPACE;
-            let lines = wrap(&name, style(CAPTION), room);
-            for (k, line) in lines.into_iter().enumerate() {
-                let middle = top + (k as f64 + 0.5) * LINE * CAPTION;
-                captions = captions.max(SPACE + (k as f64 + 1.0) * LINE * CAPTION);
-                placed.caption.push((line, (placed.picture.x, middle)));
-            }
         }
         if let Some(heading) = figure.row_headings.get(number) {
             let middle = (EDGE + HEADING / 2.0, y + tallest / 2.0);
-            out.rows.push((heading.clone(), middle));
+            out.rows.push((heading.clone(), middle, tallest));
         }
-        y += tallest + under + captions + ROW_GAP;
+        y = bottom + ROW_GAP;
     }
-    out.height = y - ROW_GAP + EDGE;
+    let text = denoised(figure, &out.panels);
+    for line in wrap(&text, style(TICK), figure.width_mm - 2.0 * EDGE) {
+        out.note.push((line, (EDGE, y + LINE * TICK / 2.0)));
+        y += LINE * TICK;
+    }
+    out.height = if text.is_empty() { y - ROW_GAP } else { y } + EDGE;
     Ok(out)
 }
 
-/// Returns the layout of a part. The part's image has its upper left corner at `(x, y)` and the width `w`, in
+/// Returns a text that lists the denoised panels, or an empty text if no panel is denoised. Without letters,
+/// panels are numbered from 1.
+fn denoised(figure: &Composite, panels: &[Placed]) -> String {
+    let is = |p: &Placed| figure.parts[p.part].as_ref().is_some_and(|part| part.denoised);
+    let name = |i: usize| if figure.letters { letter(i) } else { (i + 1).to_string() };
+    let mut runs: Vec<(usize, usize)> = vec![];
+    for i in (0..panels.len()).filter(|i| is(&panels[*i])) {
+        match runs.last_mut() {
+            Some((_, last)) if *last + 1 == i => *last = i,
+            _ => runs.push((i, i)),
+        }
+    }
+    if runs[..] == [(0, panels.len() - 1)] {
+        return "Denoised.".into();
+    }
+    let texts: Vec<String> = runs
+        .iter()
+        .map(|(a, b)| match b - a {
+            0 => name(*a),
+            1 => format!("{}, {}", name(*a), name(*b)),
+            _ => format!("{}–{}", name(*a), name(*b)),
+        })
+        .collect();
+    match (&texts[..], figure.letters) {
+        ([], _) => String::new(),
+        (texts, true) => format!("Denoised: {}.", texts.join(", ")),
+        (texts, false) => format!("Denoised panels: {}.", texts.join(", ")),
+    }
+}
+
+/// Returns the layout of a panel. The panel's image has its upper left corner at `(x, y)` and the width `w`, in
 /// millimetres.
-fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
+fn place(item: &Item, (x, y): Point, w: f64) -> Placed {
+    let part = item.part;
     let tile = &part.tile;
     let (h, (cell, high)) = heights(tile, w);
     let picture = Rect { x, y, w, h };
@@ -264,10 +378,13 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     });
     let at = |[x, y]: [f64; 2]| (picture.x + x * w, picture.y + y * h);
     Placed {
-        part: number,
+        part: item.number,
         picture,
         cells: cells.collect(),
-        bar: tile.bar.as_ref().map(|_| picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)))),
+        bar: item.bar.as_ref().map(|bar| {
+            let place = picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)));
+            (place, bar.label.clone())
+        }),
         legend: tile.chart.as_ref().map_or(vec![], |lines| {
             let all = legend(lines, w).into_iter();
             all.map(|(i, at)| (i, (x + at.0, y + h + UNDER + at.1))).collect()

@@ -33,6 +33,8 @@ pub struct Part {
     /// Number of columns that the panel spans.
     pub span: usize,
     pub caption: String,
+    /// Whether the values were denoised. A note below the panels lists denoised panels.
+    pub denoised: bool,
     /// Magnified crops of the image.
     pub insets: Vec<Inset>,
     pub arrows: Vec<Arrow>,
@@ -132,13 +134,8 @@ impl Inset {
     /// # Errors
     /// [`FigureError::Option`] if the crop or the magnified copy extends beyond the image.
     pub fn check(&self) -> Result<(), FigureError> {
-        let [x, y, w, h] = self.crop;
-        let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
-        if !inside(x, w) || !inside(y, h) {
-            let value = format!("{:?}", self.crop);
-            let must = "[x, y, width, height] within the image, as fractions of the image's width and height";
-            return Err(FigureError::option("crop", value, must));
-        }
+        check_crop(self.crop)?;
+        let [_, _, w, h] = self.crop;
         let large = self.magnify * w.max(h);
         if !(self.magnify >= 1.0 && large <= 1.0 + 1e-9) {
             let must = "at least 1, and small enough for the inset to fit into the image";
@@ -148,15 +145,34 @@ impl Inset {
     }
 
     /// Returns the left edge, upper edge, width and height of the crop in whole pixels of an image.
-    pub fn pixels(&self, [w, h]: [u32; 2]) -> [u32; 4] {
-        let along = |from: f64, size: f64, n: u32| {
-            let first = ((from * f64::from(n)).round() as u32).min(n.saturating_sub(1));
-            let length = (size * f64::from(n)).round().max(1.0) as u32;
-            (first, length.min(n - first))
-        };
-        let ((x, w), (y, h)) = (along(self.crop[0], self.crop[2], w), along(self.crop[1], self.crop[3], h));
-        [x, y, w, h]
+    pub fn pixels(&self, size: [u32; 2]) -> [u32; 4] {
+        pixels_of(self.crop, size)
     }
+}
+
+/// Returns the left edge, upper edge, width and height of a crop in whole pixels of an image. The crop has
+/// fractions of the image.
+pub fn pixels_of(crop: [f64; 4], [w, h]: [u32; 2]) -> [u32; 4] {
+    let along = |from: f64, size: f64, n: u32| {
+        let first = ((from * f64::from(n)).round() as u32).min(n.saturating_sub(1));
+        let length = (size * f64::from(n)).round().max(1.0) as u32;
+        (first, length.min(n - first))
+    };
+    let ((x, w), (y, h)) = (along(crop[0], crop[2], w), along(crop[1], crop[3], h));
+    [x, y, w, h]
+}
+
+/// Checks that a crop is within the image.
+///
+/// # Errors
+/// [`FigureError::Option`] if the crop is empty or extends beyond the image.
+pub fn check_crop([x, y, w, h]: [f64; 4]) -> Result<(), FigureError> {
+    let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
+    if inside(x, w) && inside(y, h) {
+        return Ok(());
+    }
+    let must = "[x, y, width, height] within the image, as fractions of the image's width and height";
+    Err(FigureError::option("crop", format!("{:?}", [x, y, w, h]), must))
 }
 
 impl Composite {

@@ -5,7 +5,7 @@ use super::layout::{
 };
 use super::*;
 use crate::chart::{Chart, ChartAxis, Series};
-use crate::spec::{MuellerView, View};
+use crate::spec::{MuellerView, SignedScale, View};
 use crate::tile::{Scale, Tile, of_chart, of_values, of_view};
 use crate::{Panel, Rect};
 use image::{Rgb, RgbImage};
@@ -14,7 +14,15 @@ use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
 fn part(tile: Tile) -> Part {
-    Part { tile, span: 1, caption: String::new(), insets: vec![], arrows: vec![], scale_bar: None }
+    Part {
+        tile,
+        span: 1,
+        caption: String::new(),
+        denoised: false,
+        insets: vec![],
+        arrows: vec![],
+        scale_bar: None,
+    }
 }
 
 /// Returns an image in which all pixels differ.
@@ -131,7 +139,7 @@ fn colour_bars_headings_and_spans_take_space() {
     let head = HEADING + 2.0 * SPACE;
     assert!(near(one.picture.x, EDGE + head) && near(one.picture.y, EDGE + HEADING + SPACE));
     assert!(near(two.picture.x, EDGE + head + 2.0 * (p + GAP)), "the free place is kept");
-    let bar = two.bar.expect("a bar");
+    let (bar, _) = two.bar.clone().expect("a bar");
     assert!(near(bar.x, two.picture.x + p + 1.0) && near(bar.w, BAR) && near(bar.h, p));
     assert!(bar.x + bar.w < 84.0 - EDGE);
     assert!(near(two.picture.w, p));
@@ -268,7 +276,7 @@ proptest! {
             }
             _ => {
                 let values = vec![0.5; (w * h) as usize];
-                let scale = Scale::Signed { limit: 1.0 };
+                let scale = Scale::Signed { limit: 1.0, scale: SignedScale::Linear };
                 Some(part(of_values("name", *w as usize, &values, scale).ok()?))
             }
         });
@@ -281,7 +289,7 @@ proptest! {
                     prop_assert!(a.picture.y + a.picture.h <= places.height);
                     for b in &places.panels[..i] {
                         prop_assert!(!overlap(a.picture, b.picture), "{a:?} {b:?}");
-                        prop_assert!(b.bar.is_none_or(|bar| !overlap(a.picture, bar)));
+                        prop_assert!(b.bar.as_ref().is_none_or(|(bar, _)| !overlap(a.picture, *bar)));
                     }
                 }
             }

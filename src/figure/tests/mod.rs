@@ -88,7 +88,7 @@ fn mueller_view(normalized: bool) -> View {
 }
 
 fn map_view(row: usize, element: [usize; 2], wavelength_nm: Option<f64>) -> MapView {
-    MapView { slice: "s".into(), wavelength_nm, row, element }
+    MapView { slice: "s".into(), wavelength_nm, row, element, scale: SignedScale::Linear }
 }
 
 fn flight_view(frames: usize) -> View {

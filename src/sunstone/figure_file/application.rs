@@ -363,9 +363,9 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
             };
             let most = white.value();
             let scale = match view.limits {
-                Some([low, high]) if low == -high => Scale::Signed { limit: high },
+                Some([low, high]) if low == -high => Scale::Signed { limit: high, scale: view.scale },
                 Some([low, high]) => Scale::Linear { low, high },
-                None if negative => Scale::Signed { limit: most },
+                None if negative => Scale::Signed { limit: most, scale: view.scale },
                 None => Scale::Linear { low: 0.0, high: most },
             };
             let label = if view.label.is_empty() { &picture.name } else { &view.label };

@@ -2,7 +2,8 @@
 
 use base::locate::Located;
 use figure::element::ElementView;
-use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView};
+use figure::polarization::{PoincareView, PolarizationView};
+use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, SignedScale};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -21,6 +22,9 @@ pub struct FigureFile {
     pub column_headings: Vec<String>,
     #[serde(default)]
     pub row_headings: Vec<String>,
+    /// Whether the figure is an animation. The only panel shows light in flight, one frame at a time.
+    #[serde(default)]
+    pub animation: bool,
     /// Whether captions begin with letters (a), (b), ….
     #[serde(default = "yes")]
     pub letters: bool,
@@ -42,6 +46,9 @@ pub struct SceneEntry {
     pub variant: Option<u64>,
     #[serde(default = "one")]
     pub seed: u64,
+    /// Whether to denoise the scene from two renders with half of the samples each.
+    #[serde(default)]
+    pub denoise: bool,
     pub preview: SizeFile,
     /// Size of the renders for the printed figure.
     pub full: SizeFile,
@@ -78,6 +85,8 @@ pub struct PanelFile {
     pub aspect: Option<Located<f64>>,
     #[serde(default = "yes")]
     pub colour_bar: bool,
+    /// Crop `[x, y, width, height]` to show, as fractions of the image. Insets and arrows refer to the crop.
+    pub crop: Option<Located<[f64; 4]>>,
     /// Magnified crops of the image.
     #[serde(default)]
     pub insets: Vec<Located<InsetFile>>,
@@ -107,6 +116,10 @@ pub enum ViewFile {
     Element(ElementView),
     /// A quantity of the Lu–Chipman decomposition.
     Decomposition(DecompositionFile),
+    /// A quantity of the outgoing light, such as its degree of linear polarization.
+    Polarization(PolarizationView),
+    /// The outgoing light of all pixels on the Poincaré sphere.
+    Poincare(PoincareView),
     /// A layer of ground truth.
     Layer(LayerFile),
     /// An image of an application.
@@ -175,6 +188,9 @@ pub struct ApplyFile {
     /// Ends of the colour scale. For colours, the ends are the values of black (must be 0) and white.
     /// Default: the range of the values.
     pub limits: Option<[f32; 2]>,
+    /// Scale of signed values.
+    #[serde(default)]
+    pub scale: SignedScale,
     /// Label of the colour bar.
     #[serde(default)]
     pub label: String,
@@ -292,6 +308,8 @@ impl ViewFile {
             Self::Profile(v) => &v.slice,
             Self::Element(v) => &v.slice,
             Self::Decomposition(v) => &v.slice,
+            Self::Polarization(v) => &v.slice,
+            Self::Poincare(v) => &v.slice,
             Self::Layer(_) | Self::Apply(_) | Self::Curves(_) => return None,
         })
     }

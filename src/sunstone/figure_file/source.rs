@@ -2,11 +2,14 @@
 
 use base::document;
 use base::locate::{InputError, Located};
-use figure::composite::{Arrow, COLUMN_MM, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, WIDTHS_MM};
+use figure::composite::{
+    Arrow, COLUMN_MM, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, WIDTHS_MM, check_crop,
+};
+use figure::{FigureError, Format};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile};
+use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile, ViewFile};
 
 /// Maximum length of an image's longer side in pixels.
 const MOST_PIXELS: u32 = 8192;
@@ -50,6 +53,18 @@ impl Source {
         let source = Self { path: path.to_owned(), text: text.into(), file };
         source.check()?;
         Ok(source)
+    }
+
+    /// Checks that a path has the extension of a format for the figure.
+    ///
+    /// # Errors
+    /// Returns [`FigureError::Extension`] if the extension is not that of a format, or that of a page for an
+    /// animation, or that of an animation for a page.
+    pub fn check_output(&self, path: &Path) -> Result<(), FigureError> {
+        match self.file.animation {
+            true => figure::check_animation(path),
+            false => Format::of(path).map(|_| ()),
+        }
     }
 
     /// Returns an error at a location.
@@ -107,6 +122,23 @@ impl Source {
                 ),
                 "set at most one heading per column",
             ));
+        }
+        if file.animation && file.panels.len() != 1 {
+            let message =
+                format!("an animation has one panel, but the figure file has {}", file.panels.len());
+            let help = "keep one panel with `view.flight`, or remove `animation`";
+            return Err(self.error(&file.columns, message, help));
+        }
+        for panel in &file.panels {
+            if let (true, Some(at)) = (file.animation, &panel.view)
+                && !matches!(**at, ViewFile::Flight(_))
+            {
+                let help = "use `view.flight`, or remove `animation`";
+                return Err(self.error(at, "an animation shows light in flight", help));
+            }
+            if let Some(crop) = &panel.crop {
+                check_crop(**crop).map_err(|e| self.error(crop, e.to_string(), "correct the crop"))?;
+            }
         }
         for scene in file.scenes.values() {
             for size in [&scene.preview, &scene.full] {

@@ -4,7 +4,9 @@ use apply::application::Size;
 use base::locate::InputError;
 use figure::FigureError;
 use scene::syntax::variant::Variant;
+use serde_json::Value as Json;
 use std::path::PathBuf;
+use store::denoised::ATTRIBUTE;
 use store::zarr::{AccessError, OpenError, TensorStore};
 use transport::scene::Scene;
 
@@ -49,6 +51,7 @@ pub struct Stage<'a> {
     pub variant: Variant,
     pub number: Option<u64>,
     pub seed: u64,
+    pub denoise: bool,
     pub size: Size,
     pub slices: Vec<String>,
     pub scene: Scene,
@@ -56,6 +59,31 @@ pub struct Stage<'a> {
 }
 
 impl Stage<'_> {
+    /// Renders the slices, and denoises the renders if requested. Does nothing without slices, because layers
+    /// do not need a render.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Studio::render`] and [`Studio::denoised`].
+    pub fn render(&mut self) -> Result<(), StudioError> {
+        let names: Vec<&str> = self.slices.iter().map(String::as_str).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let make = if self.denoise { Studio::denoised } else { Studio::render };
+        self.store = Some(make(&mut self.studio, self.number, &self.variant, self.seed, self.size, &names)?);
+        Ok(())
+    }
+
+    /// Returns whether a slice of the stage's store was denoised, and not only copied.
+    pub fn is_denoised(&self, slice: &str) -> bool {
+        let mark = self.store.as_ref().and_then(|store| store.attributes().remove(ATTRIBUTE));
+        let copied = |mark: &Json| {
+            let list = mark.get("copied").and_then(Json::as_array);
+            list.is_some_and(|all| all.iter().any(|name| name.as_str() == Some(slice)))
+        };
+        mark.is_some_and(|mark| !copied(&mark))
+    }
+
     /// Returns the values for captions.
     pub fn values(&self) -> Vec<(String, Value)> {
         let number = |name: &str, v: f64| (name.to_owned(), Value::Number(v));

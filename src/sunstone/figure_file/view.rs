@@ -6,11 +6,12 @@ use base::spectral_table;
 use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
-use figure::{FigureError, White, element};
+use figure::{FigureError, White, element, polarization};
 use glam::DVec2;
 use polarimetry::decompose::maps::{self, Quantity};
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
+use tensor::field::Field;
 use tensor::layers::{LayerValues, Parts};
 use tensor::slice::{Polarization, Slice, TimeSelect};
 use transport::render::layers;
@@ -59,6 +60,7 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     };
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {
+            v.check().map_err(|e| e.to_string())?;
             has_wavelength(slice, v.wavelength_nm)?;
             if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
                 return Err(format!(
@@ -70,6 +72,16 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
         }
         (ViewFile::Decomposition(v), Some(slice)) => {
             scale(v).map(|_| ())?;
+            has_wavelength(slice, v.wavelength_nm)?;
+            mueller(slice)
+        }
+        (ViewFile::Polarization(v), Some(slice)) => {
+            v.check().map_err(|e| e.to_string())?;
+            has_wavelength(slice, v.wavelength_nm)?;
+            mueller(slice)
+        }
+        (ViewFile::Poincare(v), Some(slice)) => {
+            polarization::check_stokes(v.stokes).map_err(|e| e.to_string())?;
             has_wavelength(slice, v.wavelength_nm)?;
             mueller(slice)
         }
@@ -100,10 +112,18 @@ pub fn tile(
         return Err(fault("this view requires a slice, but the view names none".into()).into());
     };
     let plain = plain(view);
-    let further = plain.as_ref().map_or(&[][..], View::further_fields);
+    let masked = match view {
+        ViewFile::Polarization(v) => v.mask_sigmas.is_some(),
+        ViewFile::Poincare(v) => v.mask_sigmas.is_some(),
+        _ => false,
+    };
+    let of_errors: &[Field] = if masked { &[Field::StdError] } else { &[] };
+    let further = plain.as_ref().map_or(of_errors, View::further_fields);
     figures::read(store, name, further, |panel| match (&plain, view) {
         (Some(plain), _) => tile::of_view(plain, panel).map_err(bad),
         (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
+        (None, ViewFile::Polarization(v)) => polarization::tile(v, panel).map_err(bad),
+        (None, ViewFile::Poincare(v)) => polarization::sphere(v, panel).map_err(bad),
         (None, ViewFile::Decomposition(v)) => decomposition(v, panel.mean).map_err(|e| fault(e).into()),
         _ => Err(fault("this view requires a slice, but the view names none".into()).into()),
     })
