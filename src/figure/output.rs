@@ -108,6 +108,8 @@ pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError
         "apng" => {
             let mut png = png::Encoder::new(&mut bytes, first.width(), first.height());
             png.set_color(png::ColorType::Rgb);
+            png.set_compression(png::Compression::Best);
+            png.set_filter(png::FilterType::Up);
             png.set_animated(frames.len() as u32, 0).map_err(encode)?;
             png.set_frame_delay(FRAME_MS, 1000).map_err(encode)?;
             let mut png = png.write_header().map_err(encode)?;

@@ -236,7 +236,7 @@ pub fn tile(view: &PolarizationView, panel: &Panel) -> Result<Tile, FigureError>
 }
 
 /// Side of the image of the points, in pixels.
-const SIDE: u32 = 400;
+const SIDE: u32 = 320;
 /// Radius of the sphere, as a fraction of the side of the image.
 pub(crate) const RADIUS: f64 = 0.4;
 /// Direction of view: angle from s1 toward s2, and elevation above the equator, in radians. The explorer starts

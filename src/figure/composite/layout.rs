@@ -162,14 +162,24 @@ fn share_bars(row: &mut [Item]) {
     }
 }
 
-/// Joins the labels of two bars of equal scales. The name of the scale and equal labels occur only once.
+/// End of the labels of normalized elements.
+const NORMALIZED: &str = " / M00";
+
+/// Joins the labels of two bars of equal scales. The name of the scale and equal labels occur only once. The
+/// label of several normalized elements is that of any element.
 fn joined(a: &str, b: &str) -> String {
     let scale = SignedScale::Arctan.words();
     let (a, b, scale) = match (a.strip_suffix(scale), b.strip_suffix(scale)) {
         (Some(a), Some(b)) => (a, b, scale),
         _ => (a, b, ""),
     };
-    if a.split(", ").any(|label| label == b) { format!("{a}{scale}") } else { format!("{a}, {b}{scale}") }
+    if a.split(", ").any(|label| label == b) {
+        format!("{a}{scale}")
+    } else if a.ends_with(NORMALIZED) && b.ends_with(NORMALIZED) {
+        format!("Mij{NORMALIZED}{scale}")
+    } else {
+        format!("{a}, {b}{scale}")
+    }
 }
 
 /// The columns of one or several rows, in millimetres.
