@@ -79,7 +79,10 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
         failed: vec![],
     };
     let result = batch.run(o, &files, output, format);
-    batch.report_costs();
+    // An error of a single file is the first line of the output.
+    if batch.several || result.is_ok() {
+        batch.report_costs();
+    }
     result?;
     batch.end(files.len())
 }

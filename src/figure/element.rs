@@ -230,6 +230,40 @@ mod tests {
         assert_eq!(drawn("(3,2)", false, &t)[..2], [black, black]);
     }
 
+    /// Tests that the arctan scale changes colours but not the values at the colour bar, and that light of one
+    /// sign has no such scale.
+    #[test]
+    fn signed_elements_have_an_arctan_scale() {
+        let mut m = [0.0; 16];
+        (m[0], m[11]) = (2.0, 0.1);
+        let t = matrices(&[m]);
+        let panel = Panel { mean: &t, std_error: None, overflow: None };
+        let view = |element: &str, normalized| ElementView {
+            slice: "s".into(),
+            element: element.parse().expect("an element"),
+            wavelength_nm: None,
+            normalized,
+            time_ps: None,
+            limit: Some(0.5),
+            scale: SignedScale::Arctan,
+        };
+        for (element, normalized, value) in
+            [("(2,3)", true, 0.05), ("-(2,3)", true, -0.05), ("±(2,3)", false, 0.1)]
+        {
+            let tile = tile(&view(element, normalized), &panel).expect("a picture");
+            let place = (8.0 * value / 0.5_f32).atan() / 8_f32.atan();
+            assert_eq!(tile.cells[0].0.get_pixel(0, 0), &signed(place), "{element}");
+            let bar = tile.bar.expect("a bar");
+            assert!(bar.label.contains("arctan scale"), "{}", bar.label);
+            let (last, label) = bar.ticks.marks.last().expect("ticks");
+            assert!((last - 1.0).abs() < 1e-6 && label.parse::<f32>() == Ok(0.5), "{last} {label}");
+        }
+        assert!(matches!(
+            tile(&view("(2,3)", false), &panel),
+            Err(FigureError::Option { option: "scale", .. })
+        ));
+    }
+
     proptest! {
         /// Tests that invalid names are rejected and valid names are parsed.
         #[test]

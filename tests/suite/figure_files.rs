@@ -83,6 +83,13 @@ fn errors_name_their_position() {
         ("a scale bar too long", "length_mm = 500", "length_mm = 5e9", "scale_bar", "shorter"),
         ("a scale bar too short", "length_mm = 500", "length_mm = 1e-300", "scale_bar", "longer"),
         ("more headings than columns", "columns = 3", "columns = 3\ncolumn_headings = [\"a\", \"b\", \"c\", \"d\"]", "3\ncolumn_headings", "at most one"),
+        ("light of one sign on a signed scale", "element = \"-(3,3)\"", "element = \"-(3,3)\", scale = \"arctan\"", "element = {", "no signed scale"),
+        ("a map of M00 on a signed scale", "slice = \"row\"", "slice = \"row\", scale = \"arctan\"", "space_time = {", "no signed scale"),
+        ("light that is not light", "view.element = { slice = \"mueller\", element = \"-(3,3)\"", "view.polarization = { slice = \"mueller\", quantity = \"dolp\", stokes = [1, 1, 1, 0]", "polarization = {", "unpolarized light"),
+        ("polarization of an intensity", "view.element = { slice = \"mueller\", element = \"-(3,3)\"", "view.poincare = { slice = \"photo\"", "poincare = {", "polarization = \"mueller\""),
+        ("a panel's crop outside", "scale_bar = { length_mm = 500 }", "crop = [0, 0.5, 1, 0.6]", "[0, 0.5, 1, 0.6]", "within the image"),
+        ("a crop of a map", "aspect = 0.8", "crop = [0, 0, 0.5, 0.5]", "[0, 0, 0.5, 0.5]", "cannot be cropped"),
+        ("an animation of many panels", "columns = 3", "animation = true\ncolumns = 3", "columns = 3", "one panel"),
         ("no such application", "view.layer = { layer = \"depth\" }", "view.apply = { name = \"alchemy\", picture = \"gold\", method = \"x\" }", "view.apply", "metamerism"),
     ];
     let mut found = vec![];
@@ -225,6 +232,144 @@ fn inputs_are_not_overwritten() {
     run(folder.path(), &["figure", "f.toml", "--view", "photo", "--slice", "photo"], 2);
     let out = sunstone(folder.path(), &["figure"]).output().expect("runs");
     assert_eq!(out.status.code(), Some(2));
+}
+
+/// Returns a folder with a figure file `f.toml` whose scene is denoised, and the folder of the scene.
+fn denoised() -> (tempfile::TempDir, tempfile::TempDir) {
+    let (scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = edit(
+        &text,
+        "preview = { pixels = 16, spp = 4 }",
+        "denoise = true\npreview = { pixels = 16, spp = 8 }",
+    );
+    std::fs::write(folder.path().join("f.toml"), text).expect("a figure");
+    (scenes, folder)
+}
+
+/// Returns the stores of a folder of renders: the denoised store last.
+fn stores(renders: &Path) -> Vec<std::path::PathBuf> {
+    let mut all: Vec<_> = std::fs::read_dir(renders).expect("renders").flatten().map(|e| e.path()).collect();
+    all.sort_by_key(|path| (path.display().to_string().contains("denoised"), path.clone()));
+    all
+}
+
+/// Tests that a denoised figure shows the store that `sunstone denoise` writes from two renders with half of
+/// the samples each, that the figure is marked, and that another run reuses all stores.
+#[test]
+fn scenes_are_denoised_from_two_renders() {
+    let (_scenes, folder) = denoised();
+    let at = folder.path();
+    let draw = |out: &str| {
+        let out = run(at, &["figure", "f.toml", "--preview", "--renders", "r", "-o", out], 0);
+        String::from_utf8_lossy(&out.stdout).into_owned()
+    };
+    assert!(draw("a.svg").contains("(2 new renders)"));
+    assert!(draw("b.svg").contains("(0 new renders)"));
+    let read = |name: &str| std::fs::read(at.join(name)).expect("a picture");
+    assert!(read("a.svg") == read("b.svg"));
+    let svg = String::from_utf8_lossy(&read("a.svg")).into_owned();
+    // Panel (d) shows a layer of ground truth.
+    assert!(svg.contains("Denoised: (a)–(c), (e)."), "{svg}");
+    let all = stores(&at.join("r"));
+    let [first, second, made] = &all[..] else { panic!("{all:?}") };
+    assert!(first.display().to_string().contains("seed1_16x16_4spp"), "{all:?}");
+    assert!(second.display().to_string().contains("seed2_16x16_4spp"), "{all:?}");
+    let name = |path: &Path| path.file_name().expect("a name").to_str().expect("UTF-8").to_owned();
+    let [a, b] = [first, second].map(|p| format!("r/{}", name(p)));
+    run(at, &["denoise", &a, &b, "-o", "by_hand.zarr"], 0);
+    crate::harness::assert_same_store(made, &at.join("by_hand.zarr"));
+    // A figure of the same scene without denoising has no note.
+    let text = edit(&std::fs::read_to_string(at.join("f.toml")).expect("a figure"), "denoise = true\n", "");
+    std::fs::write(at.join("f.toml"), text).expect("a figure");
+    draw("c.svg");
+    assert!(!String::from_utf8_lossy(&read("c.svg")).contains("Denoised"));
+}
+
+/// Tests that a run that was killed while it rendered or denoised resumes, and that the figure then equals that
+/// of an undisturbed run.
+#[test]
+fn killed_figures_resume() {
+    let (_scenes, folder) = denoised();
+    let at = folder.path();
+    let text = std::fs::read_to_string(at.join("f.toml")).expect("a figure");
+    std::fs::write(at.join("f.toml"), edit(&text, "pixels = 16, spp = 8", "pixels = 96, spp = 32"))
+        .expect("a figure");
+    let draw = |renders, out| ["figure", "f.toml", "--preview", "--renders", renders, "-o", out];
+    let begun = std::time::Instant::now();
+    run(at, &draw("whole", "whole.svg"), 0);
+    let took = begun.elapsed();
+    let mut stopped = 0;
+    for share in [0.2, 0.4, 0.6, 0.75, 0.9] {
+        let mut child = sunstone(at, &draw("cut", "cut.svg"))
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .expect("the program");
+        std::thread::sleep(took.mul_f64(share));
+        stopped += u32::from(child.try_wait().expect("a state").is_none());
+        // The process may have ended already.
+        let _ = child.kill();
+        child.wait().expect("its end");
+    }
+    assert!(stopped > 0, "no run was killed within {took:?}");
+    run(at, &draw("cut", "cut.svg"), 0);
+    let read = |name: &str| std::fs::read(at.join(name)).expect("a picture");
+    assert!(read("cut.svg") == read("whole.svg"));
+}
+
+/// Tests that a file with a fault and a file whose render fails do not stop the other files, and that the end
+/// of the run lists the failures.
+#[test]
+fn other_figures_are_drawn_if_one_fails() {
+    let (_scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    std::fs::create_dir(at.join("figures")).expect("a folder");
+    let write =
+        |name: &str, text: &str| std::fs::write(at.join("figures").join(name), text).expect("a figure");
+    write("a_bad.toml", &edit(&text, "slice = \"photo\"", "slice = \"foto\""));
+    write("b_bad.toml", &edit(&text, "{pixels}", "{pixel}"));
+    write("c_good.toml", &text);
+    let all = ["figure", "--all", "figures", "--preview", "--renders", "r", "-o", "out"];
+    let printed = stderr(&run(at, &all, 2));
+    assert!(printed.contains("2 of 3 figures failed: figures/a_bad.toml, figures/b_bad.toml;"), "{printed}");
+    assert!(printed.contains("no slice `foto`") && printed.contains("a value `pixel`"), "{printed}");
+    let table = |name: &str| printed.lines().any(|l| l.ends_with(name));
+    assert!(
+        table("wall s  processor s") && table("figures/c_good.toml") && table("all figures"),
+        "{printed}"
+    );
+    let mut drawn: Vec<_> = std::fs::read_dir(at.join("out")).expect("a folder").flatten().collect();
+    assert_eq!(drawn.pop().map(|e| e.file_name()), Some("c_good.png".into()));
+    assert!(drawn.is_empty());
+}
+
+/// Tests that a figure file of light in flight gives an animation, and only an animation.
+#[test]
+fn light_in_flight_is_animated() {
+    let (scenes, _) = sound();
+    let scene = scenes.path().join("scene.toml");
+    let slices =
+        "{ name = \"flight\", time = { start_ps = 15000, bin_ps = 500, bins = 20 } }, { name = \"photo\" }";
+    std::fs::write(&scene, edit(SCENE, "{ name = \"photo\" }", slices)).expect("a scene");
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let text = format!(
+        "width = \"30 mm\"\ncolumns = 1\nletters = false\nanimation = true\n[scenes.ball]\nfile = \"{}\"\n\
+         preview = {{ pixels = 16, spp = 4 }}\nfull = {{ pixels = 16, spp = 4 }}\n[[panels]]\nscene = \"ball\"\n\
+         view.flight = {{ slice = \"flight\", frames = 4 }}\n",
+        scene.display()
+    );
+    std::fs::write(at.join("f.toml"), text).expect("a figure");
+    run(at, &["figure", "--all", ".", "--renders", "r", "-o", "out"], 0);
+    run(at, &["figure", "f.toml", "--renders", "r", "-o", "b.apng"], 0);
+    let bytes = std::fs::read(at.join("out/f.apng")).expect("an animation");
+    assert!(bytes == std::fs::read(at.join("b.apng")).expect("an animation"));
+    let frames = bytes.windows(4).filter(|w| *w == b"fcTL").count();
+    assert!((2..=4).contains(&frames), "{frames} frames");
+    let printed = stderr(&run(at, &["figure", "f.toml", "--renders", "r", "-o", "b.png"], 2));
+    assert!(printed.contains(".apng"), "{printed}");
 }
 
 /// An observer that stops a render after a given number of tiles.

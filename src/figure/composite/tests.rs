@@ -258,6 +258,98 @@ fn figures_have_the_requested_physical_size() {
     assert_eq!(again.png().expect("PNG"), drawing.png().expect("PNG"));
 }
 
+fn signed_map(name: &str, limit: f32) -> Part {
+    let scale = Scale::Signed { limit, scale: SignedScale::Linear };
+    part(of_values(name, 4, &[0.0; 16], scale).expect("a map"))
+}
+
+/// Tests that adjacent panels with equal scales have one bar, with all labels, and that panels with different
+/// scales, or with a panel between them, have their own bars.
+#[test]
+fn equal_scales_share_a_bar() {
+    let labels = |parts: Vec<Option<Part>>| -> Vec<Option<String>> {
+        let places = layout(&Composite { width_mm: 178.0, ..figure(3, parts) }).expect("places");
+        places.panels.into_iter().map(|p| p.bar.map(|(_, label)| label)).collect()
+    };
+    let map = |name, limit| Some(signed_map(name, limit));
+    let text = |label: &str| Some(label.to_owned());
+    assert_eq!(labels(vec![map("a", 1.0), map("b", 1.0), map("b", 1.0)]), [None, None, text("a, b")]);
+    let normalized = vec![map("M22 / M00", 1.0), map("−M33 / M00", 1.0), image(4, 4)];
+    assert_eq!(labels(normalized), [None, text("Mij / M00"), None]);
+    assert_eq!(labels(vec![map("a", 1.0), map("a", 2.0), map("a", 1.0)]), [text("a"), text("a"), text("a")]);
+    assert_eq!(labels(vec![map("a", 1.0), image(4, 4), map("a", 1.0)]), [text("a"), None, text("a")]);
+    assert_eq!(labels(vec![map("a", 1.0), None, map("a", 1.0)]), [text("a"), text("a")]);
+    // Panels of different rows do not share a bar.
+    let rows = vec![image(4, 4), image(4, 4), map("a", 1.0), map("a", 1.0)];
+    assert_eq!(labels(rows), [None, None, text("a"), text("a")]);
+}
+
+/// Tests that every row fills the width of the figure, although only one row has a colour bar. With column
+/// headings, the columns of all rows are aligned.
+#[test]
+fn rows_have_no_empty_gutters() {
+    let mut f = figure(2, vec![Some(signed_map("a", 1.0)), image(4, 4), image(4, 4), image(4, 4)]);
+    let places = layout(&f).expect("places");
+    let right = |i: usize| places.panels[i].picture.x + places.panels[i].picture.w;
+    assert!(near(right(1), 84.0 - EDGE) && near(right(3), 84.0 - EDGE));
+    assert!(near(places.panels[3].picture.x - right(2), GAP));
+    assert!(places.panels[2].picture.w > places.panels[0].picture.w);
+    f.column_headings = vec!["a".into(), "b".into()];
+    let places = layout(&f).expect("places");
+    assert!(near(places.panels[0].picture.w, places.panels[2].picture.w));
+    assert!(near(places.panels[1].picture.x, places.panels[3].picture.x));
+}
+
+/// Tests that captions of any words, including words that are wider than the panel, end before the next panel.
+#[test]
+fn captions_stay_within_their_panels() {
+    let long = "polarization-resolved-transient-measurement of a very small and remarkably noisy mirror";
+    let parts = (0..4).map(|i| {
+        let mut one = if i % 2 == 0 { image(4, 4)? } else { signed_map("b", 1.0) };
+        one.caption = long.into();
+        Some(one)
+    });
+    let f = figure(4, parts.collect());
+    let places = layout(&f).expect("places");
+    for (i, placed) in places.panels.iter().enumerate() {
+        let next = places.panels.get(i + 1).map_or(84.0 - EDGE, |p| p.picture.x);
+        assert!(placed.caption.len() > 4);
+        for (line, (x, y)) in &placed.caption {
+            let end = x + crate::text::width(line, super::layout::style(CAPTION));
+            assert!(end <= next + 1e-9, "{i}: {line} ends at {end}, the next panel begins at {next}");
+            assert!(*y > placed.picture.y + placed.picture.h && *y < places.height);
+        }
+    }
+}
+
+/// Tests that a note lists the denoised panels by their letters.
+#[test]
+fn a_note_lists_denoised_panels() {
+    let note = |denoised: &[bool], letters| {
+        let mark = |d: &bool| Some(Part { denoised: *d, ..image(4, 4)? });
+        let parts = denoised.iter().map(mark).collect();
+        let places = layout(&Composite { letters, ..figure(2, parts) }).expect("places");
+        let lines: Vec<&str> = places.note.iter().map(|(line, _)| line.as_str()).collect();
+        assert!(places.note.iter().all(|(_, (_, y))| *y < places.height));
+        lines.join(" ")
+    };
+    assert_eq!(note(&[false, false], true), "");
+    assert_eq!(note(&[true, true], true), "Denoised.");
+    assert_eq!(note(&[true, true, true, false, true], true), "Denoised: (a)–(c), (e).");
+    assert_eq!(note(&[true, false, true, true], false), "Denoised panels: 1, 3, 4.");
+    let drawing = draw(&figure(1, vec![Some(Part { denoised: true, ..image(4, 4).expect("a part") })]));
+    assert!(drawing.expect("a drawing").svg().contains("Denoised."));
+}
+
+#[test]
+fn crops_keep_the_pixels_of_the_crop() {
+    let mut tile = Tile::image(numbered(8, 8));
+    assert!(tile.crop([0.25, 0.5, 0.5, 0.25]));
+    let image = &tile.cells[0].0;
+    assert_eq!((image.width(), image.height(), image.get_pixel(0, 0).0), (4, 2, [3, 5, 200]));
+    assert!(!curves(false).crop([0.0, 0.0, 0.5, 0.5]), "a chart is not cropped");
+}
+
 fn overlap(a: Rect, b: Rect) -> bool {
     a.x < b.x + b.w - 1e-9 && b.x < a.x + a.w - 1e-9 && a.y < b.y + b.h - 1e-9 && b.y < a.y + a.h - 1e-9
 }

@@ -133,6 +133,24 @@ fn arctan_scale_and_mask_are_honoured() {
     assert!(!plain.contains("arctan") && !plain.contains("standard errors"), "{plain}");
 }
 
+/// Tests that maps of elements have the arctan scale.
+#[test]
+fn maps_have_an_arctan_scale() {
+    let t = tensor(axes([(Y, 1), (X, 2), (U, 2), (StokesOut, 4), (StokesIn, 4)]), |at| {
+        if at.i(StokesOut) + at.i(StokesIn) == 0 { 2.0 } else { 0.1 }
+    });
+    let at = |scale| {
+        let view = MapView { scale, ..map_view(0, [2, 2], None) };
+        let (img, r) = seen(&View::SpaceSpace(view), &panel(&t));
+        colour(&img, r, 0.5, 0.5)
+    };
+    assert_eq!(at(SignedScale::Linear), crate::colour::signed(0.05).0);
+    assert_eq!(at(SignedScale::Arctan), crate::colour::signed(0.4_f32.atan() / 8_f32.atan()).0);
+    let view = MapView { scale: SignedScale::Arctan, ..map_view(0, [2, 2], None) };
+    let text = draw(&View::SpaceSpace(view), "t", &panel(&t)).unwrap().svg();
+    assert!(text.contains("M22 / M00, arctan scale"), "{text}");
+}
+
 /// Tests that the average of many pixels has a smaller standard error than one pixel.
 #[test]
 fn averaged_pixels_are_masked_by_the_error_of_the_average() {
