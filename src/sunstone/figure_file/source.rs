@@ -61,10 +61,7 @@ impl Source {
     /// Returns [`FigureError::Extension`] if the extension is not that of a format, or that of a page for an
     /// animation, or that of an animation for a page.
     pub fn check_output(&self, path: &Path) -> Result<(), FigureError> {
-        match self.file.animation {
-            true => figure::check_animation(path),
-            false => Format::of(path).map(|_| ()),
-        }
+        if self.file.animation { figure::check_animation(path) } else { Format::of(path).map(|_| ()) }
     }
 
     /// Returns an error at a location.
