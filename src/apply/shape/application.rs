@@ -28,9 +28,9 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// All methods. The first method is the method of Baek & Heide (2021), and the last method is the pseudo
-/// truth of Baek & Heide.
-pub(super) const METHODS: [(Method, Route); 9] = [
+/// All methods. The first method is the method of Baek & Heide (2021). The last four methods are two baselines
+/// with the spatial help of the joint methods, and two joint methods that weight polarization by its errors.
+pub(super) const METHODS: [(Method, Route); 13] = [
     route(
         "epipolar micro phase shift + polarization",
         "Baek & Heide 2021",
@@ -55,6 +55,15 @@ pub(super) const METHODS: [(Method, Route); 9] = [
         Way::StructuredLight(Code::Gray, Light::All),
         true,
     ),
+    route("micro phase shift, smoothed", "Nehab et al. 2005", Way::Smoothed(Code::Micro, Light::All), false),
+    route(
+        "epipolar micro phase shift, smoothed",
+        "O'Toole et al. 2014; Nehab et al. 2005",
+        Way::Smoothed(Code::Micro, Light::Epipolar),
+        false,
+    ),
+    route("joint, all light", "new here", Way::Weighted(Code::Micro, Light::All), false),
+    route("joint", "new here", Way::Weighted(Code::Micro, Light::Epipolar), false),
 ];
 
 /// Returns the number of the variant with the sprayed object ([`Truth::Slice`]).

@@ -42,8 +42,8 @@ fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -
         slices: [
             ("columns", slice(&inputs.columns.light, &columns)),
             ("epipolar_columns", slice(&inputs.epipolar_columns.light, &columns)),
-            ("polarimetric", slice(&inputs.mueller, &matrices)),
-            ("epipolar", slice(&inputs.epipolar_mueller, &matrices)),
+            ("polarimetric", slice(&inputs.mueller.mean, &matrices)),
+            ("epipolar", slice(&inputs.epipolar_mueller.mean, &matrices)),
             ("sprayed columns", slice(&sprayed.columns.light, &columns)),
         ]
         .map(|(name, s)| (name.to_owned(), s))

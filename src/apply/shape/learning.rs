@@ -1,12 +1,17 @@
 //! Learns free parameters of methods on training variants. The parameters are chosen one after another, each
 //! from a short list of values. The chosen value minimizes the mean angular error of normals. A pixel without
-//! a normal contributes an error of 90°.
+//! a normal contributes an error of 90°. For smoothed scans and weighted joint methods, the chosen value
+//! minimizes the geometric mean of the errors of normals and depths. A pixel without a depth contributes an error
+//! of the height of the statue.
 
-use super::errors::angular;
+use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
-use super::methods::{Code, Method, Parameters, ShapeError, run};
+use super::methods::{Code, Light, Method, Parameters, ShapeError, run};
 use super::seen::Seen;
 use rayon::prelude::*;
+
+/// Height of the statue, in metres.
+const STATUE: f64 = 0.05;
 
 /// A method, and whether the method uses the scene with the sprayed object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +40,18 @@ pub(super) enum Free {
     SigmaNormals,
     /// Standard deviation of the fused surface's normals, in degrees.
     SigmaSurface,
+    /// Whether normals are those of the smooth surface instead of the scan: 1 if so, otherwise 0.
+    OfSmoothSurface,
+    /// Standard deviation of the scan's normals, as a multiple of the scatter of the scan.
+    Trust,
+    /// Error of the model of q and u.
+    ModelError,
+    /// Radius of the window over which weighted polarization is summed, in pixels.
+    PolarizationRadius,
+    /// Whether light that enters the object is used: 1 if so, otherwise 0.
+    Entering,
+    /// Whether all light is used in addition to epipolar light: 1 if so, otherwise 0.
+    BothLights,
 }
 
 impl Free {
@@ -49,6 +66,10 @@ impl Free {
             Self::SigmaColumns => &[0.25, 0.5, 1.0],
             Self::SigmaNormals => &[10.0, 20.0, 40.0],
             Self::SigmaSurface => &[2.5, 5.0, 10.0],
+            Self::OfSmoothSurface | Self::Entering | Self::BothLights => &[0.0, 1.0],
+            Self::Trust => &[0.0, 0.35, 0.5, 0.7, 1.0, 1.4],
+            Self::ModelError => &[0.005, 0.02, 0.05],
+            Self::PolarizationRadius => &[0.0, 1.0, 2.0],
         }
     }
 
@@ -62,6 +83,12 @@ impl Free {
             Self::SigmaColumns => "deviation of columns",
             Self::SigmaNormals => "of polarization's normals",
             Self::SigmaSurface => "of the surface's normals",
+            Self::OfSmoothSurface => "normals of the smooth surface",
+            Self::Trust => "deviation of the scan's normals",
+            Self::ModelError => "model error",
+            Self::PolarizationRadius => "radius of polarization's window",
+            Self::Entering => "light that enters the object",
+            Self::BothLights => "all light and epipolar light",
         }
     }
 
@@ -75,6 +102,12 @@ impl Free {
             Self::SigmaColumns => p.sigma_columns = value,
             Self::SigmaNormals => p.sigma_normals_deg = value,
             Self::SigmaSurface => p.sigma_surface_deg = value,
+            Self::OfSmoothSurface => p.of_smooth_surface = value > 0.5,
+            Self::Trust => p.trust = value,
+            Self::ModelError => p.model_error = value,
+            Self::PolarizationRadius => p.polarization_radius = value as usize,
+            Self::Entering => p.cues.entering = value > 0.5,
+            Self::BothLights => p.cues.both_lights = value > 0.5,
         }
     }
 }
@@ -93,6 +126,20 @@ impl Route {
                 Free::SigmaSurface,
                 Free::MirroredOff,
             ],
+            Method::Smoothed(..) => {
+                &[Free::OfSmoothSurface, Free::FusedRadius, Free::SigmaColumns, Free::SigmaSurface]
+            }
+            Method::Weighted(_, Light::All) => {
+                &[Free::PolarizationRadius, Free::Trust, Free::ModelError, Free::Entering, Free::Trust]
+            }
+            Method::Weighted(_, Light::Epipolar) => &[
+                Free::PolarizationRadius,
+                Free::Trust,
+                Free::ModelError,
+                Free::Entering,
+                Free::BothLights,
+                Free::Trust,
+            ],
         }
     }
 
@@ -104,9 +151,19 @@ impl Route {
 
     fn loss(self, train: &[Seen], parameters: &Parameters) -> Result<f64, ShapeError> {
         let of = |seen: &Seen| -> Result<f64, ShapeError> {
-            let e = angular(&self.run(seen, parameters)?.normals, &seen.normals, None);
-            let mean = if e.coverage > 0.0 { e.mean } else { 0.0 };
-            Ok(e.coverage * mean + (1.0 - e.coverage) * 90.0)
+            let surface = self.run(seen, parameters)?;
+            let with = |e: Errors, missing: f64| {
+                let mean = if e.coverage > 0.0 { e.mean } else { 0.0 };
+                e.coverage * mean + (1.0 - e.coverage) * missing
+            };
+            let normals = with(angular(&surface.normals, &seen.normals, None), 90.0);
+            Ok(match self.method {
+                Method::Smoothed(..) | Method::Weighted(..) => {
+                    let depth = with(depth_errors(&surface.depth, &seen.depth, None), STATUE);
+                    (normals * depth).sqrt()
+                }
+                _ => normals,
+            })
         };
         let all: Result<Vec<f64>, _> = train.par_iter().map(of).collect();
         Ok(all?.iter().sum::<f64>() / train.len() as f64)
@@ -117,12 +174,16 @@ impl Route {
     pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
         // A joint method uses the best parameters of the structured-light scan alone. The parameters of a
         // scan can be learned much faster.
+        let within = |method| {
+            let (parameters, words) = Self { method, ..self }.learn(train)?;
+            Ok::<_, ShapeError>((parameters, vec![words]))
+        };
         let (mut best, mut words) = match self.method {
-            Method::Joint(code, light) => {
-                let scan = Self { method: Method::StructuredLight(code, light), ..self };
-                let (parameters, words) = scan.learn(train)?;
-                (parameters, vec![words])
+            Method::Joint(code, light) | Method::Smoothed(code, light) => {
+                within(Method::StructuredLight(code, light))?
             }
+            // The joint method with weight 0 for polarization is its own baseline.
+            Method::Weighted(code, light) => within(Method::Smoothed(code, light))?,
             _ => (Parameters::default(), vec![]),
         };
         for free in self.free() {

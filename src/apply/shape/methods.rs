@@ -4,9 +4,11 @@
 //! All methods use the same render: T(s, u) and the Mueller images, for all light and for the epipolar band.
 
 use super::column_light::{CodeError, ColumnLight, Decoded};
+use super::fusion::{Believed, fuse};
 use super::joint::{Options, Surface, reconstruct};
+use super::likelihood::{Measured, Weights, corrected, entering, leaving};
 use super::polarization::{Reflection, cues, stokes};
-use super::surface_normals::{Window, normals};
+use super::surface_normals::{Window, normals, scatter};
 use super::triangulation::{depth, depth_per_column};
 use super::{gray_code, logical_codes, micro_phase_shift, phase_shift, propagation};
 use crate::map::Map;
@@ -33,6 +35,15 @@ pub enum Light {
     Epipolar,
 }
 
+/// The Stokes elements that weighted polarization uses. Each set is used for the light that leaves the object,
+/// and for the light that enters the object if `entering`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cues {
+    pub entering: bool,
+    /// Whether all light is used in addition to epipolar light. Methods of all light always use all light alone.
+    pub both_lights: bool,
+}
+
 /// A method of shape reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -43,6 +54,12 @@ pub enum Method {
     /// Joint optimization of structured light and polarization. The method uses all light (Baek et al. 2018)
     /// or epipolar light (Baek & Heide 2021).
     Joint(Code, Light),
+    /// Structured light with a robust fit of a smooth surface to depths and to the scan's own normals. The
+    /// method has the same spatial help as the weighted joint methods, but no polarization.
+    Smoothed(Code, Light),
+    /// Smoothed structured light, whose normals are corrected by polarization that is weighted pixel by pixel
+    /// ([`super::likelihood`]; new here).
+    Weighted(Code, Light),
 }
 
 impl Method {
@@ -62,6 +79,9 @@ impl Method {
             Self::StructuredLight(c, l) => format!("{}{}", light(l), code(c)),
             Self::Polarization(l) => format!("{}polarization", light(l)),
             Self::Joint(c, l) => format!("{}{} + polarization", light(l), code(c)),
+            Self::Smoothed(c, l) => format!("{}{}, smoothed", light(l), code(c)),
+            Self::Weighted(_, Light::Epipolar) => "joint".to_owned(),
+            Self::Weighted(_, Light::All) => "joint, all light".to_owned(),
         }
     }
 }
@@ -74,11 +94,11 @@ pub struct Inputs {
     pub columns: ColumnLight,
     /// T(s, u) of the epipolar band.
     pub epipolar_columns: ColumnLight,
-    /// Mueller images of all light, with 16 channels, row by row.
-    pub mueller: Map,
+    /// Mueller images of all light.
+    pub mueller: Measured,
     /// Mueller images of the epipolar band. If the rig is time-gated, the images contain the light of one
     /// time bin.
-    pub epipolar_mueller: Map,
+    pub epipolar_mueller: Measured,
     /// Mask of the object: 1 inside, 0 outside.
     pub mask: Map,
 }
@@ -102,6 +122,15 @@ pub struct Parameters {
     pub sigma_surface_deg: f64,
     /// Whether specular reflection is excluded from the degree of polarization.
     pub mirrored_off: bool,
+    /// Whether normals of smoothed scans are fitted to the smooth surface instead of the scan.
+    pub of_smooth_surface: bool,
+    /// Standard deviation of the scan's normals for weighted polarization, as a multiple of the scatter of the
+    /// scan. The value 0 excludes polarization.
+    pub trust: f64,
+    /// Options of weighted polarization.
+    pub model_error: f64,
+    pub polarization_radius: usize,
+    pub cues: Cues,
 }
 
 impl Default for Parameters {
@@ -118,6 +147,11 @@ impl Default for Parameters {
             sigma_normals_deg: 10.0,
             sigma_surface_deg: 5.0,
             mirrored_off: true,
+            of_smooth_surface: false,
+            trust: 0.7,
+            model_error: 0.02,
+            polarization_radius: 0,
+            cues: Cues { entering: true, both_lights: false },
         }
     }
 }
@@ -145,8 +179,10 @@ fn check(inputs: &Inputs) -> Result<(), ShapeError> {
     let maps = [
         ("the light of columns", &inputs.columns.light),
         ("the epipolar light of columns", &inputs.epipolar_columns.light),
-        ("the Mueller image", &inputs.mueller),
-        ("the epipolar Mueller image", &inputs.epipolar_mueller),
+        ("the Mueller image", &inputs.mueller.mean),
+        ("the errors of the Mueller image", &inputs.mueller.error),
+        ("the epipolar Mueller image", &inputs.epipolar_mueller.mean),
+        ("the errors of the epipolar Mueller image", &inputs.epipolar_mueller.error),
         ("the mask", &inputs.mask),
     ];
     for (what, map) in maps {
@@ -200,6 +236,49 @@ fn masked(map: &Map, mask: &Map) -> Map {
     })
 }
 
+/// Fits a smooth surface to a scan and to normals of the scan, which `correct` may change. `correct` has the
+/// surface from which the normals were computed as first argument.
+fn smoothed(
+    inputs: &Inputs,
+    parameters: &Parameters,
+    depth: &Map,
+    sigma: &Map,
+    correct: impl Fn(&Map, Map) -> Map,
+) -> Surface {
+    let camera = &inputs.rig.camera;
+    let believed =
+        Believed { depth: sigma.clone(), normals: parameters.sigma_surface_deg.to_radians(), robust: true };
+    let of_scan = normals(camera, depth, parameters.scan_window);
+    let smooth = fuse(camera, depth, &of_scan, &believed);
+    let window = Window { radius: parameters.fused_window.radius, robust: true };
+    let of_smooth = normals(camera, &smooth, window);
+    // Pixels without a depth have a normal only on the smooth surface.
+    let first = if parameters.of_smooth_surface { &of_smooth } else { &of_scan };
+    let mut found = first.clone();
+    for (n, other) in found.data.iter_mut().zip(&of_smooth.data) {
+        *n = if n.is_nan() { *other } else { *n };
+    }
+    let normals = correct(&smooth, found);
+    Surface { depth: fuse(camera, depth, &normals, &believed), normals }
+}
+
+/// Corrects normals of a surface with weighted polarization.
+fn weighted(inputs: &Inputs, parameters: &Parameters, light: Light, surface: &Map, normals: &Map) -> Map {
+    let lights: &[&Measured] = match light {
+        Light::All => &[&inputs.mueller],
+        Light::Epipolar if parameters.cues.both_lights => &[&inputs.epipolar_mueller, &inputs.mueller],
+        Light::Epipolar => &[&inputs.epipolar_mueller],
+    };
+    let mut cues: Vec<_> = lights.iter().map(|m| leaving(&inputs.rig, m)).collect();
+    if parameters.cues.entering {
+        cues.extend(lights.iter().map(|m| entering(&inputs.rig, surface, m)));
+    }
+    let radius = parameters.scan_window.radius;
+    let scan = parameters.trust * scatter(&inputs.rig.camera, surface, normals, radius);
+    let (model, radius) = (parameters.model_error, parameters.polarization_radius);
+    corrected(normals, &cues, Weights { scan, model, radius })
+}
+
 /// Runs a method. Shape from polarization alone yields a depth of NaN.
 ///
 /// # Errors
@@ -214,8 +293,8 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
     };
     let polarized = |light| {
         let mueller = match light {
-            Light::All => &inputs.mueller,
-            Light::Epipolar => &inputs.epipolar_mueller,
+            Light::All => &inputs.mueller.mean,
+            Light::Epipolar => &inputs.epipolar_mueller.mean,
         };
         masked(&stokes(mueller, parameters.mirrored_off), &inputs.mask)
     };
@@ -251,6 +330,16 @@ pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<S
                 sigma_surface: parameters.sigma_surface_deg.to_radians(),
             };
             reconstruct(camera, &depth, &sigma, &polarized(light), &options).surface
+        }
+        Method::Smoothed(code, light) => {
+            let [depth, sigma] = scanned(code, light)?;
+            smoothed(inputs, parameters, &depth, &sigma, |_, normals| normals)
+        }
+        Method::Weighted(code, light) => {
+            let [depth, sigma] = scanned(code, light)?;
+            smoothed(inputs, parameters, &depth, &sigma, |surface, normals| {
+                weighted(inputs, parameters, light, surface, &normals)
+            })
         }
     })
 }
@@ -292,11 +381,12 @@ pub(super) mod tests {
             let known = mask.at(x, y)[0] != 0.0;
             o.iter_mut().zip(matrices.at(x, y)).for_each(|(o, m)| *o = if known { *m } else { 0.0 });
         });
+        let measured = Measured { error: matrices.clone(), mean: matrices };
         let inputs = Inputs {
             columns: light(blurred),
             epipolar_columns: light(0.0),
-            mueller: matrices.clone(),
-            epipolar_mueller: matrices,
+            mueller: measured.clone(),
+            epipolar_mueller: measured,
             mask,
             rig,
         };

@@ -22,6 +22,7 @@ pub mod fusion;
 pub mod gray_code;
 pub mod joint;
 mod learning;
+pub mod likelihood;
 pub mod log_depth;
 pub mod logical_codes;
 pub mod methods;

@@ -1,11 +1,13 @@
 //! One variant of the statue. The variant consists of the input of the methods and the true shape.
 
 use super::column_light::ColumnLight;
+use super::likelihood::Measured;
 use super::methods::Inputs;
 use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::Observation;
 use nalgebra::Vector3;
+use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
 /// Wavelength that all methods use, in nanometres.
@@ -24,11 +26,16 @@ pub(super) struct Seen {
     pub normals: Map,
 }
 
-/// Returns the means of a slice at [`WAVELENGTH`] as an image over `y` and `x`. The remaining `channels`
-/// entries are the channels of the image.
-fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Result<Map, ApplyError> {
+/// Returns a tensor of the slice `name` at [`WAVELENGTH`] as an image over `y` and `x`. The remaining
+/// `channels` entries are the channels of the image.
+fn image(
+    o: &Observation,
+    name: &str,
+    mean: &Tensor,
+    channels: usize,
+    axis: &'static str,
+) -> Result<Map, ApplyError> {
     let wrong = |axis| ApplyError::Axis { variant: o.variant, slice: name.to_owned(), axis };
-    let mean = &o.slice(name)?.mean;
     let lane = mean.find(AxisKind::Wavelength).map_or(0, |at| mean.axes[at].nearest(WAVELENGTH));
     let one = mean.select(AxisKind::Wavelength, lane);
     if (one.find(AxisKind::Y), one.find(AxisKind::X)) != (Some(0), Some(1)) {
@@ -53,10 +60,15 @@ impl Seen {
             }
         };
         let light = |name: &str| {
-            let columns = image(o, name, rig.projector.resolution[0], "all columns of the projector")?;
+            let (mean, all) = (&o.slice(name)?.mean, "all columns of the projector");
+            let columns = image(o, name, mean, rig.projector.resolution[0], all)?;
             Ok(ColumnLight { light: fits(columns, name)? })
         };
-        let mueller = |name: &str| fits(image(o, name, 16, "whole Mueller matrices")?, name);
+        let mueller = |name: &str| {
+            let part = |of: &Tensor| fits(image(o, name, of, 16, "whole Mueller matrices")?, name);
+            let slice = o.slice(name)?;
+            Ok::<_, ApplyError>(Measured { mean: part(&slice.mean)?, error: part(&slice.error)? })
+        };
         let truth = |name: &str, channels: usize| {
             let map = fits(o.truth(name)?.clone(), name)?;
             if map.channels == channels { Ok(map) } else { Err(o.sizes(format!("channels of {name}"))) }

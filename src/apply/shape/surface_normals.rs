@@ -109,6 +109,38 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     })
 }
 
+/// Returns the typical standard deviation of normals of a scan, in radians. It is the median over pixels of the
+/// scatter of depths around the tangent plane. The scatter in a window is 1.4826 medians of the absolute
+/// residuals of log z, divided by the angle between neighbouring pixels. The result is 0 without normals.
+pub fn scatter(camera: &Pinhole, depth: &Map, normals: &Map, radius: usize) -> f64 {
+    let (w, h) = (depth.width, depth.height);
+    let mut all = Vec::new();
+    for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+        let (n, z) = (Vector3::from_column_slice(normals.at(x, y)), depth.at(x, y)[0]);
+        let ray = camera.centre(x, y);
+        if !(n.x.is_finite() && z > 0.0) {
+            continue;
+        }
+        let window = (y.saturating_sub(radius)..(y + radius + 1).min(h))
+            .flat_map(|j| (x.saturating_sub(radius)..(x + radius + 1).min(w)).map(move |i| (i, j)));
+        let residual = |(i, j): (usize, usize)| {
+            let plane = z * n.dot(&ray) / n.dot(&camera.centre(i, j));
+            (depth.at(i, j)[0] / plane).ln()
+        };
+        let mut residuals: Vec<f64> =
+            window.filter(|at| *at != (x, y)).map(residual).filter(|r| r.is_finite()).collect();
+        residuals.iter_mut().for_each(|r| *r = r.abs());
+        let cosine = n.dot(&ray) / ray.norm();
+        all.extend(median(&mut residuals).map(|m| 1.4826 * m * camera.focal[0] * cosine * cosine));
+    }
+    median(&mut all).unwrap_or(0.0)
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
