@@ -25,6 +25,9 @@ const ROUNDS: usize = 10;
 /// Relative residual at which the solver stops.
 const TOLERANCE: f64 = 1e-9;
 
+/// Relative residual at which the solver stops if the weights are updated again.
+const COARSE: f64 = 1e-6;
+
 /// Minimum cosine between normal and view direction. At grazing angles, a normal does not determine the
 /// step between two depths.
 const LEAST_COSINE: f64 = 0.1;
@@ -122,8 +125,10 @@ pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -
     let known: Vec<f64> = plain.values.iter().filter(|v| v.weight > 0.0).map(|v| v.step).collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
     let start: Vec<f64> = plain.values.iter().map(|v| if v.weight > 0.0 { v.step } else { mean }).collect();
-    let mut log = plain.solve(&start, TOLERANCE);
-    for _ in 0..if believed.robust { ROUNDS } else { 0 } {
+    let rounds = if believed.robust { ROUNDS } else { 0 };
+    let tolerance = |round| if round == rounds { TOLERANCE } else { COARSE };
+    let mut log = plain.solve(&start, tolerance(0));
+    for round in 1..=rounds {
         let mut weighted = plain.clone();
         for (v, l) in weighted.values.iter_mut().zip(&log) {
             v.weight = trusted(v.weight, l - v.step);
@@ -137,7 +142,7 @@ pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -
         };
         weighted.right = of(&plain.right, 1);
         weighted.down = of(&plain.down, plain.width);
-        log = weighted.solve(&log, TOLERANCE);
+        log = weighted.solve(&log, tolerance(round));
     }
     let mut out = depth.clone();
     for (i, z) in out.data.iter_mut().enumerate() {

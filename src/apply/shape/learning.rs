@@ -170,12 +170,19 @@ impl Route {
     }
 
     /// Returns the parameters with the least loss on training variants, and a description of these
-    /// parameters.
-    pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
+    /// parameters. `known` contains the results for other routes, and receives the result.
+    pub(super) fn learn(
+        self,
+        train: &[Seen],
+        known: &mut Vec<(Self, (Parameters, String))>,
+    ) -> Result<(Parameters, String), ShapeError> {
+        if let Some((_, found)) = known.iter().find(|(route, _)| *route == self) {
+            return Ok(found.clone());
+        }
         // A joint method uses the best parameters of the structured-light scan alone. The parameters of a
         // scan can be learned much faster.
-        let within = |method| {
-            let (parameters, words) = Self { method, ..self }.learn(train)?;
+        let mut within = |method| {
+            let (parameters, words) = Self { method, ..self }.learn(train, known)?;
             Ok::<_, ShapeError>((parameters, vec![words]))
         };
         let (mut best, mut words) = match self.method {
@@ -203,6 +210,8 @@ impl Route {
                 best = p;
             }
         }
-        Ok((best, words.join(", ")))
+        let found = (best, words.join(", "));
+        known.push((self, found.clone()));
+        Ok(found)
     }
 }

@@ -43,14 +43,15 @@ impl LogDepth {
         }
     }
 
-    /// Returns the product A x for the normal equations A ℓ = b.
-    fn times(&self, x: &[f64]) -> Vec<f64> {
+    /// Returns the product A x for the normal equations A ℓ = b. `pairs` are the pairs of neighbours with a
+    /// weight.
+    fn times(&self, pairs: &[(usize, usize, f64)], x: &[f64]) -> Vec<f64> {
         let mut out: Vec<f64> = self.values.iter().zip(x).map(|(v, x)| v.weight * x).collect();
-        self.pairs(|i, j, s| {
-            let flow = s.weight * (x[j] - x[i]);
-            out[i] -= flow;
-            out[j] += flow;
-        });
+        for (i, j, weight) in pairs {
+            let flow = weight * (x[*j] - x[*i]);
+            out[*i] -= flow;
+            out[*j] += flow;
+        }
         out
     }
 
@@ -60,11 +61,15 @@ impl LogDepth {
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
         let mut diagonal: Vec<f64> = self.values.iter().map(|v| v.weight).collect();
+        let mut pairs = vec![];
         self.pairs(|i, j, s| {
-            right[i] -= s.weight * s.step;
-            right[j] += s.weight * s.step;
-            diagonal[i] += s.weight;
-            diagonal[j] += s.weight;
+            if s.weight > 0.0 {
+                right[i] -= s.weight * s.step;
+                right[j] += s.weight * s.step;
+                diagonal[i] += s.weight;
+                diagonal[j] += s.weight;
+                pairs.push((i, j, s.weight));
+            }
         });
         let scaled = |r: &[f64]| -> Vec<f64> {
             let of = |(r, d): (&f64, &f64)| if *d > 0.0 { r / d } else { 0.0 };
@@ -72,7 +77,7 @@ impl LogDepth {
         };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut x = start.to_vec();
-        let mut residual: Vec<f64> = right.iter().zip(self.times(&x)).map(|(b, a)| b - a).collect();
+        let mut residual: Vec<f64> = right.iter().zip(self.times(&pairs, &x)).map(|(b, a)| b - a).collect();
         let mut direction = scaled(&residual);
         let mut rho = dot(&residual, &direction);
         let goal = tolerance * tolerance * dot(&right, &scaled(&right));
@@ -80,7 +85,7 @@ impl LogDepth {
             if !(rho > goal && rho > 0.0) {
                 break;
             }
-            let image = self.times(&direction);
+            let image = self.times(&pairs, &direction);
             let alpha = rho / dot(&direction, &image);
             if !alpha.is_finite() {
                 break;
