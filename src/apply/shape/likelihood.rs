@@ -205,3 +205,182 @@ pub fn corrected(normals: &Map, cues: &[Cue], weights: Weights) -> Map {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::angle::angle_deg;
+    use crate::shape::polarization::{Reflection, cues, stokes};
+    use crate::shape::synthetic::{Shape, normal, rig};
+    use optics::sampling::stream::Stream;
+
+    const SIDE: usize = 48;
+
+    /// Standard deviation of the normals of the synthetic scan, in radians.
+    const SCAN: f64 = 0.1;
+
+    /// A sphere with a noisy scan and with noisy Mueller images of diffuse light.
+    struct Noisy {
+        rig: Rig,
+        shape: Shape,
+        normals: Map,
+        measured: Measured,
+    }
+
+    /// Returns the sphere. The standard deviation of T10, T20, T01 and T02 is `sigma`, relative to T00. An error
+    /// of 30 % that all elements share is added.
+    fn sphere(sigma: f64, stated: f64, seed: u64) -> Noisy {
+        let rig = rig(SIDE, 256);
+        let shape = Shape::sphere(&rig.camera, 0.04);
+        let mut stream = Stream::new(seed, 7, 8);
+        let normals = Map::from_fn(SIDE, SIDE, 3, |x, y, out| {
+            let n = Vector3::from_column_slice(shape.normals.at(x, y));
+            let [a, b] = tangents(n);
+            let [i, j] = [normal(&mut stream), normal(&mut stream)].map(|v| v * SCAN);
+            out.copy_from_slice((n + a * i + b * j).normalize().as_slice());
+        });
+        let empty = Map::from_fn(SIDE, SIDE, 16, |_, _, out| out.fill(1.0));
+        let frames = [
+            leaving(&rig, &Measured { mean: empty.clone(), error: empty.clone() }).frames,
+            entering(&rig, &shape.depth, &Measured { mean: empty.clone(), error: empty }).frames,
+        ];
+        let mean = Map::from_fn(SIDE, SIDE, 16, |x, y, out| {
+            let n = Vector3::from_column_slice(shape.normals.at(x, y));
+            if n.x.is_finite() {
+                let light = 2.0 * (1.0 + 0.3 * normal(&mut stream)).max(0.1);
+                out[0] = light;
+                for (e, frame) in [[4, 8], [1, 2]].iter().zip(&frames) {
+                    let p = predicted(n, &frame[y * SIDE + x]);
+                    for k in 0..2 {
+                        out[e[k]] = light * (p[k] + sigma * normal(&mut stream));
+                    }
+                }
+            }
+        });
+        let error = Map::from_fn(SIDE, SIDE, 16, |x, y, out| {
+            let m = mean.at(x, y);
+            out[0] = 0.3 * m[0];
+            for e in [1, 2, 4, 8] {
+                out[e] = (stated * m[0]).hypot(0.3 * m[e]);
+            }
+        });
+        Noisy { rig, shape, normals, measured: Measured { mean, error } }
+    }
+
+    fn both(noisy: &Noisy) -> [Cue; 2] {
+        [leaving(&noisy.rig, &noisy.measured), entering(&noisy.rig, &noisy.shape.depth, &noisy.measured)]
+    }
+
+    const EXACT: Weights = Weights { scan: SCAN, model: 1e-6, radius: 0 };
+
+    /// Returns the mean squared angular error over zenith angles between 30° and 70°, in square degrees.
+    fn square_error(noisy: &Noisy, normals: &Map) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (got, want) in normals.data.chunks(3).zip(noisy.shape.normals.data.chunks(3)) {
+            if (0.34..0.87).contains(&-want[2]) {
+                sum += angle_deg(got, want).powi(2);
+                count += 1.0;
+            }
+        }
+        assert!(count > 100.0);
+        sum / count
+    }
+
+    /// The corrected normals are better than the scan's and than those of polarization alone. If the stated errors are ten times too small, the result is worse: the test detects
+    /// wrong weights.
+    #[test]
+    fn corrected_normals_are_better_than_both_inputs() {
+        for sigma in [0.01, 0.03] {
+            let noisy = sphere(sigma, sigma, 1);
+            let scan = square_error(&noisy, &noisy.normals);
+            let got = square_error(&noisy, &corrected(&noisy.normals, &both(&noisy), EXACT));
+            let angles = cues(&stokes(&noisy.measured.mean, false), 1.5, Reflection::Diffuse);
+            let nearest =
+                crate::shape::polarization::nearest(&noisy.rig.camera, &angles, &noisy.shape.normals);
+            let alone = square_error(&noisy, &nearest);
+            assert!(got < 0.97 * scan && got < 0.97 * alone, "{sigma}: {got} {scan} {alone}");
+            let sure = sphere(sigma, 0.1 * sigma, 1);
+            let wrong = square_error(&sure, &corrected(&sure.normals, &both(&sure), EXACT));
+            assert!(wrong > 1.1 * got, "{sigma}: {wrong} {got}");
+        }
+    }
+
+    /// The errors that the information matrix states agree with the actual errors: χ² per degree of freedom is
+    /// 1 within 12 %, which allows for the linearization. Zenith angles from the degree of polarization are
+    /// biased upward by the same noise.
+    #[test]
+    fn stated_errors_of_corrected_normals_are_right() {
+        let (mut sum, mut count, mut bias) = (0.0, 0.0, 0.0);
+        for seed in 0..6 {
+            let noisy = sphere(0.02, 0.02, seed);
+            let cues_of = both(&noisy);
+            let got = corrected(&noisy.normals, &cues_of, EXACT);
+            let all = information(&cues_of, &noisy.normals, EXACT.model);
+            let angles = cues(&stokes(&noisy.measured.mean, false), 1.5, Reflection::Diffuse).angles;
+            for (pixel, (matrix, _)) in all.iter().enumerate() {
+                let (Some(n), Some(g)) = (vector(&noisy.shape.normals, pixel), vector(&got, pixel)) else {
+                    continue;
+                };
+                let zenith = n.dot(&cues_of[0].frames[pixel][2]).acos();
+                if (0.5..1.2).contains(&zenith) {
+                    let off = Vector2::from(tangents(n).map(|t| t.dot(&g)));
+                    sum += off.dot(&((matrix + Matrix2::identity() / SCAN.powi(2)) * off));
+                    count += 2.0;
+                    bias += angles.data[3 * pixel + 1] - zenith;
+                }
+            }
+        }
+        assert!((sum / count - 1.0_f64).abs() < 0.12, "{}", sum / count);
+        assert!(2.0 * bias / count > 0.01, "{}", 2.0 * bias / count);
+    }
+
+    /// Infinite errors, and a standard deviation of 0 for the scan, give the normals of the scan.
+    #[test]
+    fn useless_polarization_does_not_change_the_scan() {
+        let mut noisy = sphere(0.01, 0.01, 3);
+        let none = corrected(&noisy.normals, &both(&noisy), Weights { scan: 0.0, ..EXACT });
+        assert!(none.data.iter().zip(&noisy.normals.data).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
+        for weights in [EXACT, Weights { radius: 2, ..EXACT }] {
+            noisy.measured.error.data.iter_mut().for_each(|e| *e *= 1e12);
+            let got = corrected(&noisy.normals, &both(&noisy), weights);
+            for (a, b) in got.data.iter().zip(&noisy.normals.data) {
+                assert!((a - b).abs() < 1e-12 || a.is_nan() && b.is_nan(), "{a} {b}");
+            }
+        }
+    }
+
+    /// A planted factor k is found from noisy elements, and light that is not polarized gives k near 0.
+    #[test]
+    fn the_scale_of_polarization_is_fitted() {
+        let noisy = sphere(0.01, 0.01, 4);
+        for planted in [0.0, 0.5, 1.0] {
+            for mut cue in both(&noisy) {
+                let clean = both(&sphere(0.0, 0.01, 4));
+                let clean = &clean[usize::from(cue.frames[1000] != clean[0].frames[1000])];
+                for (s, c) in cue.stokes.data.chunks_mut(4).zip(clean.stokes.data.chunks(4)) {
+                    (s[0], s[1]) = (s[0] - c[0] * (1.0 - planted), s[1] - c[1] * (1.0 - planted));
+                }
+                let k = scale(&cue, &noisy.shape.normals, 0.0);
+                assert!((k - planted).abs() < 0.03, "{planted}: {k}");
+            }
+        }
+    }
+
+    /// Light enters best if its electric vector is in the plane of incidence, so T01 and T02 have the signs of
+    /// the projector's frame. The second axis of this frame points down, because light travels away from the
+    /// projector: a normal to the lower right, seen from the projector, has positive T02.
+    #[test]
+    fn entering_light_has_the_frame_of_the_projector() {
+        let noisy = sphere(0.0, 0.01, 5);
+        let cue = entering(&noisy.rig, &noisy.shape.depth, &noisy.measured);
+        let projector = &noisy.rig.projector;
+        let pixel = 24 * SIDE + 24;
+        let [right, down, toward] = cue.frames[pixel].map(|v| noisy.rig.camera.axes * v);
+        assert!(right.dot(&projector.axes.column(0)) > 0.9);
+        assert!(down.dot(&projector.axes.column(1)) > 0.9);
+        assert!(toward.dot(&projector.axes.column(2)) < -0.9);
+        let n = noisy.rig.camera.axes.transpose() * (right + down + toward * 2.0).normalize();
+        let p = predicted(n, &cue.frames[pixel]);
+        assert!(p[1] > 0.01 && p[0].abs() < 1e-12, "{p}");
+    }
+}
