@@ -15,7 +15,7 @@ mod scanlines;
 use crate::application::{Application, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::isolation::seen::Sight;
-use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
+use crate::isolation::{self, COAXIAL, Family, IN_SPACE, Isolation, Task, metrics_of, seen, task};
 use crate::observation::Observation;
 use crate::paths::Path;
 
@@ -24,7 +24,8 @@ const fn slicing(name: &'static str, source: &'static str, dimensions: [bool; 3]
     Isolation::new(name, source, Family::Any { space, time, polarization })
 }
 
-const METHODS: [Isolation; 7] = [
+/// The methods of single elements.
+const ELEMENTS: [Isolation; 7] = [
     slicing("space, time, polarization", "Baek & Heide 2021", [true, true, true]),
     slicing("space, polarization", "Baek & Heide 2021", [true, false, true]),
     slicing("time, polarization", "Baek & Heide 2021", [false, true, true]),
@@ -33,6 +34,11 @@ const METHODS: [Isolation; 7] = [
     slicing("time only", "early or late light", [false, true, false]),
     slicing("intensity only", "a photograph", [false, false, false]),
 ];
+
+/// Returns all methods. The first method is the paper's method.
+fn methods() -> Vec<Isolation> {
+    [&ELEMENTS[..], &COAXIAL, &IN_SPACE].concat()
+}
 
 const TASKS: [Task; 5] = [
     task!("one matt", Path::single_diffuse, 0.5),
@@ -56,7 +62,7 @@ pub(crate) fn application() -> Application {
             preview: Size { pixels: 64, spp: 32 },
             full: Size { pixels: 128, spp: 128 },
         },
-        methods: METHODS.iter().map(|m| m.method).collect(),
+        methods: methods().iter().map(|m| m.method).collect(),
         drawn: scanlines::elements().collect(),
         metrics: metrics_of(&TASKS),
         run,
@@ -65,7 +71,7 @@ pub(crate) fn application() -> Application {
 }
 
 fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyError> {
-    let mut outcome = isolation::run(&TASKS, &METHODS, Sight::SpaceAndTime, train, test)?;
+    let mut outcome = isolation::run(&TASKS, &methods(), Sight::SpaceAndTime, train, test)?;
     if let Some(shown) = test.first() {
         outcome.pictures.extend(scanlines::pictures(shown)?);
     }

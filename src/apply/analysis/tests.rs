@@ -46,7 +46,7 @@ fn each_dimension_separates_the_expected_tasks() {
     let all = room(&kinds());
     let outcome = run(&all[..3], &all[3..]).expect("it runs");
     let area = |method, task: &str| mean(&outcome.scores, method, &format!("{task}: area"));
-    for m in METHODS {
+    for m in methods() {
         for metric in metrics_of(&TASKS) {
             assert!(
                 mean(&outcome.scores, m.method.name, metric.name).is_finite(),

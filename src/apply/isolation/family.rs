@@ -1,6 +1,7 @@
 //! The elements among which an isolation method may choose.
 
 use super::element::{Element, Space, Time};
+use super::linear::Features;
 use super::seen::Seen;
 use super::task::Task;
 use crate::application::Method;
@@ -29,6 +30,8 @@ pub enum Family {
         /// Whether the method may use elements other than (0,0).
         polarization: bool,
     },
+    /// A linear combination of several features, instead of a single element.
+    Linear(Features),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -45,9 +48,10 @@ impl Isolation {
 
 impl Family {
     /// Returns the elements of the family with positive sign, and whether signs are learned. The named
-    /// element keeps its own sign.
+    /// element keeps its own sign. A linear combination has no candidates.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
+            Self::Linear(_) => (vec![], false),
             Self::Named => (task.named.into_iter().collect(), false),
             Self::NamedEitherSign => (task.named.into_iter().collect(), true),
             Self::NamedAnyAzimuth => {

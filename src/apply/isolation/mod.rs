@@ -1,8 +1,8 @@
-//! Isolates light paths. One element of the tensor, learned or named, is used as a detector and as an image
-//! of one light component.
+//! Isolates light paths. One element of the tensor, learned or named, or a learned linear combination of
+//! several elements, is used as a detector and as an image of one light component.
 //!
 //! A [`Task`] defines the light component, and a [`Family`] defines the elements among which a method may
-//! choose. A method selects the element and the sign that are best on the training variants. The image may
+//! choose or which it combines. A method of one element selects the element and the sign that are best on the training variants. The image may
 //! also be divided by the photograph.
 //!
 //! The criterion for a detector is the area under the ROC curve. The criterion for an image is the cosine
@@ -13,10 +13,13 @@
 pub mod element;
 mod family;
 mod learnt;
+mod linear;
 pub mod seen;
 mod task;
 
 pub use family::{Family, Isolation};
+pub use linear::Features;
+pub(crate) use linear::{COAXIAL, IN_SPACE};
 pub use task::{Region, Task};
 pub(crate) use task::{metrics_of, task};
 
@@ -26,8 +29,8 @@ use crate::map::Map;
 use crate::metrics::isolation::{correlation, decided, error, parted};
 use crate::metrics::roc::area;
 use crate::observation::{self, Observation};
-use learnt::Learnt;
-use seen::{Seen, Sight};
+use learnt::{Images, Learnt, Pair};
+use seen::{Seen, Sight, Truth};
 
 /// Fits every method to every task on `train`, and tests the fits on `test`. `sight` defines the
 /// available slices.
@@ -43,10 +46,20 @@ pub(crate) fn run(
     let mut outcome = Outcome::default();
     for (number, task) in tasks.iter().enumerate() {
         outcome.pictures.push(picture("truth", task, shown, shown.truth[number].share.clone()));
-        for isolation in methods {
-            let (candidates, either) = isolation.family.candidates(task, example);
-            let learnt = Learnt::new(&candidates, either, number, &train);
-            let name = isolation.method.name;
+    }
+    for isolation in methods {
+        let images = match isolation.family {
+            Family::Linear(features) => Images::linear(features, tasks.len(), &train),
+            family => {
+                let candidates: Vec<_> = tasks.iter().map(|task| family.candidates(task, example)).collect();
+                Images::elements(&candidates, &train)
+            }
+        };
+        let [drawn, tested] =
+            [&train, &test].map(|all| all.iter().map(|seen| images.of(seen)).collect::<Vec<_>>());
+        let name = isolation.method.name;
+        for (number, task) in tasks.iter().enumerate() {
+            let learnt = Learnt::new(&images, number, &train, &drawn);
             outcome.notes.push(match &learnt {
                 Some(learnt) => format!("{}, by {name}: {learnt}", task.name),
                 None => format!(
@@ -55,11 +68,13 @@ pub(crate) fn run(
                 ),
             });
             let Some(learnt) = learnt else { continue };
-            for seen in &test {
-                let values = judge(&learnt, number, seen);
+            for (seen, drawn) in test.iter().zip(&tested) {
+                let Some(pair) = &drawn[number] else { continue };
+                let values = judge(&learnt, &seen.truth[number], pair);
                 outcome.scores.extend(Score::each(name, seen.variant, &task.metrics, values));
             }
-            let drawn = learnt.image(shown).iter().map(|v| learnt.gain * v).collect();
+            let Some([_, image]) = &tested[0][number] else { continue };
+            let drawn = image.iter().map(|v| learnt.gain * v).collect();
             outcome.pictures.push(picture(name, task, shown, drawn));
         }
     }
@@ -67,12 +82,9 @@ pub(crate) fn run(
 }
 
 /// Returns the metrics in the order of [`task!`].
-fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
-    let truth = &seen.truth[task];
-    let values = learnt.values(seen);
-    let (positive, negative) = parted(&values, &truth.classes);
-    let counts = decided(&values, &truth.classes, learnt.threshold);
-    let image = learnt.image(seen);
+fn judge(learnt: &Learnt, truth: &Truth, [values, image]: &Pair<Vec<f64>>) -> [f64; 6] {
+    let (positive, negative) = parted(values, &truth.classes);
+    let counts = decided(values, &truth.classes, learnt.threshold);
     // A variant without positive pixels results in NaN.
     let (f1, precision) =
         if positive.is_empty() { (f64::NAN, f64::NAN) } else { (counts.f1(), counts.precision()) };
@@ -81,8 +93,8 @@ fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
         f1,
         precision,
         counts.recall(),
-        correlation(&image, &truth.share),
-        error(&image, &truth.share, learnt.gain),
+        correlation(image, &truth.share),
+        error(image, &truth.share, learnt.gain),
     ]
 }
 

@@ -211,9 +211,33 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
+    /// Returns (0,0) of all light.
+    pub fn photograph(&self) -> &[f64] {
+        &self.images[&(Space::All, Time::All)][0]
+    }
+
+    /// Returns the images, averaged over those of 3 × 3 pixels that are in the image. The result contains no
+    /// ground truth.
+    pub fn averaged(&self) -> Self {
+        let [w, h] = [self.width, self.height];
+        let mean = |image: &Vec<f64>| -> Vec<f64> {
+            let of = |p: usize| {
+                let (x, y) = (p % w, p / w);
+                let near = y.saturating_sub(1)..(y + 2).min(h);
+                let near = near.map(|j| &image[j * w + x.saturating_sub(1)..j * w + (x + 2).min(w)]);
+                let (sum, n) =
+                    near.fold((0.0, 0), |(s, n), row| (s + row.iter().sum::<f64>(), n + row.len()));
+                sum / n as f64
+            };
+            (0..w * h).map(of).collect()
+        };
+        let images = self.images.iter().map(|(part, images)| (*part, images.iter().map(mean).collect()));
+        Self { variant: self.variant, width: w, height: h, images: images.collect(), truth: vec![] }
+    }
+
     /// Returns an image divided by the photograph. Pixels in which the photograph is dark are 0.
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
-        let photograph = &self.images[&(Space::All, Time::All)][0];
+        let photograph = self.photograph();
         let share = |(v, all): (&f64, &f64)| if *all > 0.0 { v / all } else { 0.0 };
         image.iter().zip(photograph).map(share).collect()
     }

@@ -24,8 +24,8 @@ const NORMAL_95: f64 = 1.959963984540054;
 
 /// Returns the area for scores of positives and negatives (the normalized Mann–Whitney statistic).
 pub fn area(positive: &[f64], negative: &[f64]) -> f64 {
-    let places = placements(positive, negative);
-    places.0.iter().sum::<f64>() / places.0.len() as f64
+    let negative = sorted(negative);
+    positive.iter().map(|x| below(&negative, *x)).sum::<f64>() / positive.len() as f64
 }
 
 /// Returns the area with DeLong's standard error. The scores must be independent.
@@ -46,20 +46,23 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
 /// lower scores. The second contains, for each negative, the fraction of positives with higher scores. A tie
 /// contributes one half.
 fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let sorted = |v: &[f64]| {
-        let mut v = v.to_vec();
-        v.sort_by(f64::total_cmp);
-        v
-    };
     let (p, n) = (sorted(positive), sorted(negative));
-    let below = |all: &[f64], x: f64| {
-        let less = all.partition_point(|v| *v < x);
-        let not_more = all.partition_point(|v| *v <= x);
-        0.5 * (less + not_more) as f64 / all.len() as f64
-    };
     let of_positive = positive.iter().map(|x| below(&n, *x)).collect();
     let of_negative = negative.iter().map(|x| 1.0 - below(&p, *x)).collect();
     (of_positive, of_negative)
+}
+
+fn sorted(v: &[f64]) -> Vec<f64> {
+    let mut v = v.to_vec();
+    v.sort_unstable_by(f64::total_cmp);
+    v
+}
+
+/// Returns the fraction of sorted values that are below `x`. A tie contributes one half.
+fn below(all: &[f64], x: f64) -> f64 {
+    let less = all.partition_point(|v| *v < x);
+    let not_more = all.partition_point(|v| *v <= x);
+    0.5 * (less + not_more) as f64 / all.len() as f64
 }
 
 /// Scores of the pixels of one group, such as an object or a scene.

@@ -8,7 +8,7 @@
 //! view the scene via the mirror. Light is not epipolar if one device views the scene directly and one device
 //! views the scene via the mirror.
 
-use super::methods::{METHODS, application};
+use super::methods::{application, methods};
 use crate::application::{Application, Truth};
 use crate::isolation::element::{Element, Space};
 use crate::isolation::seen::{self, Sight};
@@ -41,6 +41,6 @@ pub(crate) fn coins() -> Application {
         ["multibounce-coins", shows, "coins_mirror/variants.toml"],
         &[table],
         &TASKS,
-        |train, test| isolation::run(&TASKS, &METHODS, Sight::Space, train, test),
+        |train, test| isolation::run(&TASKS, &methods(), Sight::Space, train, test),
     )
 }

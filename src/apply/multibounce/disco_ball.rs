@@ -1,6 +1,6 @@
 //! A disco ball between painted walls (Fig. 13 a to j).
 
-use super::methods::{METHODS, application};
+use super::methods::{application, methods};
 use crate::application::{Application, Truth};
 use crate::error::ApplyError;
 use crate::isolation::element::{Element, Space};
@@ -59,6 +59,6 @@ pub(crate) fn disco_ball() -> Application {
         Truth::Layer { name: "position", layer: "position", through: false },
     ];
     application(["multibounce", shows, "disco_ball/variants.toml"], &maps, &TASKS, |train, test| {
-        isolation::run(&TASKS, &METHODS, Sight::Space, train, test)
+        isolation::run(&TASKS, &methods(), Sight::Space, train, test)
     })
 }

@@ -1,14 +1,14 @@
 //! The methods and the plan for the two scenes with a camera and a projector.
 
 use crate::application::{Application, Plan, Run, Size, Truth, itself};
-use crate::isolation::{Family, Isolation, Task, metrics_of, seen};
+use crate::isolation::{COAXIAL, Family, IN_SPACE, Isolation, Task, metrics_of, seen};
 
 pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
     Family::Any { space, time, polarization }
 }
 
-/// All methods. The first method is the paper's method.
-pub(super) const METHODS: [Isolation; 8] = [
+/// The methods of single elements. The first method is the paper's method.
+const ELEMENTS: [Isolation; 8] = [
     Isolation::new("the named element", "Baek & Heide 2021", Family::Named),
     Isolation::new("the named element, either sign", "its sign learnt", Family::NamedEitherSign),
     Isolation::new(
@@ -31,8 +31,13 @@ pub(super) const METHODS: [Isolation; 8] = [
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
 
+/// Returns all methods.
+pub(super) fn methods() -> Vec<Isolation> {
+    [&ELEMENTS[..], &COAXIAL, &IN_SPACE].concat()
+}
+
 /// Returns the application of a scene. `maps` are the truth maps that define the regions of tasks. `run`
-/// isolates the light of each task with [`METHODS`].
+/// isolates the light of each task with [`methods`].
 pub(super) fn application(
     [name, shows, scene]: [&'static str; 3],
     maps: &[Truth],
@@ -53,7 +58,7 @@ pub(super) fn application(
             preview: Size { pixels: 64, spp: 32 },
             full: Size { pixels: 128, spp: 128 },
         },
-        methods: METHODS.iter().map(|m| m.method).collect(),
+        methods: methods().iter().map(|m| m.method).collect(),
         drawn: vec![],
         metrics: metrics_of(tasks),
         run,

@@ -12,7 +12,7 @@ use super::methods::any;
 use crate::application::{Application, Plan, Size, Truth, itself};
 use crate::isolation::element::{Element, Space};
 use crate::isolation::seen::Sight;
-use crate::isolation::{self, Family, Isolation, Task, metrics_of, seen, task};
+use crate::isolation::{self, COAXIAL, Family, Isolation, Task, metrics_of, seen, task};
 use crate::paths::Path;
 use tensor::label::SPECULAR;
 
@@ -30,7 +30,8 @@ const TASKS: [Task; 4] = [
     task!("metal in the mirror", |p| in_the_mirror(p) && p.all_specular(), 0.5).named(CIRCULAR),
 ];
 
-const METHODS: [Isolation; 7] = [
+/// The methods of single elements.
+const ELEMENTS: [Isolation; 7] = [
     Isolation::new("(3,3) at a time", "Baek & Heide 2021", Family::NamedAtATime { either: false }),
     Isolation::new("(3,3) at a time, either sign", "its sign learnt", Family::NamedAtATime { either: true }),
     Isolation::new("any element at a time", "learnt: the bound of single elements", any(false, true, true)),
@@ -39,6 +40,10 @@ const METHODS: [Isolation; 7] = [
     Isolation::new("time only", "learnt: (0,0) of a bin (Velten et al. 2013)", any(false, true, false)),
     Isolation::new("intensity only", "a photograph", any(false, false, false)),
 ];
+
+fn methods() -> Vec<Isolation> {
+    [&ELEMENTS[..], &COAXIAL].concat()
+}
 
 pub(crate) fn statue() -> Application {
     Application {
@@ -53,10 +58,10 @@ pub(crate) fn statue() -> Application {
             preview: Size { pixels: 40, spp: 32 },
             full: Size { pixels: 96, spp: 128 },
         },
-        methods: METHODS.iter().map(|m| m.method).collect(),
+        methods: methods().iter().map(|m| m.method).collect(),
         drawn: vec![],
         metrics: metrics_of(&TASKS),
-        run: |train, test| isolation::run(&TASKS, &METHODS, Sight::Coaxial, train, test),
+        run: |train, test| isolation::run(&TASKS, &methods(), Sight::Coaxial, train, test),
         task: None,
     }
 }

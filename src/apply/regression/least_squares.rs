@@ -10,7 +10,7 @@
 //!   have the same noise, R = 0 gives the best predictions.
 
 use super::moments::{Centred, Linear, Moments};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Minimum regularization of the diagonal of standardized covariances. The regularization divides the weight
 /// between linearly dependent features.
@@ -28,36 +28,47 @@ const HALVINGS: usize = 30;
 
 /// Fits by least squares. For linearly dependent features, the standardized weights have minimum norm.
 pub fn least_squares(moments: &Moments) -> Linear {
-    let c = moments.centred();
-    solve(&c, c.xx.clone())
+    ridge(moments, 0.0)
 }
 
 /// Fits by ridge regression.
 pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
     let c = moments.centred();
-    let mut xx = c.xx.clone();
-    for i in 0..xx.nrows() {
-        xx[(i, i)] *= 1.0 + lambda;
-    }
-    solve(&c, xx)
+    Normal::ridge(&c, lambda).solve(&c)
 }
 
 /// Fits by ridge regression with the λ that has the least mean loss on held-out groups of examples.
 /// Candidates are powers of √10 from 1e-8 to 10. The function also returns the chosen λ.
 pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
-    let all = Moments::sum(groups);
-    if groups.len() < 2 {
-        return (ridge(&all, 1e-4), 1e-4);
+    let groups: Vec<Vec<Moments>> = groups.iter().map(|g| vec![g.clone()]).collect();
+    ridges_by_cross_validation(&groups).pop().unwrap_or_else(|| (ridge(&Moments::none(0), 0.0), 0.0))
+}
+
+/// Fits several targets with the same features, each as [`ridge_by_cross_validation`]. Each group holds the
+/// moments of the targets.
+pub fn ridges_by_cross_validation(groups: &[Vec<Moments>]) -> Vec<(Linear, f64)> {
+    let targets = groups.iter().map(Vec::len).min().unwrap_or(0);
+    let of = |target: usize| groups.iter().map(move |group| &group[target]);
+    let grid: Vec<f64> = (-16..=2).map(|k| 10_f64.powf(f64::from(k) / 2.0)).collect();
+    let mut losses = vec![vec![0.0; grid.len()]; targets];
+    for (left_out, group) in groups.iter().enumerate().filter(|_| groups.len() > 1) {
+        let rest: Vec<Centred> = (0..targets).map(|t| Moments::without(of(t), left_out).centred()).collect();
+        for (i, lambda) in grid.iter().enumerate() {
+            let Some(normal) = rest.first().map(|c| Normal::ridge(c, *lambda)) else { continue };
+            for (target, c) in rest.iter().enumerate() {
+                losses[target][i] += group[target].loss(&normal.solve(c)) * group[target].count;
+            }
+        }
     }
-    let loss = |lambda: f64| {
-        let each = groups.iter().enumerate();
-        each.map(|(i, group)| group.loss(&ridge(&Moments::without(groups, i), lambda)) * group.count)
-            .sum::<f64>()
+    let best = |losses: &[f64]| {
+        let all = grid.iter().zip(losses).filter(|_| groups.len() > 1);
+        all.min_by(|a, b| a.1.total_cmp(b.1)).map_or(1e-4, |(lambda, _)| *lambda)
     };
-    let grid = (-16..=2).map(|k| 10_f64.powf(f64::from(k) / 2.0));
-    let losses = grid.map(|lambda| (lambda, loss(lambda)));
-    let best = losses.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1e-4, |(lambda, _)| lambda);
-    (ridge(&all, best), best)
+    let fits = losses.iter().enumerate().map(|(target, losses)| {
+        let lambda = best(losses);
+        (ridge(&Moments::sum(of(target)), lambda), lambda)
+    });
+    fits.collect()
 }
 
 /// Fits by least squares. A fraction of the noise covariance of the features is subtracted first. The
@@ -77,34 +88,55 @@ pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     }
     let share = TAKEN * low;
     let xx = &c.xx - DMatrix::from_diagonal(&c.noise) * share;
-    (solve(&c, xx), share)
+    (Normal::new(&c, &xx).solve(&c), share)
 }
 
-/// Returns the linear model for the given covariances. The features are standardized for the computation.
-/// Constant features have weight zero. The result is NaN for non-finite input.
-fn solve(c: &Centred, xx: DMatrix<f64>) -> Linear {
-    let n = c.mean.len();
-    let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
-    let used: Vec<usize> = (0..n).filter(changes).collect();
-    let scale: Vec<f64> = used.iter().map(|i| 1.0 / xx[(*i, *i)].sqrt()).collect();
-    let m = used.len();
-    let standard = DMatrix::from_fn(m, m, |i, j| {
-        let loading = if i == j { LOADING } else { 0.0 };
-        xx[(used[i], used[j])] * scale[i] * scale[j] + loading
-    });
-    let along = DVector::from_fn(m, |i, _| c.xy[used[i]] * scale[i]);
-    let mut weights = DVector::zeros(n);
-    match standard.cholesky() {
-        Some(cholesky) => {
-            let solved = cholesky.solve(&along);
-            for (k, i) in used.iter().enumerate() {
-                weights[*i] = solved[k] * scale[k];
-            }
+/// Factored normal equations. The features are standardized for the computation.
+struct Normal {
+    /// Features that vary.
+    used: Vec<usize>,
+    /// Inverse standard deviations of these features.
+    scale: Vec<f64>,
+    /// `None` for covariances that are not positive definite or not finite.
+    factored: Option<Cholesky<f64, Dyn>>,
+}
+
+impl Normal {
+    fn ridge(c: &Centred, lambda: f64) -> Self {
+        let mut xx = c.xx.clone();
+        for i in 0..xx.nrows() {
+            xx[(i, i)] *= 1.0 + lambda;
         }
-        None => weights.fill(f64::NAN),
+        Self::new(c, &xx)
     }
-    let offset = c.y - weights.dot(&c.mean);
-    Linear { weights, offset }
+
+    fn new(c: &Centred, xx: &DMatrix<f64>) -> Self {
+        let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
+        let used: Vec<usize> = (0..c.mean.len()).filter(changes).collect();
+        let scale: Vec<f64> = used.iter().map(|i| 1.0 / xx[(*i, *i)].sqrt()).collect();
+        let standard = DMatrix::from_fn(used.len(), used.len(), |i, j| {
+            let loading = if i == j { LOADING } else { 0.0 };
+            xx[(used[i], used[j])] * scale[i] * scale[j] + loading
+        });
+        Self { used, scale, factored: standard.cholesky() }
+    }
+
+    /// Returns the linear model. Constant features have weight zero. The result is NaN for non-finite input.
+    fn solve(&self, c: &Centred) -> Linear {
+        let mut weights = DVector::zeros(c.mean.len());
+        match &self.factored {
+            Some(cholesky) => {
+                let along = DVector::from_fn(self.used.len(), |i, _| c.xy[self.used[i]] * self.scale[i]);
+                let solved = cholesky.solve(&along);
+                for (k, i) in self.used.iter().enumerate() {
+                    weights[*i] = solved[k] * self.scale[k];
+                }
+            }
+            None => weights.fill(f64::NAN),
+        }
+        let offset = c.y - weights.dot(&c.mean);
+        Linear { weights, offset }
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! First and second moments of examples, which are the sufficient statistics of linear least squares. The
 //! size of the moments does not depend on the number of examples.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector};
 
 /// Sums over examples (x, y), with a vector of features x and a target y.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +70,13 @@ impl Moments {
         }
     }
 
+    /// Returns the moments of the same examples `x` with other targets `y`.
+    pub fn with_target(&self, x: &[f64], y: &[f64]) -> Self {
+        let target = DVector::from_column_slice(y);
+        let xy = DMatrixView::from_slice(x, self.x.len(), y.len()) * &target;
+        Self { y: target.sum(), xy, yy: target.norm_squared(), ..self.clone() }
+    }
+
     /// Adds the moments of other examples.
     pub fn add(&mut self, other: &Self) {
         self.count += other.count;
@@ -82,13 +89,19 @@ impl Moments {
     }
 
     /// Returns the sum of all `parts` except the part with index `left_out`.
-    pub fn without(parts: &[Self], left_out: usize) -> Self {
-        let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
-        parts.iter().enumerate().filter(|(i, _)| *i != left_out).for_each(|(_, p)| all.add(p));
-        all
+    pub fn without<'a>(parts: impl IntoIterator<Item = &'a Self>, left_out: usize) -> Self {
+        let kept = parts.into_iter().enumerate().filter(|(i, _)| *i != left_out).map(|(_, part)| part);
+        let sum = kept.fold(None, |sum: Option<Self>, part| match sum {
+            Some(mut sum) => {
+                sum.add(part);
+                Some(sum)
+            }
+            None => Some(part.clone()),
+        });
+        sum.unwrap_or_else(|| Self::none(0))
     }
 
-    pub fn sum(parts: &[Self]) -> Self {
+    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         Self::without(parts, usize::MAX)
     }
 
