@@ -255,3 +255,57 @@ fn tasks_without_examples_are_skipped_with_a_note() {
     assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all), Err(ApplyError::Empty(_))));
     assert!(matches!(run(&[TASK], &METHODS, Sight::SpaceAndTime, &all, &[]), Err(ApplyError::Empty(_))));
 }
+
+const fn linear(name: &'static str, [space, time, polarization]: [bool; 3], around: bool) -> Isolation {
+    Isolation::new(name, "", Family::Linear(Features { space, time, polarization, around }))
+}
+
+/// Two kinds have a negative (3,3). In one of them, (1,1) is also negative, and in the other one it is
+/// positive. No single element separates the second kind from both other kinds.
+#[test]
+fn a_linear_combination_finds_what_no_element_shows() {
+    let turned = |shares| Kind { shares, ..Kind::new(6, 2) };
+    let it = Kind { shares: &[(15, -0.4), (5, 0.4)], ..Kind::new(4, 1) };
+    let kinds = [Kind::new(8, 1), turned(&[(15, -0.4)]), turned(&[(5, 0.4)]), it];
+    let methods = [
+        any("one element", true, true, true),
+        linear("joint", [true; 3], false),
+        linear("joint, 3 × 3", [true; 3], true),
+        linear("polarization", [false, false, true], false),
+        linear("space and time", [true, true, false], false),
+    ];
+    let all = observations(&kinds, 8);
+    let outcome = run(&[TASK], &methods, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
+    let of = |method, metric| mean(&outcome.scores, method, metric);
+    // At best, one element separates it from two of three other kinds.
+    assert!((of("one element", "it: area") - 5.0 / 6.0).abs() < 0.05, "{}", of("one element", "it: area"));
+    for method in ["joint", "joint, 3 × 3", "polarization"] {
+        let [area, error] = ["it: area", "it: error"].map(|metric| of(method, metric));
+        assert!(area > 0.97 && error < of("one element", "it: error"), "{method}: {area} {error}");
+    }
+    assert!(NONE.contains(&of("space and time", "it: area")));
+}
+
+/// More features never have a larger loss on the training variants without regularization, and light of a
+/// single kind has no features that help.
+#[test]
+fn features_are_nested() {
+    let it = Kind { shares: &[(15, -0.4)], epipolar: false, delay: 2, ..Kind::new(4, 1) };
+    let all = observations(&[Kind::new(8, 1), it], 3);
+    let [train, _] =
+        observation::seen(&all, &all, |o| Seen::new(o, &[TASK], Sight::SpaceAndTime)).expect("data");
+    let features =
+        |[space, time, polarization]: [bool; 3]| Features { space, time, polarization, around: false };
+    let count = |dimensions| features(dimensions).of(&train[0]).len();
+    let images = |dimensions| features(dimensions).of(&train[0]);
+    let joint = images([true; 3]);
+    for dimensions in
+        [[false; 3], [true, false, false], [false, true, false], [false, false, true], [true, true, false]]
+    {
+        assert!(
+            images(dimensions).iter().all(|image| joint.contains(image)) && count(dimensions) < joint.len()
+        );
+    }
+    // Two features of the brightness, and four light components of two spaces and four times.
+    assert_eq!([count([false; 3]), count([true, true, false])], [3, 10]);
+}

@@ -11,8 +11,14 @@ pub(super) enum Features {
     Colour,
     /// The features of `Colour`, for epipolar light.
     EpipolarColour,
-    /// For epipolar light, per wavelength: T00 and its logarithm, and the 15 other elements divided by T00.
-    All,
+    /// The features of `Colour`, for all light and for epipolar light.
+    Space,
+    /// For all light, per wavelength: T00 and its logarithm, and the 15 other elements divided by T00.
+    Polarization,
+    /// The features of `Polarization`, for epipolar light.
+    EpipolarPolarization,
+    /// The features of `Polarization`, for all light and for epipolar light.
+    SpacePolarization,
 }
 
 pub(super) struct Classifier {
@@ -50,13 +56,22 @@ const DARK: f64 = 1e-6;
 
 impl Features {
     fn of(self, seen: &Seen, pixel: usize) -> Vec<f64> {
-        let p = if self == Self::Colour { &seen.polarimetric } else { &seen.epipolar };
+        let (all, epipolar) = (&seen.polarimetric, &seen.epipolar);
+        let slices = match self {
+            Self::Colour | Self::Polarization => vec![all],
+            Self::EpipolarColour | Self::EpipolarPolarization => vec![epipolar],
+            Self::Space | Self::SpacePolarization => vec![all, epipolar],
+        };
+        let polarization =
+            matches!(self, Self::Polarization | Self::EpipolarPolarization | Self::SpacePolarization);
         let mut out = vec![];
-        for lane in 0..p.wavelengths {
-            let all = p.at(pixel, 0, 0, lane);
-            out.extend([all, all.max(DARK).ln()]);
-            if self == Self::All {
-                out.extend((1..16).map(|e| if all > 0.0 { p.at(pixel, 0, e, lane) / all } else { 0.0 }));
+        for p in slices {
+            for lane in 0..p.wavelengths {
+                let all = p.at(pixel, 0, 0, lane);
+                out.extend([all, all.max(DARK).ln()]);
+                if polarization {
+                    out.extend((1..16).map(|e| if all > 0.0 { p.at(pixel, 0, e, lane) / all } else { 0.0 }));
+                }
             }
         }
         out

@@ -3,7 +3,8 @@
 //!
 //! The paper's score is -T22 of epipolar light. In this element, "plastic fake objects have low intensity",
 //! and real fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree of
-//! polarization. The bound is a linear classifier of all 16 epipolar elements.
+//! polarization. Linear discriminants combine several features: colour ⊂ colour and space, or colour and
+//! polarization ⊂ all of these.
 //!
 //! Each method computes a score per pixel. The metric is the probability that a pixel of a real fruit has a
 //! higher score than a pixel of a fake fruit. The training variants determine the classifiers and the sign of
@@ -37,21 +38,27 @@ struct Learning {
     learn: Learn,
 }
 
-const METHODS: [Learning; 6] = [
+const NEW: &str = "new here: linear discriminant";
+
+/// Creates a linear discriminant from its name, its source and its features.
+macro_rules! classifier {
+    ($name:literal, $source:expr, $features:expr) => {
+        learning($name, $source, |train| Ok(Box::new(Classifier::learn($name, $features, train)?)))
+    };
+}
+
+const METHODS: [Learning; 9] = [
     learning("-(2,2) epipolar", "Baek & Heide 2021", |_| Ok(Box::new(Element22))),
     learning("-(2,2)/(0,0) epipolar", "the same over intensity", |_| Ok(Box::new(NormalizedElement22))),
-    learning("RGB", "linear discriminant of a photograph", |train| {
-        Ok(Box::new(Classifier::learn("RGB", Features::Colour, train)?))
-    }),
-    learning("epipolar RGB", "linear discriminant of O'Toole et al. 2012", |train| {
-        Ok(Box::new(Classifier::learn("epipolar RGB", Features::EpipolarColour, train)?))
-    }),
+    classifier!("RGB", "linear discriminant of a photograph", Features::Colour),
+    classifier!("epipolar RGB", "linear discriminant of O'Toole et al. 2012", Features::EpipolarColour),
     learning("degree of polarization", "of a photograph in unpolarized light", |train| {
         Ok(Box::new(DegreeOfPolarization::learn(train)))
     }),
-    learning("all epipolar elements", "linear discriminant: the bound", |train| {
-        Ok(Box::new(Classifier::learn("all epipolar elements", Features::All, train)?))
-    }),
+    classifier!("all epipolar elements", "linear discriminant", Features::EpipolarPolarization),
+    classifier!("joint: colour, space", NEW, Features::Space),
+    classifier!("joint: colour, polarization", NEW, Features::Polarization),
+    classifier!("joint: colour, space, polarization", NEW, Features::SpacePolarization),
 ];
 
 const fn learning(name: &'static str, source: &'static str, learn: Learn) -> Learning {

@@ -229,4 +229,37 @@ pub(crate) mod tests {
         assert!(lambda > 0.01, "{lambda}");
         assert!(test.loss(&fit) < plain, "{} {plain}", test.loss(&fit));
     }
+
+    #[test]
+    fn several_targets_are_fitted_as_each_of_them() {
+        let groups: Vec<Moments> = [0.1, 0.5, 1.0].map(|noise| examples(40, noise)).into();
+        let scaled = |m: &Moments| Moments { y: 2.0 * m.y, xy: 2.0 * &m.xy, yy: 4.0 * m.yy, ..m.clone() };
+        let both: Vec<Vec<Moments>> = groups.iter().map(|m| vec![m.clone(), scaled(m)]).collect();
+        let fits = ridges_by_cross_validation(&both);
+        let (fit, lambda) = ridge_by_cross_validation(&groups);
+        assert_eq!(fits[0], (fit.clone(), lambda));
+        approx::assert_relative_eq!(fits[1].0.weights, 2.0 * fit.weights, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn a_feature_of_noise_gets_no_weight() {
+        let mut r = random(5);
+        let mut group = |_| {
+            let (mut x, mut y) = (vec![], vec![]);
+            for _ in 0..2000 {
+                let a = normal(&mut r);
+                x.extend([a, normal(&mut r)]);
+                y.push(a + 0.1 * normal(&mut r));
+            }
+            Moments::of(2, &x, &[], &y)
+        };
+        let groups: Vec<Moments> = (0..3).map(&mut group).collect();
+        let (fit, _) = ridge_by_cross_validation(&groups);
+        // The standard error of a weight is 0.1/√6000 = 0.0013.
+        assert!((fit.weights[0] - 1.0).abs() < 0.01 && fit.weights[1].abs() < 0.007, "{fit:?}");
+        // On the examples of the fit, one feature is never better than two.
+        let all = Moments::sum(&groups);
+        let one = all.projected(&DMatrix::from_column_slice(2, 1, &[1.0, 0.0]));
+        assert!(all.loss(&least_squares(&all)) <= one.loss(&least_squares(&one)));
+    }
 }

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Compare the joint methods of applications with every baseline, on arrangements that no method was chosen on.
+
+Methods are trained on 15 variants or more, and tested on variants from number 1000, which are rendered only after the methods are
+frozen in a commit. A score is averaged over seeds and over the variants of one arrangement. The errors are standard errors over
+arrangements, because scores of one arrangement are correlated. A joint method is compared with methods that have the same spatial
+help: the method without means over 3 x 3 pixels with those without, the method with means with those with means.
+
+    python validation/joint.py scattering [--levels 16x3 96x1] [--renders FOLDER] [--write docs/applications/scattering.json]
+    python validation/joint.py analysis multibounce multibounce-coins multibounce-statue --write docs/applications/isolation.json
+
+A level is the number of samples per pixel, and the number of seeds. The tables are printed in Markdown. --write writes the scores
+of every arrangement.
+"""
+
+import argparse
+import csv
+import json
+import statistics
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import environment
+
+MEANS = ", 3 × 3"
+TRAIN, TEST = "0-9,20-24", "1000-1007"
+
+
+@dataclass
+class Comparison:
+    """An application, its variants, its joint method and the metrics: names, or ends of names."""
+
+    joint: str
+    metrics: tuple
+    train: str = TRAIN
+    test: str = TEST
+    concentrations: int = 1  # consecutive variants of one arrangement
+    levels: tuple = ("32x1",)
+    ours: tuple = ("joint",)  # beginnings of the names of methods that are no baselines
+
+
+ISOLATION = Comparison("joint: space, polarization, time", (": area", ": correlation", ": error"))
+COMPARISONS = {
+    "scattering": Comparison("joint: space, polarization, time", ("PSNR", "SSIM"), "1-5,13-17,25-29", "1003-1049/2", 6,
+                             ("16x3", "96x1"), ("W, b", "time-gated", "joint")),
+    "analysis": ISOLATION,
+    "multibounce": ISOLATION,
+    "multibounce-coins": ISOLATION,
+    "multibounce-statue": Comparison("joint: polarization, time", ISOLATION.metrics),
+    "metamerism": Comparison("joint: colour, space, polarization", ("area under the curve",), levels=("16x1",)),
+}
+
+
+def scores(name, spp, seeds, renders, folder):
+    """Run an application and return, for each metric and method, the mean score of each arrangement."""
+    of = COMPARISONS[name]
+    program = [environment.sunstone(), "apply", name, "--preview", "--spp", spp, "--seeds", seeds, "--train", of.train]
+    program += ["--test", of.test, "--renders", renders, "-o", folder, "--scenes", environment.ROOT / "scenes"]
+    subprocess.run([str(word) for word in program], check=True, stdout=subprocess.DEVNULL)
+    found = {}
+    with open(folder / "scores.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            if row["metric"].endswith(of.metrics):
+                of_method = found.setdefault(row["metric"], {}).setdefault(row["method"], {})
+                of_method.setdefault(int(row["variant"]) // of.concentrations, []).append(float(row["value"]))
+    mean = lambda values: round(statistics.fmean(values), 5)
+    return {metric: {m: [mean(a[k]) for k in sorted(a)] for m, a in methods.items()} for metric, methods in found.items()}
+
+
+def estimate(values):
+    """Return the mean and its standard error. Arrangements without a score (NaN) are ignored."""
+    kept = [v for v in values if v == v]
+    if len(kept) < 2:
+        return float("nan"), float("nan")
+    return statistics.fmean(kept), statistics.stdev(kept) / len(kept) ** 0.5
+
+
+def table(of, found, metrics):
+    """Print a Markdown table, and return the baselines that are ahead by more than two standard errors."""
+    ahead = []
+    print("| method | " + " | ".join(f"{metric} | joint minus this" for metric in metrics) + " |")
+    print("|---" * (2 * len(metrics) + 1) + "|")
+    methods = dict.fromkeys(method for metric in metrics for method in found[metric])
+    for method in methods:
+        cells = [method]
+        reference = of.joint + MEANS if method.endswith(MEANS) else of.joint
+        for metric in metrics:
+            digits = 2 if metric == "PSNR" else 3
+            if method not in found[metric]:  # for example, no element is named for the task
+                cells += ["", ""]
+                continue
+            mine, own = found[metric][reference], found[metric][method]
+            mean, error = estimate(own)
+            difference, uncertain = estimate([a - b for a, b in zip(mine, own, strict=True)])
+            cells.append(f"{mean:.{digits}f} ± {error:.{digits}f}")
+            cells.append("" if method == reference else f"{difference:.{digits}f} ± {uncertain:.{digits}f}")
+            worse = difference if metric.endswith("error") else -difference
+            if not method.startswith(of.ours) and worse > 2 * uncertain:
+                ahead.append(f"{method} ({metric})")
+        print("| " + " | ".join(cells) + " |")
+    print()
+    return ahead
+
+
+def tables(of, found):
+    """Print the tables of an application: one for each kind of metric, or one of all metrics."""
+    kinds = [[metric for metric in found if metric.endswith(kind)] for kind in of.metrics]
+    groups = kinds if any(len(kind) > 1 for kind in kinds) else [[metric for kind in kinds for metric in kind]]
+    return [one for metrics in groups for one in table(of, found, metrics)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("applications", nargs="+", choices=COMPARISONS, metavar="application", help=", ".join(COMPARISONS))
+    parser.add_argument("--levels", nargs="+", help="samples per pixel x seeds")
+    parser.add_argument("--renders", type=Path, default=environment.ROOT / "out/apply/renders")
+    parser.add_argument("--write", type=Path)
+    options = parser.parse_args()
+    options.renders.mkdir(parents=True, exist_ok=True)
+    found, ahead = {}, []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.applications:
+            of = COMPARISONS[name]
+            for level in options.levels or of.levels:
+                spp, seeds = level.split("x")
+                own = scores(name, spp, seeds, options.renders, Path(folder) / f"{name}_{level}")
+                found.setdefault(name, {})[level] = own
+                count = len(own[next(iter(own))][of.joint])
+                print(f"\n{name}, {spp} samples per pixel, {seeds} seeds, {count} arrangements:\n")
+                ahead += [f"{name}, {level}: {one}" for one in tables(of, own)]
+    print("baselines ahead by more than two standard errors:", "; ".join(ahead) or "none")
+    if options.write:
+        written = found[options.applications[0]] if len(found) == 1 else found
+        options.write.write_text(json.dumps(written, indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()
