@@ -15,13 +15,15 @@ mod scanlines;
 use crate::application::{Application, Outcome, Plan, Size, Truth, itself};
 use crate::error::ApplyError;
 use crate::isolation::seen::Sight;
-use crate::isolation::{self, COAXIAL, Family, IN_SPACE, Isolation, Task, metrics_of, seen, task};
+use crate::isolation::{
+    self, COAXIAL, Dimensions, Family, IN_SPACE, Isolation, Task, metrics_of, seen, task,
+};
 use crate::observation::Observation;
 use crate::paths::Path;
 
 const fn slicing(name: &'static str, source: &'static str, dimensions: [bool; 3]) -> Isolation {
     let [space, time, polarization] = dimensions;
-    Isolation::new(name, source, Family::Any { space, time, polarization })
+    Isolation::new(name, source, Family::Any(Dimensions { space, time, polarization }))
 }
 
 /// The methods of single elements.

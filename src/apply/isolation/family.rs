@@ -1,10 +1,28 @@
 //! The elements among which an isolation method may choose.
 
-use super::element::{Element, Space, Time};
+use super::element::{Element, Part, Space, Time};
 use super::linear::Features;
 use super::seen::Seen;
 use super::task::Task;
 use crate::application::Method;
+
+/// The dimensions that a method resolves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dimensions {
+    /// Whether the method distinguishes epipolar from non-epipolar light.
+    pub space: bool,
+    /// Whether the method distinguishes early from late light, or bins of travel time.
+    pub time: bool,
+    /// Whether the method may use elements other than (0,0).
+    pub polarization: bool,
+}
+
+impl Dimensions {
+    /// Returns whether a method can measure a light component.
+    pub(super) fn resolve(self, part: Part) -> bool {
+        (self.space || part.0 == Space::All) && (self.time || part.1 == Time::All)
+    }
+}
 
 /// The set of elements among which a method may choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,14 +40,7 @@ pub enum Family {
         either: bool,
     },
     /// All elements of all light components that the method distinguishes.
-    Any {
-        /// Whether the method distinguishes epipolar from non-epipolar light.
-        space: bool,
-        /// Whether the method distinguishes early from late light.
-        time: bool,
-        /// Whether the method may use elements other than (0,0).
-        polarization: bool,
-    },
+    Any(Dimensions),
     /// A linear combination of several features, instead of a single element.
     Linear(Features),
 }
@@ -63,13 +74,10 @@ impl Family {
                 let all = bins.filter_map(|(part, _)| task.named.map(|e| Element { part, ..e }));
                 (all.collect(), either)
             }
-            Self::Any { space, time, polarization } => {
+            Self::Any(dimensions) => {
                 let mut all = vec![];
-                for (part, elements) in seen.parts() {
-                    if !space && part.0 != Space::All || !time && part.1 != Time::All {
-                        continue;
-                    }
-                    let kept = if polarization { elements } else { elements.min(1) };
+                for (part, elements) in seen.parts().filter(|(part, _)| dimensions.resolve(*part)) {
+                    let kept = if dimensions.polarization { elements } else { elements.min(1) };
                     all.extend((0..kept).map(|e| Element {
                         part,
                         index: [e / 4, e % 4],

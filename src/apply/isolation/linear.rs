@@ -5,7 +5,7 @@
 //! are nested: intensity ⊂ space, time or polarization ⊂ two dimensions ⊂ all dimensions.
 
 use super::element::{Element, Space, Time};
-use super::family::{Family, Isolation};
+use super::family::{Dimensions, Family, Isolation};
 use super::seen::Seen;
 use crate::metrics::isolation::{Class, DARK};
 use crate::regression::least_squares::ridges_by_cross_validation;
@@ -15,12 +15,7 @@ use std::fmt;
 /// The features of a linear method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
-    /// Whether the method distinguishes epipolar from non-epipolar light.
-    pub space: bool,
-    /// Whether the method distinguishes early from late light, or bins of travel time.
-    pub time: bool,
-    /// Whether the method uses elements other than (0,0).
-    pub polarization: bool,
+    pub dimensions: Dimensions,
     /// Whether the features of the image that is averaged over 3 × 3 pixels are further features.
     pub around: bool,
 }
@@ -63,10 +58,10 @@ impl Features {
         for (part, count) in seen.parts() {
             // Non-epipolar and late light are differences of other light components.
             let difference = part.0 == Space::NonEpipolar || matches!(part.1, Time::Late(_));
-            if difference || !self.space && part.0 != Space::All || !self.time && part.1 != Time::All {
+            if difference || !self.dimensions.resolve(part) {
                 continue;
             }
-            let count = if self.polarization { count } else { 1 };
+            let count = if self.dimensions.polarization { count } else { 1 };
             let of = |index| Element { part, ..Element::of(part.0, index) };
             all.extend((0..count).map(|e| of([e / 4, e % 4])));
             if count == 16 && !matches!(part.1, Time::At(_)) {
@@ -132,14 +127,10 @@ impl fmt::Display for Fit {
     }
 }
 
-/// Returns a method. `dimensions` are space, time and polarization. The name states the dimensions.
-const fn method(name: &'static str, dimensions: [bool; 3], around: bool) -> Isolation {
-    let [space, time, polarization] = dimensions;
-    Isolation::new(
-        name,
-        "new here: ridge regression",
-        Family::Linear(Features { space, time, polarization, around }),
-    )
+/// Returns a method. The dimensions are space, time and polarization.
+const fn method(name: &'static str, [space, time, polarization]: [bool; 3], around: bool) -> Isolation {
+    let dimensions = Dimensions { space, time, polarization };
+    Isolation::new(name, "new here: ridge regression", Family::Linear(Features { dimensions, around }))
 }
 
 /// The joint method of a coaxial rig, and the linear methods that use fewer dimensions. The dimension space

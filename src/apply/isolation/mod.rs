@@ -2,8 +2,8 @@
 //! several elements, is used as a detector and as an image of one light component.
 //!
 //! A [`Task`] defines the light component, and a [`Family`] defines the elements among which a method may
-//! choose or which it combines. A method of one element selects the element and the sign that are best on the training variants. The image may
-//! also be divided by the photograph.
+//! choose or which it combines. A method of one element selects the element and the sign that are best on the
+//! training variants. The image may also be divided by the photograph.
 //!
 //! The criterion for a detector is the area under the ROC curve. The criterion for an image is the cosine
 //! between the image and the component's share of each pixel's light. This cosine determines the residual at
@@ -17,7 +17,7 @@ mod linear;
 pub mod seen;
 mod task;
 
-pub use family::{Family, Isolation};
+pub use family::{Dimensions, Family, Isolation};
 pub use linear::Features;
 pub(crate) use linear::{COAXIAL, IN_SPACE};
 pub use task::{Region, Task};

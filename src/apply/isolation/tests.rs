@@ -96,7 +96,7 @@ pub(crate) fn mean(scores: &[Score], method: &str, metric: &str) -> f64 {
 const TASK: Task = task!("it", Path::single_specular, 0.5).named(Element::of(Space::All, [3, 3]).negative());
 
 const fn any(name: &'static str, space: bool, time: bool, polarization: bool) -> Isolation {
-    Isolation::new(name, "", Family::Any { space, time, polarization })
+    Isolation::new(name, "", Family::Any(Dimensions { space, time, polarization }))
 }
 
 const METHODS: [Isolation; 8] = [
@@ -257,7 +257,11 @@ fn tasks_without_examples_are_skipped_with_a_note() {
 }
 
 const fn linear(name: &'static str, [space, time, polarization]: [bool; 3], around: bool) -> Isolation {
-    Isolation::new(name, "", Family::Linear(Features { space, time, polarization, around }))
+    Isolation::new(
+        name,
+        "",
+        Family::Linear(Features { dimensions: Dimensions { space, time, polarization }, around }),
+    )
 }
 
 /// Two kinds have a negative (3,3). In one of them, (1,1) is also negative, and in the other one it is
@@ -294,8 +298,10 @@ fn features_are_nested() {
     let all = observations(&[Kind::new(8, 1), it], 3);
     let [train, _] =
         observation::seen(&all, &all, |o| Seen::new(o, &[TASK], Sight::SpaceAndTime)).expect("data");
-    let features =
-        |[space, time, polarization]: [bool; 3]| Features { space, time, polarization, around: false };
+    let features = |[space, time, polarization]: [bool; 3]| Features {
+        dimensions: Dimensions { space, time, polarization },
+        around: false,
+    };
     let count = |dimensions| features(dimensions).of(&train[0]).len();
     let images = |dimensions| features(dimensions).of(&train[0]);
     let joint = images([true; 3]);

@@ -1,10 +1,10 @@
 //! The methods and the plan for the two scenes with a camera and a projector.
 
 use crate::application::{Application, Plan, Run, Size, Truth, itself};
-use crate::isolation::{COAXIAL, Family, IN_SPACE, Isolation, Task, metrics_of, seen};
+use crate::isolation::{COAXIAL, Dimensions, Family, IN_SPACE, Isolation, Task, metrics_of, seen};
 
 pub(super) const fn any(space: bool, time: bool, polarization: bool) -> Family {
-    Family::Any { space, time, polarization }
+    Family::Any(Dimensions { space, time, polarization })
 }
 
 /// The methods of single elements. The first method is the paper's method.
