@@ -1,14 +1,15 @@
 //! Analyses the dimensions of the transport tensor for a room with a mirror (Baek & Heide 2021, section 3.2,
 //! Fig. 2 and 3).
 //!
-//! Each method isolates five light components, and uses one element of the tensor for each component. A
-//! method may slice one or more of these dimensions:
+//! Each method isolates five light components, and uses one element of the tensor, or a linear combination of
+//! several elements, for each component. A method may slice one or more of these dimensions:
 //! - space: epipolar or non-epipolar light,
 //! - time: early or late light of a pixel,
 //! - polarization: the 16 elements.
 //!
 //! A method learns the slice and the sign of the element from the training variants. One baseline uses only
-//! the intensity of all light. Two more baselines slice only space or only time.
+//! the intensity of all light. Two more baselines slice only space or only time. The linear methods
+//! ([`isolation::IN_SPACE`]) have the same baselines.
 
 mod scanlines;
 

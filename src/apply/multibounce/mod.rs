@@ -7,6 +7,7 @@
 //! with the renderer's labels, as a detector and as an image of the isolated light. The sign of an element is
 //! the paper's sign, or is learned from the training variants. One baseline is the best element of space and
 //! polarization. Each of the remaining baselines uses only one of polarization, space, time and intensity.
+//! Linear methods combine several elements of one or more of these dimensions.
 
 mod coins;
 mod disco_ball;
