@@ -4,13 +4,14 @@
 Methods are trained on 15 variants or more, and tested on variants from number 1000, which are rendered only after the methods are
 frozen in a commit. A score is averaged over seeds and over the variants of one arrangement. The errors are standard errors over
 arrangements, because scores of one arrangement are correlated. A joint method is compared with methods that have the same spatial
-help: the method without means over 3 x 3 pixels with those without, the method with means with those with means.
+help: the method without means over 3 x 3 pixels with those without, the method with means with those with means. Rows that end in
+`same scene` are fitted to the truth of the test variant, and are compared with the joint method fitted so.
 
     python validation/joint.py scattering [--levels 16x3 96x1] [--renders FOLDER] [--write docs/applications/scattering.json]
     python validation/joint.py analysis multibounce multibounce-coins multibounce-statue --write docs/applications/isolation.json
 
-A level is the number of samples per pixel, and the number of seeds. The tables are printed in Markdown. --write writes the scores
-of every arrangement.
+A level is the number of samples per pixel, the number of seeds, and optionally the number of pixels of the longer side (16x1x256).
+The tables are printed in Markdown. --write writes the scores of every arrangement.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from pathlib import Path
 
 import environment
 
-MEANS = ", 3 × 3"
+MEANS, SAME = ", 3 × 3", ", same scene"
 TRAIN, TEST = "0-9,20-24", "1000-1007"
 
 
@@ -44,7 +45,7 @@ class Comparison:
 ISOLATION = Comparison("joint: space, polarization, time", (": area", ": correlation", ": error"))
 COMPARISONS = {
     "scattering": Comparison("joint: space, polarization, time", ("PSNR", "SSIM"), "1-5,13-17,25-29", "1003-1049/2", 6,
-                             ("16x3", "96x1"), ("W, b", "time-gated", "joint")),
+                             ("16x3", "96x1", "512x1"), ("W, b", "time-gated", "joint")),
     "analysis": ISOLATION,
     "multibounce": ISOLATION,
     "multibounce-coins": ISOLATION,
@@ -53,10 +54,12 @@ COMPARISONS = {
 }
 
 
-def scores(name, spp, seeds, renders, folder):
+def scores(name, level, renders, folder):
     """Run an application and return, for each metric and method, the mean score of each arrangement."""
     of = COMPARISONS[name]
+    spp, seeds, *pixels = level.split("x")
     program = [environment.sunstone(), "apply", name, "--preview", "--spp", spp, "--seeds", seeds, "--train", of.train]
+    program += [word for number in pixels for word in ("--pixels", number)]
     program += ["--test", of.test, "--renders", renders, "-o", folder, "--scenes", environment.ROOT / "scenes"]
     subprocess.run([str(word) for word in program], check=True, stdout=subprocess.DEVNULL)
     found = {}
@@ -85,7 +88,7 @@ def table(of, found, metrics):
     methods = dict.fromkeys(method for metric in metrics for method in found[metric])
     for method in methods:
         cells = [method]
-        reference = of.joint + MEANS if method.endswith(MEANS) else of.joint
+        reference = of.joint + next((end for end in (MEANS, SAME) if method.endswith(end)), "")
         for metric in metrics:
             digits = 2 if metric == "PSNR" else 3
             if method not in found[metric]:  # for example, no element is named for the task
@@ -97,7 +100,7 @@ def table(of, found, metrics):
             cells.append(f"{mean:.{digits}f} ± {error:.{digits}f}")
             cells.append("" if method == reference else f"{difference:.{digits}f} ± {uncertain:.{digits}f}")
             worse = difference if metric.endswith("error") else -difference
-            if not method.startswith(of.ours) and worse > 2 * uncertain:
+            if not method.startswith(of.ours) and not method.endswith(SAME) and worse > 2 * uncertain:
                 ahead.append(f"{method} ({metric})")
         print("| " + " | ".join(cells) + " |")
     print()
@@ -124,11 +127,10 @@ def main():
         for name in options.applications:
             of = COMPARISONS[name]
             for level in options.levels or of.levels:
-                spp, seeds = level.split("x")
-                own = scores(name, spp, seeds, options.renders, Path(folder) / f"{name}_{level}")
+                own = scores(name, level, options.renders, Path(folder) / f"{name}_{level}")
                 found.setdefault(name, {})[level] = own
                 count = len(own[next(iter(own))][of.joint])
-                print(f"\n{name}, {spp} samples per pixel, {seeds} seeds, {count} arrangements:\n")
+                print(f"\n{name}, level {level}, {count} arrangements:\n")
                 ahead += [f"{name}, {level}: {one}" for one in tables(of, own)]
     print("baselines ahead by more than two standard errors:", "; ".join(ahead) or "none")
     if options.write:
