@@ -9,7 +9,7 @@
 //!
 //! A method learns the slice and the sign of the element from the training variants. One baseline uses only
 //! the intensity of all light. Two more baselines slice only space or only time. The linear methods
-//! ([`isolation::IN_SPACE`]) have the same baselines.
+//! (`isolation::IN_SPACE`) have the same baselines.
 
 mod scanlines;
 
