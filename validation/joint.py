@@ -11,7 +11,7 @@ help: the method without means over 3 x 3 pixels with those without, the method 
     python validation/joint.py analysis multibounce multibounce-coins multibounce-statue --write docs/applications/isolation.json
 
 A level is the number of samples per pixel, the number of seeds, and optionally the number of pixels of the longer side (16x1x256).
-The tables are printed in Markdown. --write writes the scores of every arrangement.
+The tables are printed in Markdown. --write writes the scores of every arrangement, and --read prints the tables of such a file.
 """
 
 import argparse
@@ -42,6 +42,11 @@ class Comparison:
     ours: tuple = ("joint",)  # beginnings of the names of methods that are no baselines
 
 
+# Methods of isolation that use a single element, with the heads of their columns.
+NAMED = {"the named element": "named", "(3,3) at a time": "named"}
+ONE = dict.fromkeys(
+    ("space, time, polarization", "any element of space and polarization", "any element at a time"), "one element"
+)
 ISOLATION = Comparison("joint: space, polarization, time", (": area", ": correlation", ": error"))
 COMPARISONS = {
     "scattering": Comparison("joint: space, polarization, time", ("PSNR", "SSIM"), "1-5,13-17,25-29", "1003-1049/2", 6,
@@ -107,8 +112,39 @@ def table(of, found, metrics):
     return ahead
 
 
+def compact(of, found):
+    """Print one row for each kind of light: areas, image errors, and the joint method minus the best method of the row."""
+    single = [name for name in NAMED | ONE if any(name in methods for methods in found.values())]
+    linear = [f"linear: {one}" for one in ("polarization", "space", "time", "intensity")]
+    linear = [name for name in linear if any(name in methods for methods in found.values())]
+    heads = [(NAMED | ONE)[name] for name in single] + [name.removeprefix("linear: ") for name in linear]
+    heads += ["joint", "joint minus the best of these", "with 3 × 3", "image error: one element", "joint"]
+    print("| light | " + " | ".join(heads) + " |\n|" + "---|" * (len(heads) + 1))
+    show = lambda pair: "{:.3f} ± {:.3f}".format(*pair)
+    difference = lambda a, b: estimate([x - y for x, y in zip(a, b, strict=True)])
+    one = next(name for name in single if name in ONE)
+    ahead = []
+    for light in (metric.removesuffix(": area") for metric in found if metric.endswith(": area")):
+        areas, errors = found[f"{light}: area"], found[f"{light}: error"]
+        others = [name for name in single + linear if name in areas]
+        gains = []
+        for joint, rivals in ((of.joint, others), (of.joint + MEANS, [name + MEANS for name in linear])):
+            best = max(rivals, key=lambda name: estimate(areas[name])[0])
+            gain = difference(areas[joint], areas[best])
+            gains.append(show(gain))
+            if gain[0] < -2 * gain[1]:
+                ahead.append(f"{best} ({light})")
+        cells = [show(estimate(areas[name])) if name in areas else "" for name in [*single, *linear, of.joint]] + gains
+        cells += [show(estimate(errors[name])) for name in (one, of.joint)]
+        print("| " + " | ".join([light, *cells]) + " |")
+    print()
+    return ahead
+
+
 def tables(of, found):
-    """Print the tables of an application: one for each kind of metric, or one of all metrics."""
+    """Print the tables of an application: one row for each kind of light, or one row for each method."""
+    if of.metrics == ISOLATION.metrics:
+        return compact(of, found)
     kinds = [[metric for metric in found if metric.endswith(kind)] for kind in of.metrics]
     groups = kinds if any(len(kind) > 1 for kind in kinds) else [[metric for kind in kinds for metric in kind]]
     return [one for metrics in groups for one in table(of, found, metrics)]
@@ -120,14 +156,16 @@ def main():
     parser.add_argument("--levels", nargs="+", help="samples per pixel x seeds")
     parser.add_argument("--renders", type=Path, default=environment.ROOT / "out/apply/renders")
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--read", type=Path, help="file of --write with several applications")
     options = parser.parse_args()
+    known = json.loads(options.read.read_text()) if options.read else {}
     options.renders.mkdir(parents=True, exist_ok=True)
     found, ahead = {}, []
     with tempfile.TemporaryDirectory() as folder:
         for name in options.applications:
             of = COMPARISONS[name]
             for level in options.levels or of.levels:
-                own = scores(name, level, options.renders, Path(folder) / f"{name}_{level}")
+                own = known[name][level] if options.read else scores(name, level, options.renders, Path(folder) / f"{name}_{level}")
                 found.setdefault(name, {})[level] = own
                 count = len(own[next(iter(own))][of.joint])
                 print(f"\n{name}, level {level}, {count} arrangements:\n")
