@@ -3,7 +3,7 @@
 
     .venv/bin/python tools/figures.py [NAME ...] [--renders FOLDER] [--format pdf]
 
-The full pictures are written to out/figures. The copies are 2102 pixels wide and have 256 colours. Finished renders are kept and
+The full pictures are written to out/figures. The copies are 1600 pixels wide. Finished renders are kept and
 used again, so that only what changed is rendered, and an interrupted command continues where it stopped. `sunstone figure` prints
 the time of each render. Requires `cargo build --release` and the packages of validation/requirements.txt.
 """
@@ -17,7 +17,7 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "scenes/figures"
-WIDTH, COLOURS = 2102, 256
+WIDTH = 1600
 
 
 def copy_small(source, target):
@@ -28,7 +28,7 @@ def copy_small(source, target):
     picture = Image.open(source).convert("RGB")
     if picture.width > WIDTH:
         picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+    picture.save(target, optimize=True)
 
 
 def main():
