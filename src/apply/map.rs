@@ -41,9 +41,24 @@ impl Map {
     }
 }
 
+/// Returns the pixels of the square window around a pixel that are inside an image of the given width and height,
+/// row by row. `radius` is the number of pixels from the centre of the window to its edge.
+pub fn window([w, h]: [usize; 2], [x, y]: [usize; 2], radius: usize) -> impl Iterator<Item = [usize; 2]> {
+    let columns = x.saturating_sub(radius)..(x + radius + 1).min(w);
+    (y.saturating_sub(radius)..(y + radius + 1).min(h))
+        .flat_map(move |j| columns.clone().map(move |i| [i, j]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn windows_end_at_the_edges_of_the_image() {
+        let pixels: Vec<_> = window([3, 4], [2, 0], 1).collect();
+        assert_eq!(pixels, [[1, 0], [2, 0], [1, 1], [2, 1]]);
+        assert_eq!(window([5, 5], [2, 2], 1).count(), 9);
+    }
 
     #[test]
     fn from_fn_sets_each_pixel() {

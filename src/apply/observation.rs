@@ -183,6 +183,11 @@ impl Pixels {
         self.error[self.place(pixel, bin, element, lane)]
     }
 
+    /// Returns (0,0) of a bin, summed over wavelengths.
+    pub fn light(&self, pixel: usize, bin: usize) -> f64 {
+        (0..self.wavelengths).map(|lane| self.at(pixel, bin, 0, lane)).sum()
+    }
+
     pub fn count(&self) -> usize {
         self.width * self.height
     }

@@ -76,12 +76,10 @@ fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 fn first_light(p: &Pixels) -> Vec<usize> {
-    let light =
-        |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
     (0..p.count())
         .map(|pixel| {
-            let brightest = (0..p.bins).map(|b| light(pixel, b)).fold(0.0, f64::max);
-            (0..p.bins).find(|b| light(pixel, *b) >= FIRST * brightest).unwrap_or(0)
+            let brightest = (0..p.bins).map(|b| p.light(pixel, b)).fold(0.0, f64::max);
+            (0..p.bins).find(|b| p.light(pixel, *b) >= FIRST * brightest).unwrap_or(0)
         })
         .collect()
 }

@@ -4,6 +4,7 @@
 use super::seen::Seen;
 use crate::application::Method;
 use crate::error::ApplyError;
+use crate::map::window;
 use crate::observation::Pixels;
 use crate::regression::lbfgs::minimize;
 use crate::regression::least_squares::{least_squares, ridge_by_cross_validation, without_noise};
@@ -46,9 +47,7 @@ impl Table {
         let [w, h] = [seen.truth.width, seen.truth.height];
         let (mut values, mut errors) = (vec![], vec![]);
         for pixel in 0..w * h {
-            let (x, y) = (pixel % w, pixel / w);
-            let rows = y.saturating_sub(1)..(y + 2).min(h);
-            let near = rows.flat_map(|j| (x.saturating_sub(1)..(x + 2).min(w)).map(move |i| j * w + i));
+            let near = window([w, h], [pixel % w, pixel / w], 1).map(|[i, j]| j * w + i);
             let near: Vec<usize> = near.filter(|p| *p == pixel || seen.mask[*p]).collect();
             let n = near.len() as f64;
             let sum = |value: &dyn Fn(usize) -> f64| near.iter().map(|p| value(*p)).sum::<f64>() / n;

@@ -75,9 +75,8 @@ impl Seen {
 
 /// Returns the bin with the largest sum of T00 over all wavelengths, for each pixel.
 fn brightest_bins(p: &Pixels) -> Vec<usize> {
-    let light =
-        |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
-    let brightest = |pixel: usize| (0..p.bins).max_by(|a, b| light(pixel, *a).total_cmp(&light(pixel, *b)));
+    let brightest =
+        |pixel: usize| (0..p.bins).max_by(|a, b| p.light(pixel, *a).total_cmp(&p.light(pixel, *b)));
     (0..p.count()).map(|pixel| brightest(pixel).unwrap_or(0)).collect()
 }
 

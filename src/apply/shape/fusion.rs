@@ -97,7 +97,7 @@ fn problem(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) ->
 }
 
 /// Returns `weight` multiplied by Cauchy's weight for a residual.
-fn trusted(weight: f64, residual: f64) -> f64 {
+pub(super) fn trusted(weight: f64, residual: f64) -> f64 {
     weight / (1.0 + weight * residual * residual / (CAUCHY * CAUCHY))
 }
 

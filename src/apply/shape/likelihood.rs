@@ -24,17 +24,15 @@
 //! All elements of a Mueller matrix are estimated from the same samples. The variance of q therefore excludes
 //! the error that q shares with T00: (σ10/T00)² - (q σ00/T00)² (see `crystals::measured`).
 
+use super::fusion::trusted;
 use super::polarization::frame;
 use super::zenith::diffuse;
-use crate::map::Map;
+use crate::map::{self, Map};
 use crate::pinhole::Rig;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 /// Index of refraction in ρ(θ). The fitted factor k accounts for other indices.
 const INDEX: f64 = 1.5;
-
-/// Cauchy's constant for 95 % efficiency with normally distributed errors.
-const CAUCHY: f64 = 2.385;
 
 /// Step of the numerical derivatives, in radians.
 const STEP: f64 = 0.02;
@@ -165,8 +163,7 @@ fn information(cues: &[Cue], normals: &Map, model: f64) -> Vec<(Matrix2<f64>, Ve
                 .map(|t| (at((n + t * STEP).normalize()) - at((n - t * STEP).normalize())) / (2.0 * STEP));
             let off = Vector2::new(s[0], s[1]) - at(n);
             for e in 0..2 {
-                let weight = 1.0 / (s[e + 2] + model * model);
-                let weight = weight / (1.0 + weight * off[e] * off[e] / (CAUCHY * CAUCHY));
+                let weight = trusted(1.0 / (s[e + 2] + model * model), off[e]);
                 if weight > 0.0 {
                     let slope = Vector2::new(slopes[0][e], slopes[1][e]);
                     all[pixel].0 += slope * slope.transpose() * weight;
@@ -185,16 +182,14 @@ pub fn corrected(normals: &Map, cues: &[Cue], weights: Weights) -> Map {
         return normals.clone();
     }
     let all = information(cues, normals, weights.model);
-    let (w, h, r) = (normals.width, normals.height, weights.radius);
+    let (w, h) = (normals.width, normals.height);
     Map::from_fn(w, h, 3, |x, y, out| {
         out.copy_from_slice(normals.at(x, y));
         let Some(n) = vector(normals, y * w + x) else {
             return;
         };
         let (mut matrix, mut right) = (Matrix2::identity() / weights.scan.powi(2), Vector2::zeros());
-        for (j, i) in (y.saturating_sub(r)..(y + r + 1).min(h))
-            .flat_map(|j| (x.saturating_sub(r)..(x + r + 1).min(w)).map(move |i| (j, i)))
-        {
+        for [i, j] in map::window([w, h], [x, y], weights.radius) {
             matrix += all[j * w + i].0;
             right += all[j * w + i].1;
         }
@@ -286,8 +281,8 @@ mod tests {
         sum / count
     }
 
-    /// The corrected normals are better than the scan's and than those of polarization alone. If the stated errors are ten times too small, the result is worse: the test detects
-    /// wrong weights.
+    /// The corrected normals are better than the scan's and than those of polarization alone. If the stated errors
+    /// are ten times too small, the result is worse: the test detects wrong weights.
     #[test]
     fn corrected_normals_are_better_than_both_inputs() {
         for sigma in [0.01, 0.03] {

@@ -6,7 +6,7 @@
 //! robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981). Neighbours beyond an
 //! edge therefore do not affect the fit.
 
-use crate::map::Map;
+use crate::map::{self, Map};
 use crate::pinhole::Pinhole;
 use nalgebra::{Matrix3, Vector3};
 
@@ -83,16 +83,13 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
             return;
         }
         points.clear();
-        let r = window.radius;
-        for j in y.saturating_sub(r)..(y + r + 1).min(h) {
-            for i in x.saturating_sub(r)..(x + r + 1).min(w) {
-                let z = depth.at(i, j)[0];
-                if z > 0.0 {
-                    // The fit uses relative coordinates in pixels, and is therefore well conditioned.
-                    let at = camera.centre(i, j) - middle;
-                    let at = Vector3::new(at.x * camera.focal[0], at.y * camera.focal[1], 1.0);
-                    points.push((at, 1.0 / z));
-                }
+        for [i, j] in map::window([w, h], [x, y], window.radius) {
+            let z = depth.at(i, j)[0];
+            if z > 0.0 {
+                // The fit uses relative coordinates in pixels, and is therefore well conditioned.
+                let at = camera.centre(i, j) - middle;
+                let at = Vector3::new(at.x * camera.focal[0], at.y * camera.focal[1], 1.0);
+                points.push((at, 1.0 / z));
             }
         }
         if points.len() < LEAST {
@@ -121,15 +118,12 @@ pub fn scatter(camera: &Pinhole, depth: &Map, normals: &Map, radius: usize) -> f
         if !(n.x.is_finite() && z > 0.0) {
             continue;
         }
-        let window = (y.saturating_sub(radius)..(y + radius + 1).min(h))
-            .flat_map(|j| (x.saturating_sub(radius)..(x + radius + 1).min(w)).map(move |i| (i, j)));
-        let residual = |(i, j): (usize, usize)| {
+        let residual = |[i, j]: [usize; 2]| {
             let plane = z * n.dot(&ray) / n.dot(&camera.centre(i, j));
-            (depth.at(i, j)[0] / plane).ln()
+            (depth.at(i, j)[0] / plane).ln().abs()
         };
-        let mut residuals: Vec<f64> =
-            window.filter(|at| *at != (x, y)).map(residual).filter(|r| r.is_finite()).collect();
-        residuals.iter_mut().for_each(|r| *r = r.abs());
+        let others = map::window([w, h], [x, y], radius).filter(|at| *at != [x, y]);
+        let mut residuals: Vec<f64> = others.map(residual).filter(|r| r.is_finite()).collect();
         let cosine = n.dot(&ray) / ray.norm();
         all.extend(median(&mut residuals).map(|m| 1.4826 * m * camera.focal[0] * cosine * cosine));
     }
