@@ -43,18 +43,6 @@ impl LogDepth {
         }
     }
 
-    /// Returns the product A x for the normal equations A ℓ = b. `pairs` are the pairs of neighbours with a
-    /// weight.
-    fn times(&self, pairs: &[(usize, usize, f64)], x: &[f64]) -> Vec<f64> {
-        let mut out: Vec<f64> = self.values.iter().zip(x).map(|(v, x)| v.weight * x).collect();
-        for (i, j, weight) in pairs {
-            let flow = weight * (x[*j] - x[*i]);
-            out[*i] -= flow;
-            out[*j] += flow;
-        }
-        out
-    }
-
     /// Returns the least-squares values. The iteration begins at `start` and stops when the residual is below
     /// `tolerance` times the norm of the right-hand side. The maximum number of iterations is four times the
     /// number of pixels. Pixels without any weight keep their start value.
@@ -71,34 +59,76 @@ impl LogDepth {
                 pairs.push((i, j, s.weight));
             }
         });
-        let scaled = |r: &[f64]| -> Vec<f64> {
-            let of = |(r, d): (&f64, &f64)| if *d > 0.0 { r / d } else { 0.0 };
-            r.iter().zip(&diagonal).map(of).collect()
-        };
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        // The iteration uses pixels with a weight alone, because an object often covers a small part of the image.
+        let pixels: Vec<usize> = (0..diagonal.len()).filter(|i| diagonal[*i] > 0.0).collect();
+        let mut number = vec![usize::MAX; diagonal.len()];
+        pixels.iter().enumerate().for_each(|(k, i)| number[*i] = k);
+        pairs.iter_mut().for_each(|(i, j, _)| (*i, *j) = (number[*i], number[*j]));
+        let of = |all: &[f64]| -> Vec<f64> { pixels.iter().map(|i| all[*i]).collect() };
+        let weights: Vec<f64> = pixels.iter().map(|i| self.values[*i].weight).collect();
+        let matrix = Matrix { weights, pairs };
+        let found = matrix.solve(&of(&right), &of(&diagonal), of(start), tolerance);
         let mut x = start.to_vec();
-        let mut residual: Vec<f64> = right.iter().zip(self.times(&pairs, &x)).map(|(b, a)| b - a).collect();
-        let mut direction = scaled(&residual);
+        pixels.iter().zip(found).for_each(|(i, v)| x[*i] = v);
+        x
+    }
+}
+
+/// The matrix A of the normal equations A ℓ = b.
+struct Matrix {
+    /// Weights of the values.
+    weights: Vec<f64>,
+    /// Pairs of neighbours with the weight of the step.
+    pairs: Vec<(usize, usize, f64)>,
+}
+
+impl Matrix {
+    /// Writes A x to `out`.
+    fn times(&self, x: &[f64], out: &mut [f64]) {
+        for ((out, weight), x) in out.iter_mut().zip(&self.weights).zip(x) {
+            *out = weight * x;
+        }
+        for (i, j, weight) in &self.pairs {
+            let flow = weight * (x[*j] - x[*i]);
+            out[*i] -= flow;
+            out[*j] += flow;
+        }
+    }
+
+    /// Solves A x = `right` by conjugate gradients. `diagonal` is the diagonal of A.
+    fn solve(&self, right: &[f64], diagonal: &[f64], mut x: Vec<f64>, tolerance: f64) -> Vec<f64> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let scale = |r: &[f64], out: &mut [f64]| {
+            for ((out, r), d) in out.iter_mut().zip(r).zip(diagonal) {
+                *out = r / d;
+            }
+        };
+        let (mut image, mut z) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        scale(right, &mut z);
+        let goal = tolerance * tolerance * dot(right, &z);
+        self.times(&x, &mut image);
+        let mut residual: Vec<f64> = right.iter().zip(&image).map(|(b, a)| b - a).collect();
+        scale(&residual, &mut z);
+        let mut direction = z.clone();
         let mut rho = dot(&residual, &direction);
-        let goal = tolerance * tolerance * dot(&right, &scaled(&right));
         for _ in 0..4 * x.len() {
             if !(rho > goal && rho > 0.0) {
                 break;
             }
-            let image = self.times(&pairs, &direction);
+            self.times(&direction, &mut image);
             let alpha = rho / dot(&direction, &image);
             if !alpha.is_finite() {
                 break;
             }
-            for (i, d) in direction.iter().enumerate() {
-                x[i] += alpha * d;
-                residual[i] -= alpha * image[i];
+            for (((x, r), d), a) in x.iter_mut().zip(&mut residual).zip(&direction).zip(&image) {
+                *x += alpha * d;
+                *r -= alpha * a;
             }
-            let z = scaled(&residual);
+            scale(&residual, &mut z);
             let next = dot(&residual, &z);
             let beta = next / rho;
             rho = next;
-            direction.iter_mut().zip(z).for_each(|(d, z)| *d = z + beta * *d);
+            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + beta * *d);
         }
         x
     }
