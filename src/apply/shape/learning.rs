@@ -58,8 +58,8 @@ impl Free {
     /// Returns the values to try for this parameter.
     pub(super) const fn values(self) -> &'static [f64] {
         match self {
-            Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0],
-            Self::FusedRadius => &[1.0, 2.0, 3.0],
+            Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0],
+            Self::FusedRadius => &[1.0, 2.0, 3.0, 5.0],
             Self::MicroPeriod => &[10.0, 16.0, 24.0],
             Self::Index => &[1.3, 1.4, 1.5, 1.6],
             Self::MirroredOff => &[0.0, 1.0],
