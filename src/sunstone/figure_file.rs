@@ -205,6 +205,7 @@ impl Prepared<'_> {
         }
         let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();
         let arrows: Result<_, _> = panel.arrows.iter().map(|a| source.arrow(a)).collect();
+        let circles: Result<_, _> = panel.circles.iter().map(|c| source.circle(c)).collect();
         let mut scale_bar = match (&panel.scale_bar, stage) {
             (Some(bar), Some(stage)) => Some(view::scale_bar(bar, &stage.scene).map_err(source.at(bar))?),
             _ => None,
@@ -225,6 +226,7 @@ impl Prepared<'_> {
             denoised: at.slice().zip(stage).is_some_and(|(slice, stage)| stage.is_denoised(slice)),
             insets: insets?,
             arrows: arrows?,
+            circles: circles?,
             scale_bar,
         }))
     }

@@ -29,6 +29,7 @@ view.photo = { slice = "photo" }
 caption = "Photo of {pixels} pixels"
 insets = [{ crop = [0.25, 0.25, 0.25, 0.25], magnify = 2 }]
 arrows = [{ from = [0, 0], to = [0.5, 0.5], colour = "sky" }]
+circles = [{ at = [0.5, 0.5], radius = 0.25 }]
 scale_bar = { length_mm = 500 }
 [[panels]]
 scene = "ball"
@@ -73,6 +74,8 @@ fn errors_name_their_position() {
         ("an open brace", "{pixels}", "{pixels", "caption = \"Photo", "{ without }"),
         ("no such colour", "\"sky\"", "\"mud\"", "arrows", "orange"),
         ("an arrow to nowhere", "to = [0.5, 0.5]", "to = [0, 0]", "arrows", "the arrow has no length"),
+        ("a circle outside", "at = [0.5, 0.5]", "at = [0.5, 1.5]", "circles", "the centre of the circle is outside"),
+        ("a circle without size", "radius = 0.25", "radius = 0", "circles", "the radius of the circle is 0"),
         ("a crop outside", "[0.25, 0.25, 0.25, 0.25]", "[0.9, 0.25, 0.25, 0.25]", "insets", "within the image"),
         ("an inset too large", "magnify = 2", "magnify = 9", "insets", "fit into the image"),
         ("no such layer", "layer = \"depth\"", "layer = \"deep\"", "deep", "depth"),

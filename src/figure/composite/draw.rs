@@ -14,6 +14,7 @@ use crate::tile::{Lines, Tile};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;
+use std::f64::consts::TAU;
 
 /// Pixels per inch of a figure. The resolution is doubled if an image has more pixels than its rectangle.
 const PER_INCH: f64 = 300.0;
@@ -28,11 +29,11 @@ const DOT: f64 = 0.7;
 const SHAFT: f64 = 0.5;
 /// Length and half width of the head of an arrow, in millimetres.
 const HEAD: (f64, f64) = (1.9, 0.8);
-/// Width of the outline around arrows, in millimetres.
+/// Width of the outline around arrows and circles, in millimetres.
 const RIM: f64 = 0.25;
 /// Opacity of the background of text in images.
 const GROUND: f64 = 0.75;
-/// Number of segments of a circle of the Poincaré sphere.
+/// Number of segments of a circle.
 const CIRCLE: usize = 96;
 /// Distance of the names of states from the centre of the Poincaré sphere, in radii.
 const NAMES: f64 = 1.14;
@@ -91,6 +92,21 @@ fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     }
     let (w, h) = (image.width().min(w), image.height().min(h));
     Cow::Owned(imageops::resize(image, w, h, FilterType::Triangle))
+}
+
+/// Returns the angle of a point of a circle, in radians.
+fn turn(i: usize) -> f64 {
+    TAU * i as f64 / CIRCLE as f64
+}
+
+fn outline((x, y): Point, radius: f64) -> Vec<Point> {
+    (0..=CIRCLE).map(|i| (x + radius * turn(i).cos(), y + radius * turn(i).sin())).collect()
+}
+
+/// Returns the colour of the outline around arrows and circles, which contrasts with their own colour.
+fn rim(ink: Ink) -> Rgb<u8> {
+    let bright: u32 = ink.0.iter().map(|c| u32::from(*c)).sum();
+    if bright > 600 { INK } else { WHITE }
 }
 
 /// Draws on a page with lengths in millimetres.
@@ -164,6 +180,11 @@ impl Scribe {
         }
         for (arrow, (from, to)) in part.arrows.iter().zip(&placed.arrows) {
             self.arrow(*from, *to, arrow.ink);
+        }
+        for (circle, (centre, radius)) in part.circles.iter().zip(&placed.circles) {
+            let points = outline(*centre, *radius);
+            self.line(&points, rim(circle.ink), SHAFT + 2.0 * RIM);
+            self.line(&points, Rgb(circle.ink.0), SHAFT);
         }
         if let (Some(bar), Some(r)) = (&part.scale_bar, placed.scale_bar) {
             self.scale_bar(&bar.label, r);
@@ -274,9 +295,7 @@ impl Scribe {
         let radius = RADIUS * r.w.min(r.h);
         let (x, y) = r.centre();
         let place = |[right, down, _]: [f64; 3]| (x + radius * right, y + radius * down);
-        let turn = |i: usize| std::f64::consts::TAU * i as f64 / CIRCLE as f64;
-        let outline: Vec<Point> = (0..=CIRCLE).map(|i| place([turn(i).cos(), turn(i).sin(), 0.0])).collect();
-        self.line(&outline, INK, THIN);
+        self.line(&outline((x, y), radius), INK, THIN);
         for plane in [[0, 1], [0, 2], [1, 2]] {
             let point = |i: usize| {
                 let mut s = [0.0; 3];
@@ -310,8 +329,7 @@ impl Scribe {
         let foot = (to.0 - long * dx, to.1 - long * dy);
         let head =
             [to, (foot.0 - HEAD.1 * dy, foot.1 + HEAD.1 * dx), (foot.0 + HEAD.1 * dy, foot.1 - HEAD.1 * dx)];
-        let bright: u32 = ink.0.iter().map(|c| u32::from(*c)).sum();
-        let rim = if bright > 600 { INK } else { WHITE };
+        let rim = rim(ink);
         let end = (to.0 - 0.9 * long * dx, to.1 - 0.9 * long * dy);
         self.line(&[from, end], rim, SHAFT + 2.0 * RIM);
         self.line(&[head[0], head[1], head[2], head[0]], rim, 2.0 * RIM);

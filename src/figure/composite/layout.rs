@@ -76,6 +76,8 @@ pub struct Placed {
     pub insets: Vec<(Rect, Rect)>,
     /// For each arrow, the start and the tip.
     pub arrows: Vec<(Point, Point)>,
+    /// For each circle, the centre and the radius.
+    pub circles: Vec<(Point, f64)>,
     pub scale_bar: Option<Rect>,
 }
 
@@ -402,6 +404,7 @@ fn place(item: &Item, (x, y): Point, w: f64) -> Placed {
         caption: vec![],
         insets: part.insets.iter().map(|i| inset(i, tile, picture)).collect(),
         arrows: part.arrows.iter().map(|a| (at(a.from), at(a.to))).collect(),
+        circles: part.circles.iter().map(|c| (at(c.at), c.radius * w)).collect(),
         scale_bar: part.scale_bar.as_ref().map(|s| {
             let length = s.share * w;
             picture.within((1.2, h - 1.6), (length, 0.5))

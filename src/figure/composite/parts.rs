@@ -38,6 +38,7 @@ pub struct Part {
     /// Magnified crops of the image.
     pub insets: Vec<Inset>,
     pub arrows: Vec<Arrow>,
+    pub circles: Vec<Circle>,
     /// A reference length in the image.
     pub scale_bar: Option<ScaleBar>,
 }
@@ -70,6 +71,16 @@ pub struct Arrow {
     pub ink: Ink,
 }
 
+/// A circle around a detail.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Circle {
+    /// Centre, measured from the image's left and upper edges. The values are fractions of the image's size.
+    pub at: [f64; 2],
+    /// Radius as a fraction of the image's width.
+    pub radius: f64,
+    pub ink: Ink,
+}
+
 /// A reference length in the lower left corner of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScaleBar {
@@ -78,7 +89,7 @@ pub struct ScaleBar {
     pub label: String,
 }
 
-/// Colour of frames and arrows, from the colour-blind-safe palette of Okabe and Ito.
+/// Colour of frames, arrows and circles, from the colour-blind-safe palette of Okabe and Ito.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ink(pub(crate) [u8; 3]);
 

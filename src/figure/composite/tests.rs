@@ -21,6 +21,7 @@ fn part(tile: Tile) -> Part {
         denoised: false,
         insets: vec![],
         arrows: vec![],
+        circles: vec![],
         scale_bar: None,
     }
 }
@@ -232,6 +233,26 @@ fn arrow_tips_are_at_their_targets() {
         let beyond = at(&img, along(1.0), scale);
         assert_eq!(beyond.0[2], 200, "{to:?}: {beyond:?}");
     }
+}
+
+/// Tests that a circle is drawn at its radius around its centre, and that its inside does not change.
+#[test]
+fn circles_surround_their_centre() {
+    let mut one = part(Tile::image(numbered(20, 20)));
+    one.circles = vec![Circle { at: [0.525, 0.475], radius: 0.25, ink: Ink([213, 94, 0]) }];
+    let (img, places, scale) = pixels(&figure(1, vec![Some(one)]));
+    let placed = &places.panels[0];
+    let (centre, radius) = placed.circles[0];
+    let r = placed.picture;
+    assert!(near(centre.0, r.x + 0.525 * r.w) && near(centre.1, r.y + 0.475 * r.h));
+    assert!(near(radius, 0.25 * r.w));
+    for angle in (0..8).map(|i| f64::from(i) * 0.8) {
+        let away = |mm: f64| (centre.0 + mm * angle.cos(), centre.1 + mm * angle.sin());
+        assert_eq!(at(&img, away(radius), scale), Rgb([213, 94, 0]), "{angle}");
+        assert_eq!(at(&img, away(0.9 * radius), scale)[2], 200, "{angle}");
+        assert_eq!(at(&img, away(1.1 * radius), scale)[2], 200, "{angle}");
+    }
+    assert_eq!(at(&img, centre, scale), Rgb([11, 10, 200]));
 }
 
 #[test]

@@ -85,13 +85,15 @@ pub struct PanelFile {
     pub aspect: Option<Located<f64>>,
     #[serde(default = "yes")]
     pub colour_bar: bool,
-    /// Crop `[x, y, width, height]` to show, as fractions of the image. Insets and arrows refer to the crop.
+    /// Crop `[x, y, width, height]` to show, as fractions of the image. Insets, arrows and circles refer to the crop.
     pub crop: Option<Located<[f64; 4]>>,
     /// Magnified crops of the image.
     #[serde(default)]
     pub insets: Vec<Located<InsetFile>>,
     #[serde(default)]
     pub arrows: Vec<Located<ArrowFile>>,
+    #[serde(default)]
+    pub circles: Vec<Located<CircleFile>>,
     /// A scale bar, which shows a reference length in the scene.
     pub scale_bar: Option<Located<ScaleBarFile>>,
 }
@@ -250,6 +252,17 @@ pub struct ArrowFile {
     pub from: [f64; 2],
     /// Tip of the arrow, as fractions of the image from the upper left corner.
     pub to: [f64; 2],
+    #[serde(default = "orange")]
+    pub colour: String,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CircleFile {
+    /// Centre, as fractions of the image from the upper left corner.
+    pub at: [f64; 2],
+    /// Radius as a fraction of the image's width.
+    pub radius: f64,
     #[serde(default = "orange")]
     pub colour: String,
 }

@@ -3,13 +3,13 @@
 use base::document;
 use base::locate::{InputError, Located};
 use figure::composite::{
-    Arrow, COLUMN_MM, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, WIDTHS_MM, check_crop,
+    Arrow, COLUMN_MM, Circle, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, WIDTHS_MM, check_crop,
 };
 use figure::{FigureError, Format};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile, ViewFile};
+use super::file::{ArrowFile, CircleFile, FigureFile, InsetFile, PanelFile, ViewFile};
 
 /// Maximum length of an image's longer side in pixels.
 const MOST_PIXELS: u32 = 8192;
@@ -195,6 +195,9 @@ impl Source {
         for arrow in &panel.arrows {
             self.arrow(arrow)?;
         }
+        for circle in &panel.circles {
+            self.circle(circle)?;
+        }
         let Some(view) = &panel.view else { return Ok(()) };
         if let Some(bar) = &panel.scale_bar {
             if !(bar.length_mm > 0.0 && bar.length_mm.is_finite()) {
@@ -278,5 +281,22 @@ impl Source {
             return refuse(format!("the arrow has no length, because both ends are {:?}", arrow.to));
         }
         Ok(arrow)
+    }
+
+    /// Checks and converts a circle.
+    ///
+    /// # Errors
+    /// Returns [`InputError`] at the location of the circle if it is invalid.
+    pub fn circle(&self, at: &Located<CircleFile>) -> Result<Circle, InputError> {
+        let circle = Circle { at: at.at, radius: at.radius, ink: self.ink(at, &at.colour)? };
+        if !(0.0..=1.0).contains(&circle.at[0]) || !(0.0..=1.0).contains(&circle.at[1]) {
+            let message = format!("the centre of the circle is outside the image: {:?}", circle.at);
+            return Err(self.error(at, message, "set at = [x, y] to fractions of the image, 0 to 1"));
+        }
+        if !(circle.radius > 0.0 && circle.radius <= 1.0) {
+            let message = format!("the radius of the circle is {}", circle.radius);
+            return Err(self.error(at, message, "set radius to a fraction of the image's width, above 0"));
+        }
+        Ok(circle)
     }
 }
