@@ -143,6 +143,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Kind::Mueller => View::Mueller(MuellerView {
             slice,
             wavelength_nm: a.wavelength,
+            time_ps: None,
             normalized: !a.raw,
             limit: a.limit,
             scale,

@@ -44,6 +44,7 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
         return missing("Stokes", "polarization = \"mueller\"");
     }
     let timed = matches!(view, View::SpaceTime(_) | View::Flight(_) | View::Profile(_));
+    let timed = timed || matches!(view, View::Mueller(v) if v.time_ps.is_some());
     if timed && matches!(slice.time, TimeSelect::Sum) {
         return missing("travel time", "time = { start_ps = .., bin_ps = .., bins = .. }");
     }

@@ -12,6 +12,6 @@ mod tests;
 
 pub use draw::draw;
 pub use parts::{
-    Arrow, COLUMN_MM, Circle, Composite, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, Part, ScaleBar, WIDTHS_MM,
-    check_crop, letter, pixels_of,
+    Arrow, COLUMN_MM, Circle, Composite, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, Part, ScaleBar,
+    WIDTHS_MM, check_crop, letter, pixels_of,
 };

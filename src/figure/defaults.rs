@@ -38,6 +38,7 @@ pub fn figures(slice: &str, axes: &[Axis], has_errors: bool, pixel: [f64; 2]) ->
             let view = MuellerView {
                 slice: name(),
                 wavelength_nm: None,
+                time_ps: None,
                 normalized: true,
                 limit: None,
                 scale: SignedScale::Arctan,

@@ -7,6 +7,7 @@
 use super::colour::{exposure, photo, quotient, rgb_weights, signed};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT};
+use super::mueller::bin;
 use super::panel::Panel;
 use super::photo::{limit, white};
 use super::raster::Raster;
@@ -98,20 +99,6 @@ impl ElementView {
         let must = "`linear`, or the element normalized or with the sign ±, because light of one sign has no signed scale";
         Err(FigureError::option("scale", "arctan", must))
     }
-}
-
-/// Returns the index of the bin that contains a time in picoseconds.
-fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
-    let times = source.need(AxisKind::T)?;
-    let half = match times {
-        [a, b, ..] => (b - a) / 2.0,
-        _ => f64::INFINITY,
-    };
-    let at = super::colour::nearest(times, ps);
-    if (times[at] - ps).abs() <= half * (1.0 + 1e-9) {
-        return Ok(at);
-    }
-    Err(FigureError::option("time_ps", ps, "within the time bins of the slice"))
 }
 
 /// Returns the element as a tile.

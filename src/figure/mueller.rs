@@ -11,7 +11,7 @@
 
 use image::Rgb;
 
-use super::colour::{UNDEFINED, exposure, signed, srgb};
+use super::colour::{UNDEFINED, exposure, nearest, signed, srgb};
 use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
@@ -49,11 +49,28 @@ pub(super) struct Grid<'a> {
     pub limit: White,
 }
 
-/// Returns the Mueller matrix of every pixel at one wavelength, summed over all other axes. The function `f` is
-/// applied to every value before summation.
+/// Returns the index of the time bin that contains a time in picoseconds.
+///
+/// # Errors
+/// [`FigureError`] if the slice has no time bins, or if no bin contains the time.
+pub(super) fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
+    let times = source.need(AxisKind::T)?;
+    let half = match times {
+        [a, b, ..] => (b - a) / 2.0,
+        _ => f64::INFINITY,
+    };
+    let at = nearest(times, ps);
+    if (times[at] - ps).abs() <= half * (1.0 + 1e-9) {
+        return Ok(at);
+    }
+    Err(FigureError::option("time_ps", ps, "within the time bins of the slice"))
+}
+
+/// Returns the Mueller matrix of every pixel at the entries `pick` of axes, summed over all other axes. The
+/// function `f` is applied to every value before summation.
 pub(super) fn matrices(
     source: Source,
-    lane: usize,
+    pick: &[(AxisKind, usize)],
     f: impl Fn(f32) -> f64,
 ) -> Result<Raster<16>, FigureError> {
     let xs = source.need(AxisKind::X)?;
@@ -62,7 +79,7 @@ pub(super) fn matrices(
         source.index("Stokes elements", 3, source.need(kind)?.len())?;
     }
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
-    let values = source.sum(&keep, &[(AxisKind::Wavelength, lane)], f);
+    let values = source.sum(&keep, pick, f);
     // From longer Stokes axes, the first four entries are used.
     let (so, si) = (values.shape[2], values.shape[3]);
     let pixels = values.data.chunks_exact(so * si);
@@ -74,7 +91,7 @@ pub(super) fn matrices(
 /// of summed values are added in quadrature.
 pub(super) fn variances(
     slice: &str,
-    lane: usize,
+    pick: &[(AxisKind, usize)],
     sigmas: f32,
     panel: &Panel,
 ) -> Result<Raster<16>, FigureError> {
@@ -83,14 +100,18 @@ pub(super) fn variances(
     }
     let error = panel.std_error.filter(|e| e.shape() == panel.mean.shape());
     let error = error.ok_or_else(|| FigureError::NoErrors { slice: slice.to_owned() })?;
-    matrices(Source::new(slice, error)?, lane, |v| f64::from(v) * f64::from(v))
+    matrices(Source::new(slice, error)?, pick, |v| f64::from(v) * f64::from(v))
 }
 
 pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let lane = source.wavelength(view.wavelength_nm)?;
-    let raster = matrices(source, lane, f64::from)?;
-    let mask = view.mask_sigmas.map(|n| Ok((variances(&view.slice, lane, n, panel)?, n))).transpose()?;
+    let mut pick = vec![(AxisKind::Wavelength, lane)];
+    if let Some(ps) = view.time_ps {
+        pick.push((AxisKind::T, bin(source, ps)?));
+    }
+    let raster = matrices(source, &pick, f64::from)?;
+    let mask = view.mask_sigmas.map(|n| Ok((variances(&view.slice, &pick, n, panel)?, n))).transpose()?;
     let white = exposure(raster.data.iter().map(|m| m[0]));
     let limit = photo::limit(view.limit, view.normalized, raster.data.iter().flatten().copied())?;
     Ok(Grid { source, lane, view, raster, mask, white, limit })
@@ -146,8 +167,9 @@ impl Grid<'_> {
             Some(nm) => format!(" at {nm} nm"),
             None => String::new(),
         };
+        let time = self.view.time_ps.map_or(String::new(), |ps| format!(", in the time bin of {ps} ps"));
         let mut notes =
-            vec![format!("Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes.")];
+            vec![format!("Mueller elements{at}{time}; row i: outgoing Stokes, column j: incoming Stokes.")];
         let masked = self.mask.as_ref().map(|(_, n)| format!("magnitude below {n} standard errors"));
         if self.view.normalized {
             let masked = masked.map_or(String::new(), |m| format!(", or {m}"));

@@ -25,6 +25,7 @@ use super::tile::{Scale, Tile, of_values};
 use crate::spec::SignedScale;
 use image::{Rgb, RgbImage};
 use serde::Deserialize;
+use tensor::axes::AxisKind;
 
 /// A quantity of the outgoing light of a slice, summed over all projector pixels and times.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -181,14 +182,15 @@ fn light(
     check_stokes(stokes)?;
     let source = Source::new(slice, panel.mean)?;
     let lane = source.wavelength(nm)?;
-    let raster = matrices(source, lane, f64::from)?;
+    let pick = [(AxisKind::Wavelength, lane)];
+    let raster = matrices(source, &pick, f64::from)?;
     let times = |m: &[f32; 16], g: [f32; 4]| -> [f32; 4] {
         std::array::from_fn(|i| (0..4).map(|j| m[4 * i + j] * g[j]).sum())
     };
     let mut out: Vec<[f32; 4]> = raster.data.iter().map(|m| times(m, stokes)).collect();
     if let Some(sigmas) = mask_sigmas {
         let squares = stokes.map(|g| g * g);
-        let variances = variances(slice, lane, sigmas, panel)?;
+        let variances = variances(slice, &pick, sigmas, panel)?;
         for (s, m) in out.iter_mut().zip(&variances.data) {
             let variance = times(m, squares);
             let square = part.iter().map(|&i| s[i] * s[i]).sum::<f32>();

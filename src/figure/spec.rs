@@ -92,6 +92,9 @@ pub struct MuellerView {
     /// Wavelength to draw in nanometres, at most 0.5 nm from a wavelength of the slice. Default: the middle
     /// wavelength.
     pub wavelength_nm: Option<f64>,
+    /// Time in picoseconds that selects the time bin to draw. Default: the sum of all bins.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub time_ps: Option<f64>,
     /// Whether to divide every element by the M00 of its pixel. M00 itself is not divided, but
     /// scaled to its 99th percentile.
     #[serde(default = "yes")]

@@ -96,6 +96,13 @@ pub enum Scale {
         /// Value at the bright end of the scale.
         high: f32,
     },
+    /// Positive values on a logarithmic scale between two ends. Smaller values have the colour of the dark end.
+    Log {
+        /// Value at the dark end of the scale.
+        low: f32,
+        /// Value at the bright end of the scale.
+        high: f32,
+    },
     Signed {
         /// Value at the upper end of the scale. The lower end is the negative of this value.
         limit: f32,
@@ -258,6 +265,13 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
             let ticks = Ticks::linear(low.into(), high.into(), 5);
             let bar = Bar { label: label(&ticks), ticks, colour: sequential };
             (raster.image(|[v]| sequential((v - low) / span)), Some(high), Some(bar))
+        }
+        Scale::Log { low, high } => {
+            positive(high - positive(low)?)?;
+            let scale = map::Scale::Log { low: low.log10(), high: high.log10() };
+            let ticks = scale.ticks();
+            let bar = Bar { label: name.to_owned(), ticks, colour: sequential };
+            (raster.image(|[v]| sequential(scale.place(v))), Some(high), Some(bar))
         }
         Scale::Signed { limit, scale } => {
             let label = |ticks: &Ticks| label(ticks) + scale.words();

@@ -76,6 +76,7 @@ fn errors_name_their_position() {
         ("an arrow to nowhere", "to = [0.5, 0.5]", "to = [0, 0]", "arrows", "the arrow has no length"),
         ("a circle outside", "at = [0.5, 0.5]", "at = [0.5, 1.5]", "circles", "the centre of the circle is outside"),
         ("a circle without size", "radius = 0.25", "radius = 0", "circles", "the radius of the circle is 0"),
+        ("a time of a slice without time", "view.element = { slice = \"mueller\", element = \"-(3,3)\"", "view.mueller = { slice = \"mueller\", time_ps = 15000", "mueller = {", "travel time"),
         ("a crop outside", "[0.25, 0.25, 0.25, 0.25]", "[0.9, 0.25, 0.25, 0.25]", "insets", "within the image"),
         ("an inset too large", "magnify = 2", "magnify = 9", "insets", "fit into the image"),
         ("no such layer", "layer = \"depth\"", "layer = \"deep\"", "deep", "depth"),

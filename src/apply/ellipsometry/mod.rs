@@ -29,6 +29,9 @@ use rayon::prelude::*;
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
+/// Name of the images of the pseudo truth.
+const PSEUDO_TRUTH: &str = "DRR, 50 captures";
+
 /// Index of the element (2,3). The paper's figure 10 shows the negative of this element. The mirror is object
 /// 0 of the scene.
 const ELEMENT_23: usize = 11;
@@ -97,7 +100,7 @@ pub(crate) fn application() -> Application {
             full: Size { pixels: 128, spp: 64 },
         },
         methods: METHODS.iter().map(|(m, _)| *m).collect(),
-        drawn: vec![],
+        drawn: vec![PSEUDO_TRUTH],
         metrics: METRICS.to_vec(),
         run,
         task: None,
@@ -136,6 +139,7 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     for bench in &test {
         let [element, _] = pictures("truth", bench, bench.truth());
         outcome.pictures.push(element);
+        outcome.pictures.extend(pictures(PSEUDO_TRUTH, bench, &bench.estimate(&pseudo_truth, 0)?));
     }
     outcome.notes.extend(notes(&moment));
     Ok(outcome)

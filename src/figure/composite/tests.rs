@@ -158,6 +158,7 @@ fn grids_divide_their_panel_evenly() {
     let view = View::Mueller(MuellerView {
         slice: "s".into(),
         wavelength_nm: None,
+        time_ps: None,
         normalized: true,
         limit: None,
         scale: crate::spec::SignedScale::Linear,
@@ -232,6 +233,20 @@ fn arrow_tips_are_at_their_targets() {
         }
         let beyond = at(&img, along(1.0), scale);
         assert_eq!(beyond.0[2], 200, "{to:?}: {beyond:?}");
+    }
+}
+
+/// Tests that a logarithmic scale shows decades at equal distances, and shows smaller values as its lower end.
+#[test]
+fn a_logarithmic_scale_shows_decades() {
+    let scale = Scale::Log { low: 0.01, high: 1.0 };
+    let tile = of_values("error", 5, &[1e-9, 0.01, 0.1, 1.0, 9.0], scale).expect("a map");
+    let image = &tile.cells[0].0;
+    let colours = [0.0, 0.0, 0.5, 1.0, 1.0].map(crate::colour::sequential);
+    assert!(image.pixels().zip(colours).all(|(p, c)| *p == c), "{image:?}");
+    assert_eq!(tile.bar.expect("a bar").ticks.marks.len(), 3);
+    for (low, high) in [(0.0, 1.0), (-1.0, 1.0), (1.0, 1.0), (f32::NAN, 1.0)] {
+        assert!(of_values("error", 1, &[1.0], Scale::Log { low, high }).is_err(), "{low} {high}");
     }
 }
 

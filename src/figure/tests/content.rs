@@ -77,6 +77,7 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
         let view = View::Mueller(MuellerView {
             slice: "s".into(),
             wavelength_nm: Some(nm),
+            time_ps: None,
             normalized: false,
             limit: Some(limit),
             scale: SignedScale::Linear,
@@ -91,6 +92,20 @@ fn mueller_limit_wavelength_and_raw_values_are_honoured() {
     assert_eq!(one(660.5, 1.0), crate::colour::signed(0.5).0);
 }
 
+/// Tests that a grid shows one time bin if the view sets a time, and otherwise the sum of all bins.
+#[test]
+fn mueller_grids_show_one_time_bin() {
+    let t = tensor(axes([(Y, 1), (X, 1), (T, 3), (StokesOut, 4), (StokesIn, 4)]), |at| at.f(T) * 0.1);
+    let at = |time_ps: Option<f64>| {
+        let View::Mueller(view) = mueller_view(false) else { unreachable!("mueller_view returns a grid") };
+        let view = View::Mueller(MuellerView { limit: Some(1.0), time_ps, ..view });
+        let (img, r) = seen(&view, &panel(&t));
+        colour(&img, r, 0.12, 0.12)
+    };
+    let signed = |v: f32| crate::colour::signed(v).0;
+    assert_eq!([None, Some(2.0), Some(1.4)].map(at), [0.3, 0.2, 0.1].map(signed));
+}
+
 /// Tests that an arctan scale shows small values, and that a mask greys the elements below it. The standard
 /// error of the left pixel is small. That of the right pixel is large.
 #[test]
@@ -103,6 +118,7 @@ fn arctan_scale_and_mask_are_honoured() {
     let view = |scale, mask_sigmas| MuellerView {
         slice: "s".into(),
         wavelength_nm: None,
+        time_ps: None,
         normalized: true,
         limit: None,
         scale,

@@ -80,6 +80,7 @@ fn mueller_view(normalized: bool) -> View {
     View::Mueller(MuellerView {
         slice: "s".into(),
         wavelength_nm: None,
+        time_ps: None,
         normalized,
         limit: None,
         scale: SignedScale::Linear,

@@ -26,6 +26,20 @@ fn missing_axes_are_named_with_their_fix() {
 }
 
 #[test]
+fn times_outside_the_bins_are_refused() {
+    let of = |kinds: Vec<Axis>, ps| {
+        let View::Mueller(view) = mueller_view(true) else { unreachable!("mueller_view returns a grid") };
+        message(&View::Mueller(MuellerView { time_ps: Some(ps), ..view }), &tensor(kinds, |_| 1.0))
+    };
+    let timed = || axes([(Y, 2), (X, 2), (T, 3), (StokesOut, 4), (StokesIn, 4)]);
+    for ps in [-0.6, 2.6, f64::NAN] {
+        assert!(of(timed(), ps).contains("within the time bins of the slice"), "{ps}");
+    }
+    let still = axes([(Y, 2), (X, 2), (StokesOut, 4), (StokesIn, 4)]);
+    assert!(of(still, 1.0).contains("no time axis"));
+}
+
+#[test]
 fn wavelengths_that_the_slice_does_not_have_are_refused() {
     let stokes = [(Y, 2), (X, 2), (U, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)];
     let t = tensor([axes(stokes), vec![axis(Wavelength, RGB_NM.to_vec())]].concat(), |_| 1.0);
@@ -33,6 +47,7 @@ fn wavelengths_that_the_slice_does_not_have_are_refused() {
         View::Mueller(MuellerView {
             slice: "s".into(),
             wavelength_nm: Some(nm),
+            time_ps: None,
             normalized: true,
             limit: None,
             scale: SignedScale::Linear,
@@ -71,6 +86,7 @@ fn options_out_of_range_are_named() {
     let limit = View::Mueller(MuellerView {
         slice: "s".into(),
         wavelength_nm: None,
+        time_ps: None,
         normalized: true,
         limit: Some(0.0),
         scale: SignedScale::Linear,

@@ -5,6 +5,7 @@ use apply::application::{Application, Size};
 use apply::catalog;
 use base::locate::Located;
 use figure::White;
+use figure::spec::SignedScale;
 use figure::tile::{self, Scale, Tile};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -13,7 +14,7 @@ use transport::render::schedule::Watch;
 
 use super::caption::Value;
 use super::curves;
-use super::file::{ApplyFile, CurvesFile, ViewFile};
+use super::file::{ApplyFile, CurvesFile, ScaleFile, ViewFile};
 use super::kept::{self, Fit, Picture, Place};
 use super::source::Source;
 use super::stage::{FigureFileError, Settings, varied};
@@ -97,6 +98,10 @@ impl<'a> Applications<'a> {
             let message = format!("variant {v} is not a test variant of application `{}`", view.name);
             let help = format!("use one of: {}", list(&plan.test));
             return Err(source.error(at, message, help).into());
+        }
+        if view.scale == ScaleFile::Log && view.limits.is_none_or(|[low, _]| low <= 0.0) {
+            let message = "a logarithmic scale has no positive limits".to_owned();
+            return Err(source.error(at, message, "set limits = [low, high], both above 0").into());
         }
         if let Some([low, high]) =
             view.limits.filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
@@ -362,10 +367,15 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
                 None => tile::common_white(all.iter().map(|v| v.abs())),
             };
             let most = white.value();
+            let signed = match view.scale {
+                ScaleFile::Arctan => SignedScale::Arctan,
+                ScaleFile::Linear | ScaleFile::Log => SignedScale::Linear,
+            };
             let scale = match view.limits {
-                Some([low, high]) if low == -high => Scale::Signed { limit: high, scale: view.scale },
+                Some([low, high]) if view.scale == ScaleFile::Log => Scale::Log { low, high },
+                Some([low, high]) if low == -high => Scale::Signed { limit: high, scale: signed },
                 Some([low, high]) => Scale::Linear { low, high },
-                None if negative => Scale::Signed { limit: most, scale: view.scale },
+                None if negative => Scale::Signed { limit: most, scale: signed },
                 None => Scale::Linear { low: 0.0, high: most },
             };
             let label = if view.label.is_empty() { &picture.name } else { &view.label };

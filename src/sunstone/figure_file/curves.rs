@@ -15,6 +15,9 @@ use super::source::Fault;
 use crate::applications::curves;
 use crate::applications::links::{self, Links, Part, WHOLE};
 
+/// Distance between the points of two curves for the same number of captures.
+const STEP: f64 = 0.025;
+
 /// Returns a description that is unique for each capture chain of a view.
 pub fn words(view: &CurvesFile) -> String {
     let of = |text: &Option<String>| text.clone().unwrap_or_default();
@@ -149,6 +152,9 @@ pub fn tile(
         if s.style == SeriesStyle::Band {
             s.style = SeriesStyle::LineMarkers;
         }
+        if few {
+            apart(s, i);
+        }
     }
     chart.series.sort_by_key(|s| s.colour);
     chart.y.range = view.limits.map(|[low, high]| (low, high));
@@ -178,6 +184,17 @@ pub fn tile(
         values.push((format!("beats {}, {}", v.baseline, v.series), words()));
     }
     Ok((tile, values))
+}
+
+/// Moves the points of curve `i` over the number of captures to the right, so that error bars of curves do not
+/// overlap. A baseline is the same for all numbers of captures, and has an error bar at the first number alone.
+fn apart(s: &mut Series, i: usize) {
+    s.points.iter_mut().for_each(|p| p.0 += STEP * i as f64);
+    if s.style == SeriesStyle::Dashed
+        && let Some(errors) = &mut s.errors
+    {
+        errors.iter_mut().skip(1).for_each(|e| *e = 0.0);
+    }
 }
 
 /// Returns the colour index of curve `i`. Skips black, which is the colour of reference lines.

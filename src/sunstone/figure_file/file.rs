@@ -3,7 +3,7 @@
 use base::locate::Located;
 use figure::element::ElementView;
 use figure::polarization::{PoincareView, PolarizationView};
-use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView, SignedScale};
+use figure::spec::{FlightView, MapView, MuellerView, PhotoView, ProfileView};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -147,6 +147,9 @@ pub struct DecompositionFile {
     /// Minimum M00, as a fraction of the 99th percentile of M00. Pixels with less light are grey.
     #[serde(default)]
     pub least: f32,
+    /// Pixels are grey if the magnitude of the lower right 3 × 3 elements is below this number of its standard
+    /// errors, because their light is then depolarized within the errors. Default: no mask.
+    pub mask_sigmas: Option<f32>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -190,12 +193,23 @@ pub struct ApplyFile {
     /// Ends of the colour scale. For colours, the ends are the values of black (must be 0) and white.
     /// Default: the range of the values.
     pub limits: Option<[f32; 2]>,
-    /// Scale of signed values.
     #[serde(default)]
-    pub scale: SignedScale,
+    pub scale: ScaleFile,
     /// Label of the colour bar.
     #[serde(default)]
     pub label: String,
+}
+
+/// The scale of an image of an application.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScaleFile {
+    #[default]
+    Linear,
+    /// A scale of signed values that shows small values ([`SignedScale::Arctan`]).
+    Arctan,
+    /// A logarithmic scale of positive values.
+    Log,
 }
 
 /// Curves of scores of an application's methods.

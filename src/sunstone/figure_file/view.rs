@@ -115,6 +115,7 @@ pub fn tile(
     let masked = match view {
         ViewFile::Polarization(v) => v.mask_sigmas.is_some(),
         ViewFile::Poincare(v) => v.mask_sigmas.is_some(),
+        ViewFile::Decomposition(v) => v.mask_sigmas.is_some(),
         _ => false,
     };
     let of_errors: &[Field] = if masked { &[Field::StdError] } else { &[] };
@@ -124,7 +125,9 @@ pub fn tile(
         (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
         (None, ViewFile::Polarization(v)) => polarization::tile(v, panel).map_err(bad),
         (None, ViewFile::Poincare(v)) => polarization::sphere(v, panel).map_err(bad),
-        (None, ViewFile::Decomposition(v)) => decomposition(v, panel.mean).map_err(|e| fault(e).into()),
+        (None, ViewFile::Decomposition(v)) => {
+            decomposition(v, panel.mean, panel.std_error).map_err(|e| fault(e).into())
+        }
         _ => Err(fault("this view requires a slice, but the view names none".into()).into()),
     })
 }
@@ -146,7 +149,11 @@ fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), St
     }
 }
 
-fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String> {
+fn decomposition(
+    view: &DecompositionFile,
+    mean: &Tensor,
+    std_error: Option<&Tensor>,
+) -> Result<Tile, String> {
     let (quantity, name, scale) = scale(view)?;
     let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
     let lane = match (nm, view.wavelength_nm) {
@@ -156,11 +163,15 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
         (None, _) => 0,
     };
     let kept = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
-    let mut image = mean.select(AxisKind::Wavelength, lane);
-    let others: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
-    for kind in others.into_iter().filter(|k| !kept.contains(k)) {
-        image = image.sum(kind);
-    }
+    let summed = |all: &Tensor| {
+        let mut image = all.select(AxisKind::Wavelength, lane);
+        let others: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
+        for kind in others.into_iter().filter(|k| !kept.contains(k)) {
+            image = image.sum(kind);
+        }
+        image
+    };
+    let image = summed(mean);
     let axes: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
     if axes != kept || image.extent(AxisKind::StokesOut) != 4 || image.extent(AxisKind::StokesIn) != 4 {
         return Err("the slice does not contain an image of complete Mueller matrices".into());
@@ -177,7 +188,31 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
             *v = f32::NAN;
         }
     }
+    if let Some(sigmas) = view.mask_sigmas {
+        let mut variances =
+            std_error.cloned().ok_or("the slice has no standard errors; remove mask_sigmas")?;
+        variances.data.iter_mut().for_each(|e| *e *= *e);
+        let variances = summed(&variances);
+        let matrices = image.data.chunks_exact(16).zip(variances.data.chunks_exact(16));
+        for (v, (m, variance)) in values.iter_mut().zip(matrices) {
+            if is_depolarized(m, variance, sigmas) {
+                *v = f32::NAN;
+            }
+        }
+    }
     tile::of_values(name, image.extent(AxisKind::X), &values, scale).map_err(|e| e.to_string())
+}
+
+/// Returns whether the magnitude of the lower right 3 × 3 elements of a Mueller matrix, √Σ m², is below a number
+/// of its standard errors.
+fn is_depolarized(m: &[f32], variance: &[f32], sigmas: f32) -> bool {
+    let part = || [5, 6, 7, 9, 10, 11, 13, 14, 15];
+    let square: f32 = part().iter().map(|i| m[*i] * m[*i]).sum();
+    // The derivative of √Σ m² is m / √Σ m².
+    let error: f32 = part().iter().map(|i| m[*i] * m[*i] * variance[*i]).sum();
+    let magnitude = square.sqrt();
+    let error = (error / square).sqrt();
+    !(error.is_finite() && magnitude >= sigmas * error)
 }
 
 fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
@@ -250,4 +285,23 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
         format!("{} mm", bar.length_mm)
     };
     Ok(ScaleBar { share, label })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests the error of the magnitude for elements of equal variance, for which it is their common error.
+    #[test]
+    fn light_without_significant_polarization_is_depolarized() {
+        let mut m = [0.0; 16];
+        (m[0], m[1], m[5], m[10]) = (9.0, 8.0, 0.3, 0.4);
+        let mut variance = [0.01; 16];
+        variance[1] = 100.0;
+        // The magnitude is 0.5, and its error is 0.1.
+        assert!(!is_depolarized(&m, &variance, 4.9));
+        assert!(is_depolarized(&m, &variance, 5.1));
+        assert!(is_depolarized(&[0.0; 16], &variance, 1.0));
+        assert!(is_depolarized(&m, &[f32::NAN; 16], 1.0));
+    }
 }
