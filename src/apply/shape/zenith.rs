@@ -55,7 +55,17 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
         return f64::NAN;
     }
-    invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
+    if degree >= diffuse(FRAC_PI_2, n) {
+        return FRAC_PI_2;
+    }
+    // The square of k s - 2ρ(1 + n²) = 4ρ c √(n² - s) is quadratic in s. The left side is positive for the larger root.
+    let (rho, square) = (degree, n * n);
+    let k = (n - 1.0 / n).powi(2) + rho * (n + 1.0 / n).powi(2);
+    let first = k * k - 16.0 * rho * rho;
+    let half = 2.0 * rho * (1.0 + square) * (k - 4.0 * rho);
+    let last = (2.0 * rho * (square - 1.0)).powi(2);
+    let s = (half + (half * half - first * last).max(0.0).sqrt()) / first;
+    s.clamp(0.0, 1.0).sqrt().asin()
 }
 
 /// Returns the two zenith angles, in radians, of specular reflection with this degree of polarization. The
