@@ -9,6 +9,7 @@ help: the method without means over 3 x 3 pixels with those without, the method 
 
     python validation/joint.py scattering [--levels 16x3 96x1] [--renders FOLDER] [--write docs/applications/scattering.json]
     python validation/joint.py analysis multibounce multibounce-coins multibounce-statue --write docs/applications/isolation.json
+    python validation/joint.py shape --levels 32x1x64 --write docs/applications/shape.json
 
 A level is the number of samples per pixel, the number of seeds, and optionally the number of pixels of the longer side (16x1x256).
 The tables are printed in Markdown. --write writes the scores of every arrangement, and --read prints the tables of such a file.
@@ -20,7 +21,7 @@ import json
 import statistics
 import subprocess
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import environment
@@ -40,6 +41,7 @@ class Comparison:
     concentrations: int = 1  # consecutive variants of one arrangement
     levels: tuple = ("32x1",)
     ours: tuple = ("joint",)  # beginnings of the names of methods that are no baselines
+    groups: dict = field(default_factory=dict)  # names of groups of arrangements, with their indices
 
 
 # Methods of isolation that use a single element, with the heads of their columns.
@@ -56,14 +58,21 @@ COMPARISONS = {
     "multibounce-coins": ISOLATION,
     "multibounce-statue": Comparison("joint: polarization, time", ISOLATION.metrics),
     "metamerism": Comparison("joint: colour, space, polarization", ("area under the curve",), levels=("16x1",)),
+    # Even variants are translucent. Six successive ones are all materials of one statue. Variants 12 to 22 were test variants before.
+    "shape": Comparison("joint", ("normals, mean error", "normals, mean error where the scan has normals", "depth, mean error", "coverage"),
+                        "0-10/2,24-40/2", "1002-1024/2", levels=("32x1x64", "128x1x64", "32x1x256"),
+                        groups={"doll": (0, 1, 2, 6, 7, 8), "dragon": (3, 4, 5, 9, 10, 11)}),
 }
+# Learning at 256 pixels uses one training variant for each pair of statue and material.
+TRAIN_AT = {"256": {"shape": "24-34/2"}}
 
 
 def scores(name, level, renders, folder):
     """Run an application and return, for each metric and method, the mean score of each arrangement."""
     of = COMPARISONS[name]
     spp, seeds, *pixels = level.split("x")
-    program = [environment.sunstone(), "apply", name, "--preview", "--spp", spp, "--seeds", seeds, "--train", of.train]
+    train = TRAIN_AT.get(pixels[0] if pixels else "", {}).get(name, of.train)
+    program = [environment.sunstone(), "apply", name, "--preview", "--spp", spp, "--seeds", seeds, "--train", train]
     program += [word for number in pixels for word in ("--pixels", number)]
     program += ["--test", of.test, "--renders", renders, "-o", folder, "--scenes", environment.ROOT / "scenes"]
     subprocess.run([str(word) for word in program], check=True, stdout=subprocess.DEVNULL)
@@ -72,9 +81,11 @@ def scores(name, level, renders, folder):
         for row in csv.DictReader(file):
             if row["metric"].endswith(of.metrics):
                 of_method = found.setdefault(row["metric"], {}).setdefault(row["method"], {})
-                of_method.setdefault(int(row["variant"]) // of.concentrations, []).append(float(row["value"]))
+                of_method.setdefault(int(row["variant"]) // of.concentrations, []).append(float(row["value"] or "nan"))
     mean = lambda values: round(statistics.fmean(values), 5)
-    return {metric: {m: [mean(a[k]) for k in sorted(a)] for m, a in methods.items()} for metric, methods in found.items()}
+    means = {metric: {m: [mean(a[k]) for k in sorted(a)] for m, a in methods.items()} for metric, methods in found.items()}
+    # A method without any value, such as a depth by polarization alone, has no row.
+    return {metric: {m: a for m, a in methods.items() if any(v == v for v in a)} for metric, methods in means.items()}
 
 
 def estimate(values):
@@ -104,7 +115,7 @@ def table(of, found, metrics):
             difference, uncertain = estimate([a - b for a, b in zip(mine, own, strict=True)])
             cells.append(f"{mean:.{digits}f} ± {error:.{digits}f}")
             cells.append("" if method == reference else f"{difference:.{digits}f} ± {uncertain:.{digits}f}")
-            worse = difference if metric.endswith("error") else -difference
+            worse = difference if "error" in metric else -difference
             if not method.startswith(of.ours) and not method.endswith(SAME) and worse > 2 * uncertain:
                 ahead.append(f"{method} ({metric})")
         print("| " + " | ".join(cells) + " |")
@@ -147,7 +158,12 @@ def tables(of, found):
         return compact(of, found)
     kinds = [[metric for metric in found if metric.endswith(kind)] for kind in of.metrics]
     groups = kinds if any(len(kind) > 1 for kind in kinds) else [[metric for kind in kinds for metric in kind]]
-    return [one for metrics in groups for one in table(of, found, metrics)]
+    ahead = [one for metrics in groups for one in table(of, found, metrics)]
+    for name, indices in of.groups.items():
+        part = {metric: {m: [v[i] for i in indices] for m, v in methods.items()} for metric, methods in found.items()}
+        print(f"{name} alone, {len(indices)} arrangements:\n")
+        ahead += [f"{name}: {one}" for metrics in groups for one in table(of, part, metrics)]
+    return ahead
 
 
 def main():
@@ -156,7 +172,7 @@ def main():
     parser.add_argument("--levels", nargs="+", help="samples per pixel x seeds")
     parser.add_argument("--renders", type=Path, default=environment.ROOT / "out/apply/renders")
     parser.add_argument("--write", type=Path)
-    parser.add_argument("--read", type=Path, help="file of --write with several applications")
+    parser.add_argument("--read", type=Path, help="file of --write")
     options = parser.parse_args()
     known = json.loads(options.read.read_text()) if options.read else {}
     options.renders.mkdir(parents=True, exist_ok=True)
@@ -165,7 +181,7 @@ def main():
         for name in options.applications:
             of = COMPARISONS[name]
             for level in options.levels or of.levels:
-                own = known[name][level] if options.read else scores(name, level, options.renders, Path(folder) / f"{name}_{level}")
+                own = known.get(name, known)[level] if options.read else scores(name, level, options.renders, Path(folder) / f"{name}_{level}")
                 found.setdefault(name, {})[level] = own
                 count = len(own[next(iter(own))][of.joint])
                 print(f"\n{name}, level {level}, {count} arrangements:\n")
