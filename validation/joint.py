@@ -56,6 +56,8 @@ COMPARISONS = {
     "analysis": ISOLATION,
     "multibounce": ISOLATION,
     "multibounce-coins": ISOLATION,
+    "transient": Comparison("joint: polarization, time", ("area under the curve, inverting", "area under the curve, keeping", "correlation, inverting",
+                                                          "correlation, keeping")),
     "multibounce-statue": Comparison("joint: polarization, time", ISOLATION.metrics),
     "metamerism": Comparison("joint: colour, space, polarization", ("area under the curve",), levels=("16x1",)),
     # Even variants are translucent. Six successive ones are all materials of one statue. Variants 12 to 22 were test variants before.

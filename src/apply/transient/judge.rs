@@ -1,7 +1,7 @@
 //! Computes the metrics of a scoring on a variant. The renderer's labels are the ground truth.
 
-use super::score::{Scoring, counts};
-use super::seen::{Seen, Target};
+use super::score::Scored;
+use super::seen::Target;
 use crate::metrics::roc;
 
 /// Minimum number of positives and minimum number of negatives in a bin. For smaller numbers, no area is
@@ -9,17 +9,17 @@ use crate::metrics::roc;
 const FEW: usize = 5;
 
 /// Returns the area under the ROC curve over all lit pixels and bins.
-pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let [positive, negative] = scoring.groups([seen], target, |_| true);
+pub(super) fn area(scored: &Scored, target: Target) -> f64 {
+    let [positive, negative] = scored.groups(target, |_| true);
     roc::area(&positive, &negative)
 }
 
 /// Returns the mean over bins of the area under the ROC curve within a bin. Returns NaN if no bin has enough
 /// positives and negatives.
-pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let bins = seen.pixels.bins;
+pub(super) fn area_by_bin(scored: &Scored, target: Target) -> f64 {
+    let bins = scored.seen.pixels.bins;
     let areas: Vec<f64> = (0..bins)
-        .map(|bin| scoring.groups([seen], target, |place| place % bins == bin))
+        .map(|bin| scored.groups(target, |place| place % bins == bin))
         .filter(|[positive, negative]| positive.len() >= FEW && negative.len() >= FEW)
         .map(|[positive, negative]| roc::area(&positive, &negative))
         .collect();
@@ -27,32 +27,31 @@ pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64
 }
 
 /// Returns F1 at the learned threshold, or NaN for a variant without light of the target.
-pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let counts = counts(scoring, seen, target);
+pub(super) fn f1(scored: &Scored, target: Target) -> f64 {
+    let counts = scored.counts(target);
     if counts.true_positive + counts.false_negative == 0 {
         return f64::NAN;
     }
     counts.f1()
 }
 
-/// Returns the correlation between the positive part of the score and the light of the target, over lit
-/// pixels and bins. Images show the positive part of the score.
-pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
-    let pairs = seen
-        .lit
-        .iter()
-        .map(|place| (scoring.score(seen, target, *place).max(0.0), seen.light(target, *place)));
+/// Returns the correlation between the estimated light and the light of the target, over lit pixels and bins.
+/// Images show the estimated light.
+pub(super) fn correlation(scored: &Scored, target: Target) -> f64 {
+    let seen = scored.seen;
+    let pairs = seen.lit.iter().map(|place| (scored.light(target, *place), seen.light(target, *place)));
     pearson(&pairs.collect::<Vec<_>>())
 }
 
 /// Returns the correlation as in [`correlation`] for the sums over the bins of each pixel.
-pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
+pub(super) fn correlation_in_total(scored: &Scored, target: Target) -> f64 {
+    let seen = scored.seen;
     let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
     let mut lit = vec![false; sums.len()];
     for place in &seen.lit {
         let pixel = place / seen.pixels.bins;
         lit[pixel] = true;
-        sums[pixel].0 += scoring.score(seen, target, *place).max(0.0);
+        sums[pixel].0 += scored.light(target, *place);
         sums[pixel].1 += seen.light(target, *place);
     }
     let pairs: Vec<(f64, f64)> = sums.into_iter().zip(lit).filter_map(|(s, l)| l.then_some(s)).collect();

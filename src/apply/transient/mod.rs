@@ -13,6 +13,7 @@
 //! signs that physics does not determine, are learned from the training variants.
 
 mod judge;
+mod linear;
 mod score;
 mod seen;
 
@@ -21,11 +22,12 @@ use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{self, Observation};
 use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
-use score::{Measure, Scoring};
+use linear::Features;
+use score::{Measure, Scored, Scoring};
 use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
 
-/// A function that computes a metric of a scoring.
-type Judge = fn(&Scoring, &Seen, Target) -> f64;
+/// A function that computes a metric of a variant's scores.
+type Judge = fn(&Scored, Target) -> f64;
 
 const METRICS: [(Metric, Judge, Target); 10] = [
     metric("area under the curve, inverting", area, Target::Inverting),
@@ -45,7 +47,13 @@ const fn metric(name: &'static str, judge: Judge, target: Target) -> (Metric, Ju
     (metric, judge, target)
 }
 
-const METHODS: [(Method, Measure); 6] = [
+/// Returns a linear method. The dimensions are time and polarization.
+const fn linear(name: &'static str, [time, polarization]: [bool; 2], around: bool) -> (Method, Measure) {
+    let features = Features { time, polarization, around };
+    (Method::new(name, "new here: ridge regression"), Measure::Linear(features))
+}
+
+const METHODS: [(Method, Measure); 14] = [
     (Method::new("(3,3) of the bin", "Baek & Heide 2021"), Measure::Circular),
     (Method::new("(3,3)/(0,0) of the bin", "the same over intensity"), Measure::CircularShare),
     (
@@ -58,6 +66,14 @@ const METHODS: [(Method, Measure); 6] = [
     ),
     (Method::new("transient intensity", "Velten et al. 2013"), Measure::Intensity),
     (Method::new("(3,3) summed over time", "without time"), Measure::Integrated),
+    linear("linear: intensity", [false, false], false),
+    linear("linear: time", [true, false], false),
+    linear("linear: polarization", [false, true], false),
+    linear("joint: polarization, time", [true, true], false),
+    linear("linear: intensity, 3 × 3", [false, false], true),
+    linear("linear: time, 3 × 3", [true, false], true),
+    linear("linear: polarization, 3 × 3", [false, true], true),
+    linear("joint: polarization, time, 3 × 3", [true, true], true),
 ];
 
 pub(crate) fn application() -> Application {
@@ -87,12 +103,13 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     for (method, measure) in METHODS {
         let scoring = Scoring::learn(measure, &train);
         for seen in &test {
-            let values = METRICS.map(|(_, judge, target)| judge(&scoring, seen, target));
+            let scored = scoring.of(seen);
+            let values = METRICS.map(|(_, judge, target)| judge(&scored, target));
             let metrics = METRICS.iter().map(|(metric, ..)| metric);
             outcome.scores.extend(Score::each(method.name, seen.variant, metrics, values));
             outcome.pictures.extend(TARGETS.map(|target| {
                 picture(method.name, measure != Measure::CircularShare, seen, target, |place| {
-                    scoring.score(seen, target, place).max(0.0)
+                    scored.light(target, place)
                 })
             }));
         }

@@ -1,5 +1,6 @@
 //! Scores of places (pairs of a pixel and a bin). Higher scores mean more light of the target.
 
+use super::linear::{Features, Fit};
 use super::seen::{Seen, TARGETS, Target};
 use crate::metrics::precision_recall::Counts;
 use crate::metrics::roc::area;
@@ -21,6 +22,8 @@ pub(super) enum Measure {
     Intensity,
     /// T33 summed over all bins.
     Integrated,
+    /// A linear combination of features.
+    Linear(Features),
 }
 
 impl Measure {
@@ -36,6 +39,7 @@ impl Measure {
             Self::LinearPair => e(4) + e(5),
             Self::Intensity => e(0),
             Self::Integrated => seen.integrated(place, 15),
+            Self::Linear(_) => unreachable!("a linear measure has an estimate for each place"),
         }
     }
 
@@ -43,14 +47,17 @@ impl Measure {
     fn sign(self, target: Target) -> Option<f64> {
         match self {
             Self::LinearPair | Self::Intensity => None,
+            Self::Linear(_) => Some(1.0),
             _ => Some(if target == Target::Keeping { 1.0 } else { -1.0 }),
         }
     }
 }
 
-/// A measure with the learned signs and thresholds for the two targets.
+/// A measure with what was learned for the two targets.
 pub(super) struct Scoring {
     measure: Measure,
+    /// The estimates of a linear measure.
+    fit: Option<Fit>,
     sign: [f64; 2],
     threshold: [f64; 2],
 }
@@ -59,44 +66,92 @@ pub(super) struct Scoring {
 const STEPS: usize = 200;
 
 impl Scoring {
-    /// Learns undetermined signs from training variants. Also learns the thresholds with the largest F1.
+    /// Learns linear estimates and undetermined signs from training variants. Also learns the thresholds with the
+    /// largest F1.
     pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
-        let mut out = Self { measure, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
+        let fit = match measure {
+            Measure::Linear(features) => Some(Fit::learn(features, train)),
+            _ => None,
+        };
+        let mut out = Self { measure, fit, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
+        let groups = |scoring: &Self, target| {
+            train.iter().map(|seen| scoring.of(seen).groups(target, |_| true)).fold(
+                [vec![], vec![]],
+                |[mut a, mut b], [positive, negative]| {
+                    a.extend(positive);
+                    b.extend(negative);
+                    [a, b]
+                },
+            )
+        };
         for (i, target) in TARGETS.into_iter().enumerate() {
             out.sign[i] = measure.sign(target).unwrap_or_else(|| {
-                let [positive, negative] = out.groups(train, target, |_| true);
+                let [positive, negative] = groups(&out, target);
                 if area(&positive, &negative) < 0.5 { -1.0 } else { 1.0 }
             });
-            let [positive, negative] = out.groups(train, target, |_| true);
+            let [positive, negative] = groups(&out, target);
             out.threshold[i] = best_threshold(&positive, &negative);
         }
         out
     }
 
-    pub(super) fn score(&self, seen: &Seen, target: Target, place: usize) -> f64 {
-        self.sign[usize::from(target == Target::Keeping)] * self.measure.of(seen, place)
+    /// Returns the scores of a variant.
+    pub(super) fn of<'a>(&self, seen: &'a Seen) -> Scored<'a> {
+        let values = TARGETS.map(|target| {
+            if let Some(fit) = &self.fit {
+                fit.values(seen, target)
+            } else {
+                let sign = self.sign[index(target)];
+                let places = 0..seen.pixels.count() * seen.pixels.bins;
+                let scores: Vec<f64> = places.map(|place| sign * self.measure.of(seen, place)).collect();
+                [scores.clone(), scores]
+            }
+        });
+        Scored { seen, values, threshold: self.threshold }
+    }
+}
+
+/// The scores of a variant.
+pub(super) struct Scored<'a> {
+    pub seen: &'a Seen,
+    /// For each target, the score of every place and the estimated light of the target, in arbitrary units. For single
+    /// elements, both are equal.
+    values: [[Vec<f64>; 2]; 2],
+    threshold: [f64; 2],
+}
+
+fn index(target: Target) -> usize {
+    usize::from(target == Target::Keeping)
+}
+
+impl Scored<'_> {
+    fn score(&self, target: Target, place: usize) -> f64 {
+        self.values[index(target)][0][place]
     }
 
-    pub(super) fn threshold(&self, target: Target) -> f64 {
-        self.threshold[usize::from(target == Target::Keeping)]
+    /// Returns the estimated light of a target at a place, which is not negative.
+    pub(super) fn light(&self, target: Target, place: usize) -> f64 {
+        self.values[index(target)][1][place].max(0.0)
     }
 
     /// Returns the scores of lit places of the target and the scores of all other lit places. Only places
     /// that satisfy `counts` are included.
-    pub(super) fn groups<'a>(
-        &self,
-        all: impl IntoIterator<Item = &'a Seen>,
-        target: Target,
-        counts: impl Fn(usize) -> bool,
-    ) -> [Vec<f64>; 2] {
+    pub(super) fn groups(&self, target: Target, counts: impl Fn(usize) -> bool) -> [Vec<f64>; 2] {
         let mut out = [vec![], vec![]];
-        for seen in all {
-            for place in seen.lit.iter().filter(|p| counts(**p)) {
-                let other = usize::from(!seen.is(target, *place));
-                out[other].push(self.score(seen, target, *place));
-            }
+        for place in self.seen.lit.iter().filter(|p| counts(**p)) {
+            let other = usize::from(!self.seen.is(target, *place));
+            out[other].push(self.score(target, *place));
         }
         out
+    }
+
+    /// Counts true and false decisions for the lit places.
+    pub(super) fn counts(&self, target: Target) -> Counts {
+        let threshold = self.threshold[index(target)];
+        Counts::of(self.seen.lit.iter().map(|place| {
+            let decided = self.score(target, *place) >= threshold;
+            (decided, self.seen.is(target, *place))
+        }))
     }
 }
 
@@ -118,13 +173,4 @@ fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
         }
     }
     best.1
-}
-
-/// Counts true and false decisions of a scoring for the lit places of a variant.
-pub(super) fn counts(scoring: &Scoring, seen: &Seen, target: Target) -> Counts {
-    let threshold = scoring.threshold(target);
-    Counts::of(seen.lit.iter().map(|place| {
-        let decided = scoring.score(seen, target, *place) >= threshold;
-        (decided, seen.is(target, *place))
-    }))
 }

@@ -69,6 +69,11 @@ impl Seen {
         self.labelled[usize::from(target == Target::Keeping)][place]
     }
 
+    /// Returns the share of the light at a place that belongs to `target`, or 0 without light.
+    pub(super) fn share(&self, target: Target, place: usize) -> f64 {
+        if self.all[place] > 0.0 { self.light(target, place) / self.all[place] } else { 0.0 }
+    }
+
     /// Returns whether most of the light at a place belongs to `target`.
     pub(super) fn is(&self, target: Target, place: usize) -> bool {
         self.light(target, place) > 0.5 * self.all[place]

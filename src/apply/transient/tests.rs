@@ -85,6 +85,7 @@ fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
     move |method, metric| mean(&outcome.scores, method, metric)
 }
 
+const JOINT: &str = "joint: polarization, time";
 const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
@@ -95,7 +96,10 @@ const KEEPING: &str = "area under the curve, keeping";
 #[test]
 fn circular_polarization_separates_odd_from_even() {
     let of = worth(AS_IN_NATURE);
-    for method in ["(3,3) of the bin", "(3,3)/(0,0) of the bin", "circular pair, time-gated"] {
+    let methods = ["(3,3) of the bin", "(3,3)/(0,0) of the bin", "circular pair, time-gated"];
+    for method in
+        methods.into_iter().chain(["linear: polarization", JOINT, "joint: polarization, time, 3 × 3"])
+    {
         for metric in [INVERTING, KEEPING, "area, keeping, mean of those of bins"] {
             assert!(of(method, metric) > 0.999, "{method}, {metric}: {}", of(method, metric));
         }
@@ -106,12 +110,16 @@ fn circular_polarization_separates_odd_from_even() {
         // The scores are higher than the scores of diffuse light, and equal to the scores of the other
         // specular kind. The area is therefore 3/4.
         assert!((linear - 0.75).abs() < 0.05, "{linear}");
-        let intensity = of("transient intensity", metric);
-        assert!((intensity - 0.5).abs() < 0.08, "{intensity}");
+        for method in ["transient intensity", "linear: intensity", "linear: time"] {
+            let intensity = of(method, metric);
+            assert!((intensity - 0.5).abs() < 0.08, "{method}: {intensity}");
+        }
         let integrated = of("(3,3) summed over time", metric);
         assert!((integrated - 0.5).abs() < 0.08, "{integrated}");
     }
-    assert!(of("(3,3) of the bin", "correlation, keeping") > 0.98);
+    for method in ["(3,3) of the bin", JOINT] {
+        assert!(of(method, "correlation, keeping") > 0.98, "{method}");
+    }
     assert!(of("(3,3) of the bin", "correlation, inverting, summed over time") > 0.98);
 }
 
@@ -119,12 +127,18 @@ fn circular_polarization_separates_odd_from_even() {
 /// - Intensity, if specular light is brighter and not polarized.
 /// - Linear polarization, if no other property differs.
 /// - The sum over time, if each pixel contains one kind.
+///
+/// Linear methods are as good as the best baseline.
 #[test]
 fn baselines_win_or_tie_where_expected() {
     let d = Differs { circular: false, linear: false, bright: 6.0, mixed: true };
     let of = worth(d);
     assert!((of("(3,3) of the bin", INVERTING) - 0.5).abs() < 0.08);
-    assert!((of("transient intensity", INVERTING) - 0.75).abs() < 0.05);
+    for method in ["transient intensity", "linear: intensity"] {
+        assert!((of(method, INVERTING) - 0.75).abs() < 0.05, "{method}: {}", of(method, INVERTING));
+    }
+    // The kind of light in a bin follows from the brightness of the neighbouring bins, which differ in kind.
+    assert!(of("linear: time", INVERTING) > 0.99 && of(JOINT, INVERTING) > 0.99);
     let d = Differs { circular: false, linear: true, bright: 1.0, mixed: true };
     let of = worth(d);
     assert!(of("parallel less crossed, time-gated", KEEPING) > of("(3,3) of the bin", KEEPING) + 0.15);
