@@ -147,8 +147,8 @@ pub struct DecompositionFile {
     /// Minimum M00, as a fraction of the 99th percentile of M00. Pixels with less light are grey.
     #[serde(default)]
     pub least: f32,
-    /// Pixels are grey if the magnitude of the lower right 3 × 3 elements is below this number of its standard
-    /// errors, because their light is then depolarized within the errors. Default: no mask.
+    /// Pixels are grey if the smallest singular value of the lower right 3 × 3 elements is below this number of its
+    /// standard errors, because the retardance is then not determined. Default: no mask.
     pub mask_sigmas: Option<f32>,
 }
 

@@ -7,7 +7,7 @@ use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
 use figure::{FigureError, White, element, polarization};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use polarimetry::decompose::maps::{self, Quantity};
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
@@ -195,7 +195,7 @@ fn decomposition(
         let variances = summed(&variances);
         let matrices = image.data.chunks_exact(16).zip(variances.data.chunks_exact(16));
         for (v, (m, variance)) in values.iter_mut().zip(matrices) {
-            if is_depolarized(m, variance, sigmas) {
+            if is_undetermined(m, variance, sigmas) {
                 *v = f32::NAN;
             }
         }
@@ -203,16 +203,20 @@ fn decomposition(
     tile::of_values(name, image.extent(AxisKind::X), &values, scale).map_err(|e| e.to_string())
 }
 
-/// Returns whether the magnitude of the lower right 3 × 3 elements of a Mueller matrix, √Σ m², is below a number
-/// of its standard errors.
-fn is_depolarized(m: &[f32], variance: &[f32], sigmas: f32) -> bool {
-    let part = || [5, 6, 7, 9, 10, 11, 13, 14, 15];
-    let square: f32 = part().iter().map(|i| m[*i] * m[*i]).sum();
-    // The derivative of √Σ m² is m / √Σ m².
-    let error: f32 = part().iter().map(|i| m[*i] * m[*i] * variance[*i]).sum();
-    let magnitude = square.sqrt();
-    let error = (error / square).sqrt();
-    !(error.is_finite() && magnitude >= sigmas * error)
+/// Returns whether the smallest singular value of the lower right 3 × 3 elements of a Mueller matrix is below a
+/// number of standard errors. The retardance is then not determined: the light is depolarized, or was polarized
+/// completely in between. 1/‖A⁻¹‖ = |det A|/‖adj A‖ is at most the smallest singular value, and at least 1/√3 of it
+/// (Golub & Van Loan 2013, section 2.6). Its standard error is the root mean square of the elements' errors.
+fn is_undetermined(m: &[f32], variance: &[f32], sigmas: f32) -> bool {
+    let column = |j: usize| DVec3::new(m[4 + j].into(), m[8 + j].into(), m[12 + j].into());
+    let [a, b, c] = [1, 2, 3].map(column);
+    let cofactors = [b.cross(c), c.cross(a), a.cross(b)];
+    let norm = cofactors.iter().map(|v| v.length_squared()).sum::<f64>().sqrt();
+    let least = a.dot(cofactors[0]).abs() / norm;
+    let mean = [5, 6, 7, 9, 10, 11, 13, 14, 15].map(|i| f64::from(variance[i])).iter().sum::<f64>() / 9.0;
+    let needed = f64::from(sigmas) * mean.sqrt();
+    // Neither number is finite for a matrix without light.
+    !(needed.is_finite() && least >= needed)
 }
 
 fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
@@ -291,17 +295,26 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
 mod tests {
     use super::*;
 
-    /// Tests the error of the magnitude for elements of equal variance, for which it is their common error.
+    /// The test uses a retarder, an almost complete depolarizer, and a polarizer before and behind a depolarizer. The
+    /// estimate of the smallest singular value of a multiple of a rotation is 1/√3 of this multiple.
     #[test]
-    fn light_without_significant_polarization_is_depolarized() {
-        let mut m = [0.0; 16];
-        (m[0], m[1], m[5], m[10]) = (9.0, 8.0, 0.3, 0.4);
-        let mut variance = [0.01; 16];
-        variance[1] = 100.0;
-        // The magnitude is 0.5, and its error is 0.1.
-        assert!(!is_depolarized(&m, &variance, 4.9));
-        assert!(is_depolarized(&m, &variance, 5.1));
-        assert!(is_depolarized(&[0.0; 16], &variance, 1.0));
-        assert!(is_depolarized(&m, &[f32::NAN; 16], 1.0));
+    fn depolarized_and_polarized_light_has_no_retardance() {
+        let with = |part: [[f32; 3]; 3]| -> [f32; 16] {
+            let element = |i: usize, j: usize| if i > 0 && j > 0 { part[i - 1][j - 1] } else { 1.0 };
+            std::array::from_fn(|k| element(k / 4, k % 4))
+        };
+        let variance: [f32; 16] = std::array::from_fn(|k| if k % 4 == 0 || k < 4 { 100.0 } else { 1e-4 });
+        let retarder = with([[1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, -0.8, 0.6]].map(|r| r.map(|v| 0.5 * v)));
+        let least = 0.5 / 3_f32.sqrt() / 0.01;
+        assert!(!is_undetermined(&retarder, &variance, 0.99 * least));
+        assert!(is_undetermined(&retarder, &variance, 1.01 * least));
+        assert!(is_undetermined(
+            &with([[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]),
+            &variance,
+            2.0
+        ));
+        assert!(is_undetermined(&with([[0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]]), &variance, 1.0));
+        assert!(is_undetermined(&[0.0; 16], &variance, 1.0));
+        assert!(is_undetermined(&retarder, &[f32::NAN; 16], 1.0));
     }
 }
