@@ -114,15 +114,19 @@ fn errors_name_their_position() {
     assert!(found.is_empty(), "{} faults:\n{}", found.len(), found.join("\n"));
 }
 
-/// Tests that the command reports unknown methods and variants of an application before any render.
+/// Tests that the command reports unknown methods and variants of an application, and scales without limits, before
+/// any render.
 #[test]
 fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
-    for (from, to, expected) in
-        [("\"RGB\"", "\"CMYK\"", "epipolar RGB"), ("variant = 8", "variant = 3", "use one of: 8, 9")]
-    {
+    for (from, to, expected) in [
+        ("\"RGB\"", "\"CMYK\"", "epipolar RGB"),
+        ("variant = 8", "variant = 3", "use one of: 8, 9"),
+        ("variant = 8", "variant = 8, scale = \"log\"", "both above 0"),
+        ("variant = 8", "variant = 8, scale = \"log\", limits = [0, 1]", "both above 0"),
+    ] {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
         let case = (expected, from, to, "view.apply", expected);
