@@ -206,7 +206,7 @@ pub struct ApplyFile {
 pub enum ScaleFile {
     #[default]
     Linear,
-    /// A scale of signed values that shows small values ([`SignedScale::Arctan`]).
+    /// A scale of signed values that shows small values ([`figure::spec::SignedScale::Arctan`]).
     Arctan,
     /// A logarithmic scale of positive values.
     Log,
