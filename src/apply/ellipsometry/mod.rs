@@ -112,6 +112,9 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
     let moment = second_moment(&train)?;
     let drr = Family { array: false, learnt: false, prior: false };
     let pseudo_truth = drr.with(PSEUDO, &moment)?;
+    // As in a laboratory, all methods are compared with the same captures of the pseudo truth.
+    let pseudo: Vec<Vec<f64>> =
+        test.par_iter().map(|bench| bench.estimate(&pseudo_truth, 0)).collect::<Result<_, _>>()?;
     let mut outcome = Outcome::default();
     for (i, (method, kind)) in METHODS.iter().enumerate() {
         let schemes = match kind {
@@ -124,9 +127,10 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
         };
         let judged: Vec<Judged> = test
             .par_iter()
-            .map(|bench| match kind {
+            .zip(&pseudo)
+            .map(|(bench, pseudo)| match kind {
                 Kind::Bound(array) => Ok(judge_bound(bench, *array)),
-                Kind::Captures(_) => judge(bench, &schemes, &pseudo_truth, 256 * (i as u64 + 1)),
+                Kind::Captures(_) => judge(bench, &schemes, pseudo, 256 * (i as u64 + 1)),
             })
             .collect::<Result<_, ApplyError>>()?;
         for (bench, judged) in test.iter().zip(judged) {
@@ -136,10 +140,10 @@ fn run(train: &[Observation], test: &[Observation]) -> Result<Outcome, ApplyErro
             }
         }
     }
-    for bench in &test {
+    for (bench, pseudo) in test.iter().zip(&pseudo) {
         let [element, _] = pictures("truth", bench, bench.truth());
         outcome.pictures.push(element);
-        outcome.pictures.extend(pictures(PSEUDO_TRUTH, bench, &bench.estimate(&pseudo_truth, 0)?));
+        outcome.pictures.extend(pictures(PSEUDO_TRUTH, bench, pseudo));
     }
     outcome.notes.extend(notes(&moment));
     Ok(outcome)
@@ -152,15 +156,13 @@ struct Judged {
 }
 
 /// Computes the metrics of a family. `schemes` contains the scheme of 15 captures, followed by the schemes of
-/// the curve.
-fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) -> Result<Judged, ApplyError> {
+/// the curve. `pseudo` contains the matrices of the pseudo truth.
+fn judge(bench: &Bench, schemes: &[Ready], pseudo: &[f64], stream: u64) -> Result<Judged, ApplyError> {
     let mut values = [f64::NAN; METRICS.len()];
     let found = bench.estimate(&schemes[0], stream)?;
-    // As in a laboratory, all methods are compared with the same captures of the pseudo truth.
-    let pseudo = bench.estimate(pseudo_truth, 0)?;
     let per_mille = |against: &[f64], of: &Of<'_>| 1e3 * rms(bench, &found, against, of);
     values[0] = per_mille(bench.truth(), &ALL);
-    values[1] = per_mille(&pseudo, &ALL);
+    values[1] = per_mille(pseudo, &ALL);
     values[2] = values[1] / values[0];
     values[3] = per_mille(bench.truth(), &Of { object: Some(MIRROR), ..ALL });
     values[4] = per_mille(bench.truth(), &Of { elements: &[ELEMENT_23], object: None });

@@ -98,8 +98,7 @@ pub(super) fn learn(features: Features, tasks: usize, train: &[Seen]) -> Vec<Opt
             let class = of(&|p| f64::from(u8::from(truth.classes[p] == Class::Positive)));
             [class, of(&|p| truth.share[p])]
         });
-        let none = Moments::of(count, &x, &[], &vec![0.0; lit(seen).count()]);
-        targets.map(|y| none.with_target(&x, &y)).collect()
+        Moments::of_each(count, &x, targets)
     };
     let groups: Vec<Vec<Moments>> = train.iter().map(moments).collect();
     let mut fits = ridges_by_cross_validation(&groups).into_iter().map(|(fit, _)| Fit(fit));

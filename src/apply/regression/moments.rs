@@ -70,8 +70,16 @@ impl Moments {
         }
     }
 
+    /// Returns the moments of the same examples for each of several targets. The sums over features are computed
+    /// once.
+    pub fn of_each(features: usize, x: &[f64], targets: impl IntoIterator<Item = Vec<f64>>) -> Vec<Self> {
+        let examples = x.len() / features.max(1);
+        let none = Self::of(features, x, &[], &vec![0.0; examples]);
+        targets.into_iter().map(|y| none.with_target(x, &y)).collect()
+    }
+
     /// Returns the moments of the same examples `x` with other targets `y`.
-    pub fn with_target(&self, x: &[f64], y: &[f64]) -> Self {
+    fn with_target(&self, x: &[f64], y: &[f64]) -> Self {
         let target = DVector::from_column_slice(y);
         let xy = DMatrixView::from_slice(x, self.x.len(), y.len()) * &target;
         Self { y: target.sum(), xy, yy: target.norm_squared(), ..self.clone() }

@@ -4,7 +4,7 @@
 //! neighbouring bins and of the sum over all bins are further features. Methods are nested: intensity ⊂ time or
 //! polarization ⊂ both. The single elements of the other methods are a subset of the features of both.
 
-use super::seen::{Seen, TARGETS, Target};
+use super::seen::{Seen, TARGETS};
 use crate::map;
 use crate::metrics::isolation::DARK;
 use crate::regression::least_squares::ridges_by_cross_validation;
@@ -22,52 +22,74 @@ pub(super) struct Features {
 /// Groups of elements 4 i + j whose magnitudes are features. A magnitude does not depend on the azimuth of a surface.
 const MAGNITUDES: [&[usize]; 5] = [&[1, 2], &[4, 8], &[5, 6, 9, 10], &[7, 11], &[13, 14]];
 
-/// Returns the 16 elements of the light of a pixel in a bin, or in all bins.
-fn elements(seen: &Seen, pixel: usize, bin: Option<usize>) -> [f64; 16] {
-    let first = pixel * seen.pixels.bins;
-    std::array::from_fn(|e| match bin {
-        Some(bin) => seen.element(first + bin, e),
-        None => seen.integrated(first, e),
-    })
+/// The sixteen elements of the light, summed over wavelengths.
+struct Light {
+    bins: usize,
+    /// Elements of each place.
+    of_bins: Vec<[f64; 16]>,
+    /// Elements of each pixel, summed over all bins.
+    of_pixels: Vec<[f64; 16]>,
+}
+
+impl Light {
+    fn new(seen: &Seen) -> Self {
+        let bins = seen.pixels.bins;
+        let elements = |place: usize| std::array::from_fn(|e| seen.element(place, e));
+        let sums = |pixel: usize| std::array::from_fn(|e| seen.integrated(pixel * bins, e));
+        Self {
+            bins,
+            of_bins: (0..seen.pixels.count() * bins).map(elements).collect(),
+            of_pixels: (0..seen.pixels.count()).map(sums).collect(),
+        }
+    }
+
+    /// Returns the light averaged over 3 × 3 pixels of an image of the given width and height.
+    fn averaged(&self, [w, h]: [usize; 2]) -> Self {
+        let windows: Vec<Vec<usize>> = (0..w * h)
+            .map(|p| map::window([w, h], [p % w, p / w], 1).map(|[x, y]| y * w + x).collect())
+            .collect();
+        let mean = |window: &[usize], of: &dyn Fn(usize) -> [f64; 16]| {
+            let mut sum = [0.0; 16];
+            for pixel in window {
+                sum.iter_mut().zip(of(*pixel)).for_each(|(s, v)| *s += v / window.len() as f64);
+            }
+            sum
+        };
+        let bins = self.bins;
+        let place = |p: usize| mean(&windows[p / bins], &|pixel| self.of_bins[pixel * bins + p % bins]);
+        Self {
+            bins,
+            of_bins: (0..self.of_bins.len()).map(place).collect(),
+            of_pixels: windows.iter().map(|window| mean(window, &|pixel| self.of_pixels[pixel])).collect(),
+        }
+    }
 }
 
 impl Features {
-    /// Returns the features of a place. `mean` is the mean light of the lit places of the variant.
-    fn of(self, seen: &Seen, place: usize, mean: f64) -> Vec<f64> {
-        let (bins, w, h) = (seen.pixels.bins, seen.pixels.width, seen.pixels.height);
-        let (pixel, bin) = (place / bins, place % bins);
-        let mut out = vec![];
-        self.add(&mut out, bins, bin, mean, |b| elements(seen, pixel, b));
-        if self.around {
-            let pixels: Vec<usize> =
-                map::window([w, h], [pixel % w, pixel / w], 1).map(|[x, y]| y * w + x).collect();
-            self.add(&mut out, bins, bin, mean, |b| {
-                let mut sum = [0.0; 16];
-                for p in &pixels {
-                    let all = elements(seen, *p, b);
-                    sum.iter_mut().zip(all).for_each(|(s, v)| *s += v / pixels.len() as f64);
-                }
-                sum
-            });
-        }
-        out
+    /// Returns the features of the lit places, place by place.
+    fn of(self, seen: &Seen) -> Vec<Vec<f64>> {
+        let own = Light::new(seen);
+        let lit = &seen.lit;
+        let mean = lit.iter().map(|place| own.of_bins[*place][0]).sum::<f64>() / lit.len().max(1) as f64;
+        let around = self.around.then(|| own.averaged([seen.pixels.width, seen.pixels.height]));
+        let all = |place: &usize| {
+            let lights = std::iter::once(&own).chain(&around);
+            lights.flat_map(|light| self.of_place(light, *place, mean)).collect()
+        };
+        lit.iter().map(all).collect()
     }
 
-    fn add(
-        self,
-        out: &mut Vec<f64>,
-        bins: usize,
-        bin: usize,
-        mean: f64,
-        light: impl Fn(Option<usize>) -> [f64; 16],
-    ) {
-        let own = light(Some(bin));
+    /// Returns the features of a place. `mean` is the mean light of the lit places of the variant.
+    fn of_place(self, light: &Light, place: usize, mean: f64) -> Vec<f64> {
+        let mut out = vec![];
+        let own = light.of_bins[place];
         let mut lights = vec![own];
         if self.time {
             // Outside the bins there is no light.
-            let beside = [bin.checked_sub(1), Some(bin + 1).filter(|b| *b < bins)];
-            lights.extend(beside.map(|b| b.map_or([0.0; 16], |b| light(Some(b)))));
-            lights.push(light(None));
+            let bin = place % light.bins;
+            lights.push(if bin > 0 { light.of_bins[place - 1] } else { [0.0; 16] });
+            lights.push(if bin + 1 < light.bins { light.of_bins[place + 1] } else { [0.0; 16] });
+            lights.push(light.of_pixels[place / light.bins]);
         }
         for (i, m) in lights.iter().enumerate() {
             let bright = (m[0] / mean).max(DARK);
@@ -83,11 +105,8 @@ impl Features {
                 out.extend(MAGNITUDES.iter().map(|group| share(magnitude(group))));
             }
         }
+        out
     }
-}
-
-fn mean(seen: &Seen) -> f64 {
-    seen.lit.iter().map(|place| seen.element(*place, 0)).sum::<f64>() / seen.lit.len().max(1) as f64
 }
 
 /// Linear estimates for the two targets.
@@ -95,46 +114,42 @@ pub(super) struct Fit {
     features: Features,
     /// For each target, the estimate of the class (1 if most of the light is that of the target, 0 otherwise) and of
     /// the target's share of the light.
-    estimates: Vec<[Linear; 2]>,
+    estimates: [[Linear; 2]; 2],
 }
 
 impl Fit {
     /// Learns the estimates by ridge regression over the lit places of training variants. The regularization is chosen
     /// by cross-validation over the variants.
     pub(super) fn learn(features: Features, train: &[Seen]) -> Self {
-        let moments = |seen: &Seen| -> Vec<Moments> {
-            let mean = mean(seen);
-            let x: Vec<Vec<f64>> = seen.lit.iter().map(|place| features.of(seen, *place, mean)).collect();
-            let count = x.first().map_or(0, Vec::len);
-            let x = x.concat();
-            let none = Moments::of(count, &x, &[], &vec![0.0; seen.lit.len()]);
+        let moments = |seen: &Seen| {
+            let x = features.of(seen);
             let of =
                 |value: &dyn Fn(usize) -> f64| -> Vec<f64> { seen.lit.iter().map(|p| value(*p)).collect() };
             let targets = TARGETS.into_iter().flat_map(|target| {
                 let class = of(&|p| f64::from(u8::from(seen.is(target, p))));
                 [class, of(&|p| seen.share(target, p))]
             });
-            targets.map(|y| none.with_target(&x, &y)).collect()
+            Moments::of_each(x.first().map_or(0, Vec::len), &x.concat(), targets)
         };
         let groups: Vec<Vec<Moments>> = train.iter().filter(|s| !s.lit.is_empty()).map(moments).collect();
         let mut fits = ridges_by_cross_validation(&groups).into_iter().map(|(fit, _)| fit);
         let none = || Linear { weights: vec![].into(), offset: 0.0 };
-        let estimates = TARGETS.map(|_| [0, 1].map(|_| fits.next().unwrap_or_else(none))).into();
+        let estimates = TARGETS.map(|_| [0, 1].map(|_| fits.next().unwrap_or_else(none)));
         Self { features, estimates }
     }
 
-    /// Returns two estimates for every place that is lit: of the class and of the light of the target. Other places are
-    /// NaN.
-    pub(super) fn values(&self, seen: &Seen, target: Target) -> [Vec<f64>; 2] {
-        let mean = mean(seen);
-        let [class, share] = &self.estimates[usize::from(target == Target::Keeping)];
+    /// Returns for each target two estimates for every place that is lit: of the class and of the light of the target.
+    /// Other places are NaN.
+    pub(super) fn values(&self, seen: &Seen) -> [[Vec<f64>; 2]; 2] {
+        let x = self.features.of(seen);
         let places = seen.pixels.count() * seen.pixels.bins;
-        let mut out = [vec![f64::NAN; places], vec![f64::NAN; places]];
-        for place in &seen.lit {
-            let x = self.features.of(seen, *place, mean);
-            out[0][*place] = class.of(&x);
-            out[1][*place] = share.of(&x) * seen.element(*place, 0);
-        }
-        out
+        self.estimates.each_ref().map(|[class, share]| {
+            let mut out = [vec![f64::NAN; places], vec![f64::NAN; places]];
+            for (place, x) in seen.lit.iter().zip(&x) {
+                out[0][*place] = class.of(x);
+                out[1][*place] = share.of(x) * seen.element(*place, 0);
+            }
+            out
+        })
     }
 }

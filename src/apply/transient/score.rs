@@ -73,23 +73,19 @@ impl Scoring {
             Measure::Linear(features) => Some(Fit::learn(features, train)),
             _ => None,
         };
-        let mut out = Self { measure, fit, sign: [1.0; 2], threshold: [f64::INFINITY; 2] };
-        let groups = |scoring: &Self, target| {
-            train.iter().map(|seen| scoring.of(seen).groups(target, |_| true)).fold(
-                [vec![], vec![]],
-                |[mut a, mut b], [positive, negative]| {
-                    a.extend(positive);
-                    b.extend(negative);
-                    [a, b]
-                },
-            )
-        };
+        let sign = TARGETS.map(|target| measure.sign(target).unwrap_or(1.0));
+        let mut out = Self { measure, fit, sign, threshold: [f64::INFINITY; 2] };
+        let scored: Vec<Scored> = train.iter().map(|seen| out.of(seen)).collect();
         for (i, target) in TARGETS.into_iter().enumerate() {
-            out.sign[i] = measure.sign(target).unwrap_or_else(|| {
-                let [positive, negative] = groups(&out, target);
-                if area(&positive, &negative) < 0.5 { -1.0 } else { 1.0 }
-            });
-            let [positive, negative] = groups(&out, target);
+            let [mut positive, mut negative] = [vec![], vec![]];
+            for [p, n] in scored.iter().map(|s| s.groups(target, |_| true)) {
+                positive.extend(p);
+                negative.extend(n);
+            }
+            if measure.sign(target).is_none() && area(&positive, &negative) < 0.5 {
+                out.sign[i] = -1.0;
+                positive.iter_mut().chain(&mut negative).for_each(|v| *v = -*v);
+            }
             out.threshold[i] = best_threshold(&positive, &negative);
         }
         out
@@ -97,16 +93,14 @@ impl Scoring {
 
     /// Returns the scores of a variant.
     pub(super) fn of<'a>(&self, seen: &'a Seen) -> Scored<'a> {
-        let values = TARGETS.map(|target| {
-            if let Some(fit) = &self.fit {
-                fit.values(seen, target)
-            } else {
-                let sign = self.sign[index(target)];
+        let of_measure = || {
+            self.sign.map(|sign| {
                 let places = 0..seen.pixels.count() * seen.pixels.bins;
                 let scores: Vec<f64> = places.map(|place| sign * self.measure.of(seen, place)).collect();
                 [scores.clone(), scores]
-            }
-        });
+            })
+        };
+        let values = self.fit.as_ref().map_or_else(of_measure, |fit| fit.values(seen));
         Scored { seen, values, threshold: self.threshold }
     }
 }
