@@ -43,8 +43,11 @@ pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> 
     if element != [0, 0] && slice.polarization != Polarization::Mueller {
         return missing("Stokes", "polarization = \"mueller\"");
     }
-    let timed = matches!(view, View::SpaceTime(_) | View::Flight(_) | View::Profile(_));
-    let timed = timed || matches!(view, View::Mueller(v) if v.time_ps.is_some());
+    let timed = match view {
+        View::SpaceTime(_) | View::Flight(_) | View::Profile(_) => true,
+        View::Mueller(v) => v.time_ps.is_some(),
+        View::Photo(_) | View::SpaceSpace(_) => false,
+    };
     if timed && matches!(slice.time, TimeSelect::Sum) {
         return missing("travel time", "time = { start_ps = .., bin_ps = .., bins = .. }");
     }

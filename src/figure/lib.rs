@@ -16,6 +16,7 @@ use crate::spec::{FlightView, View};
 pub use check::check;
 pub use drawing::{Drawing, Rect};
 pub use error::FigureError;
+pub use mueller::Matrices;
 pub use output::{Format, check_animation, is_animation, save, save_animation};
 pub use panel::Panel;
 pub use white::White;

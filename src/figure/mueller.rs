@@ -68,7 +68,7 @@ pub(super) fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
 
 /// Returns the Mueller matrix of every pixel at the entries `pick` of axes, summed over all other axes. The
 /// function `f` is applied to every value before summation.
-pub(super) fn matrices(
+fn matrices(
     source: Source,
     pick: &[(AxisKind, usize)],
     f: impl Fn(f32) -> f64,
@@ -89,7 +89,7 @@ pub(super) fn matrices(
 
 /// Returns the variance of every element of [`matrices`] for a mask of `sigmas` standard errors. Standard errors
 /// of summed values are added in quadrature.
-pub(super) fn variances(
+fn variances(
     slice: &str,
     pick: &[(AxisKind, usize)],
     sigmas: f32,
@@ -101,6 +101,39 @@ pub(super) fn variances(
     let error = panel.std_error.filter(|e| e.shape() == panel.mean.shape());
     let error = error.ok_or_else(|| FigureError::NoErrors { slice: slice.to_owned() })?;
     matrices(Source::new(slice, error)?, pick, |v| f64::from(v) * f64::from(v))
+}
+
+/// An image of Mueller matrices at one wavelength.
+#[derive(Clone, Debug)]
+pub struct Matrices {
+    /// Number of pixels in a row.
+    pub width: usize,
+    /// The sixteen elements of each pixel, row by row, in the camera's units.
+    pub elements: Vec<[f32; 16]>,
+    /// Variances of the elements, if a mask needs them.
+    pub variances: Option<Vec<[f32; 16]>>,
+}
+
+impl Matrices {
+    /// Reads the matrices of a slice at a wavelength in nanometres (default: the middle wavelength), summed over all
+    /// other axes. The variances are read if `mask_sigmas` sets a number of standard errors.
+    ///
+    /// # Errors
+    /// [`FigureError`] in the following cases:
+    /// - The slice lacks an axis or the wavelength, or is empty or damaged.
+    /// - The number of standard errors is not positive, or the slice has no standard errors.
+    pub fn read(
+        slice: &str,
+        nm: Option<f64>,
+        mask_sigmas: Option<f32>,
+        panel: &Panel,
+    ) -> Result<Self, FigureError> {
+        let source = Source::new(slice, panel.mean)?;
+        let pick = [(AxisKind::Wavelength, source.wavelength(nm)?)];
+        let raster = matrices(source, &pick, f64::from)?;
+        let variances = mask_sigmas.map(|n| variances(slice, &pick, n, panel)).transpose()?;
+        Ok(Self { width: raster.w, elements: raster.data, variances: variances.map(|v| v.data) })
+    }
 }
 
 pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {

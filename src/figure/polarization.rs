@@ -17,15 +17,13 @@
 use super::colour::{exposure, sequential};
 use super::error::FigureError;
 use super::layout::{Bar, CAMERA_UNIT};
-use super::mueller::{matrices, variances};
+use super::mueller::Matrices;
 use super::panel::Panel;
-use super::reduce::Source;
 use super::ticks::Ticks;
 use super::tile::{Scale, Tile, of_values};
 use crate::spec::SignedScale;
 use image::{Rgb, RgbImage};
 use serde::Deserialize;
-use tensor::axes::AxisKind;
 
 /// A quantity of the outgoing light of a slice, summed over all projector pixels and times.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -180,18 +178,14 @@ fn light(
     panel: &Panel,
 ) -> Result<Light, FigureError> {
     check_stokes(stokes)?;
-    let source = Source::new(slice, panel.mean)?;
-    let lane = source.wavelength(nm)?;
-    let pick = [(AxisKind::Wavelength, lane)];
-    let raster = matrices(source, &pick, f64::from)?;
+    let image = Matrices::read(slice, nm, mask_sigmas, panel)?;
     let times = |m: &[f32; 16], g: [f32; 4]| -> [f32; 4] {
         std::array::from_fn(|i| (0..4).map(|j| m[4 * i + j] * g[j]).sum())
     };
-    let mut out: Vec<[f32; 4]> = raster.data.iter().map(|m| times(m, stokes)).collect();
-    if let Some(sigmas) = mask_sigmas {
+    let mut out: Vec<[f32; 4]> = image.elements.iter().map(|m| times(m, stokes)).collect();
+    if let (Some(sigmas), Some(variances)) = (mask_sigmas, &image.variances) {
         let squares = stokes.map(|g| g * g);
-        let variances = variances(slice, &pick, sigmas, panel)?;
-        for (s, m) in out.iter_mut().zip(&variances.data) {
+        for (s, m) in out.iter_mut().zip(variances) {
             let variance = times(m, squares);
             let square = part.iter().map(|&i| s[i] * s[i]).sum::<f32>();
             // The derivative of the magnitude √Σ sᵢ² is sᵢ / √Σ sᵢ².
@@ -202,7 +196,7 @@ fn light(
             }
         }
     }
-    Ok(Light { width: raster.w, stokes: out })
+    Ok(Light { width: image.width, stokes: out })
 }
 
 /// Returns the view as a tile.

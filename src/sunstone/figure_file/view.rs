@@ -6,11 +6,9 @@ use base::spectral_table;
 use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
-use figure::{FigureError, White, element, polarization};
+use figure::{FigureError, Matrices, Panel, White, element, polarization};
 use glam::{DVec2, DVec3};
 use polarimetry::decompose::maps::{self, Quantity};
-use tensor::array::Tensor;
-use tensor::axes::AxisKind;
 use tensor::field::Field;
 use tensor::layers::{LayerValues, Parts};
 use tensor::slice::{Polarization, Slice, TimeSelect};
@@ -125,9 +123,7 @@ pub fn tile(
         (None, ViewFile::Element(v)) => element::tile(v, panel).map_err(bad),
         (None, ViewFile::Polarization(v)) => polarization::tile(v, panel).map_err(bad),
         (None, ViewFile::Poincare(v)) => polarization::sphere(v, panel).map_err(bad),
-        (None, ViewFile::Decomposition(v)) => {
-            decomposition(v, panel.mean, panel.std_error).map_err(|e| fault(e).into())
-        }
+        (None, ViewFile::Decomposition(v)) => decomposition(v, panel).map_err(|e| fault(e).into()),
         _ => Err(fault("this view requires a slice, but the view names none".into()).into()),
     })
 }
@@ -149,65 +145,36 @@ fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), St
     }
 }
 
-fn decomposition(
-    view: &DecompositionFile,
-    mean: &Tensor,
-    std_error: Option<&Tensor>,
-) -> Result<Tile, String> {
+fn decomposition(view: &DecompositionFile, panel: &Panel) -> Result<Tile, String> {
     let (quantity, name, scale) = scale(view)?;
-    let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
-    let lane = match (nm, view.wavelength_nm) {
-        (Some(all), Some(nm)) => spectral_table::entry(all, nm)
-            .ok_or_else(|| FigureError::wavelength(&view.slice, nm, all).to_string())?,
-        (Some(all), None) => all.len() / 2,
-        (None, _) => 0,
-    };
-    let kept = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
-    let summed = |all: &Tensor| {
-        let mut image = all.select(AxisKind::Wavelength, lane);
-        let others: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
-        for kind in others.into_iter().filter(|k| !kept.contains(k)) {
-            image = image.sum(kind);
-        }
-        image
-    };
-    let image = summed(mean);
-    let axes: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
-    if axes != kept || image.extent(AxisKind::StokesOut) != 4 || image.extent(AxisKind::StokesIn) != 4 {
-        return Err("the slice does not contain an image of complete Mueller matrices".into());
-    }
-    let (mut all, _) = maps::maps(&image.data, &[quantity]);
+    let text = |e: FigureError| e.to_string();
+    let image = Matrices::read(&view.slice, view.wavelength_nm, view.mask_sigmas, panel).map_err(text)?;
+    let (mut all, _) = maps::maps(image.elements.as_flattened(), &[quantity]);
     let mut values = all.pop().unwrap_or_default();
     if quantity == Quantity::Retardance {
         values.iter_mut().for_each(|v| *v = v.to_degrees());
     }
-    let m00 = || image.data.iter().step_by(16).copied();
-    let least = view.least * tile::common_white(m00()).value();
-    for (v, m00) in values.iter_mut().zip(m00()) {
-        if m00 < least {
+    let least = view.least * tile::common_white(image.elements.iter().map(|m| m[0])).value();
+    for (v, m) in values.iter_mut().zip(&image.elements) {
+        if m[0] < least {
             *v = f32::NAN;
         }
     }
-    if let Some(sigmas) = view.mask_sigmas {
-        let mut variances =
-            std_error.cloned().ok_or("the slice has no standard errors; remove mask_sigmas")?;
-        variances.data.iter_mut().for_each(|e| *e *= *e);
-        let variances = summed(&variances);
-        let matrices = image.data.chunks_exact(16).zip(variances.data.chunks_exact(16));
-        for (v, (m, variance)) in values.iter_mut().zip(matrices) {
+    if let (Some(sigmas), Some(variances)) = (view.mask_sigmas, &image.variances) {
+        for (v, (m, variance)) in values.iter_mut().zip(image.elements.iter().zip(variances)) {
             if is_undetermined(m, variance, sigmas) {
                 *v = f32::NAN;
             }
         }
     }
-    tile::of_values(name, image.extent(AxisKind::X), &values, scale).map_err(|e| e.to_string())
+    tile::of_values(name, image.width, &values, scale).map_err(text)
 }
 
 /// Returns whether the smallest singular value of the lower right 3 × 3 elements of a Mueller matrix is below a
 /// number of standard errors. The retardance is then not determined: the light is depolarized, or was polarized
 /// completely in between. 1/‖A⁻¹‖ = |det A|/‖adj A‖ is at most the smallest singular value, and at least 1/√3 of it
 /// (Golub & Van Loan 2013, section 2.6). Its standard error is the root mean square of the elements' errors.
-fn is_undetermined(m: &[f32], variance: &[f32], sigmas: f32) -> bool {
+fn is_undetermined(m: &[f32; 16], variance: &[f32; 16], sigmas: f32) -> bool {
     let column = |j: usize| DVec3::new(m[4 + j].into(), m[8 + j].into(), m[12 + j].into());
     let [a, b, c] = [1, 2, 3].map(column);
     let cofactors = [b.cross(c), c.cross(a), a.cross(b)];
